@@ -1,0 +1,28 @@
+"""What is said when the user's data or settings are at fault."""
+
+
+class InputError(ValueError):
+    """The user's data or settings are at fault: say where, what, why, and how to mend it.
+
+    **Arguments:**
+
+    - `code`: a short stable name of the kind of fault, for scripts and for searching.
+    - `problem`: what is wrong, in one sentence.
+    - `place`: file, line, column: wherever the user has to look.
+    - `cause`: what most likely brought it about.
+    - `fix`: what to do now.
+
+    `str(error)` is one paragraph: `place: problem Cause: ... Fix: ... [code]`.
+    """
+
+    def __init__(self, code: str, problem: str, *, place: str = "", cause: str = "", fix: str = ""):
+        self.code, self.problem, self.place, self.cause, self.fix = code, problem, place, cause, fix
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        text = f"{self.place}: {self.problem}" if self.place else self.problem
+        if self.cause:
+            text += f" Likely cause: {self.cause}"
+        if self.fix:
+            text += f" Fix: {self.fix}"
+        return f"{text} [{self.code}]"
