@@ -1,0 +1,9 @@
+"""Fitted models run backwards."""
+
+from . import _preisach as _preisach
+from . import _sponge as _sponge
+from . import _viscoelastic as _viscoelastic
+from ._compensator import AbstractCompensator as AbstractCompensator
+from ._compensator import Estimate as Estimate
+from ._compensator import Status as Status
+from ._compensator import invert as invert

@@ -1,0 +1,81 @@
+"""The contract every compensator keeps, and `invert`, the way to get one."""
+
+import abc
+from enum import IntEnum
+from functools import singledispatch
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from hysteresis import AbstractModel, InputError
+
+State = TypeVar("State")
+
+
+class Status(IntEnum):
+    """What an estimate is worth."""
+
+    OK = 0
+    EXTRAPOLATED = 1
+    """Beyond the inputs the model knows; continued along its memoryless part."""
+    SATURATED = 2
+    """Beyond the outputs the model can have; held at the end of its range."""
+    FLAT = 3
+    """The model does not change here: the nearest input is held."""
+    BELOW_THRESHOLD = 4
+    """No contact yet: any input below the threshold gives this output."""
+    INVALID = 5
+    """The sample was NaN or infinite: the last estimate is held, the state untouched."""
+
+
+class Estimate(NamedTuple):
+    """The input a compensator finds behind an output, and the `Status` of each value."""
+
+    value: Float[Array, "*samples"]
+    status: Int[Array, "*samples"]
+
+
+class AbstractCompensator(eqx.Module, Generic[State]):
+    """A model run backwards, sample by sample, with the model's own memory. The law it keeps:
+
+        model.simulate(t, compensator.simulate(t, y).value) == y     on the reachable set
+
+    to 1e-9 of the range of y; elsewhere the status says why not. It never raises inside a loop.
+    """
+
+    @abc.abstractmethod
+    def init(self) -> State:
+        """The state that belongs to the model's virgin state."""
+
+    @abc.abstractmethod
+    def step(self, state: State, t: Any, y: Any) -> tuple[State, Estimate]:
+        """One output in, one estimate of the input out."""
+
+    @abc.abstractmethod
+    def simulate(self, t: Any, y: Any, state: State | None = None) -> Estimate:
+        """`step` over all samples; arrays of the shape of `y`. `t` may be None where rates do not matter."""
+
+
+@singledispatch
+def invert(model: AbstractModel) -> AbstractCompensator:
+    """The exact inverse of a fitted model, as a compensator.
+
+    Raises `InputError` where the model has none: a decreasing stage, a signed density, no slope.
+    """
+    raise InputError(
+        "not-invertible",
+        f"no inverse is known for {type(model).__name__}.",
+        fix="invert a LinearSponge, Burgers or Preisach model.",
+    )
+
+
+@eqx.filter_jit
+def scan_steps(
+    compensator: AbstractCompensator, t: Array | None, y: Array, state: Any
+) -> tuple[Any, Estimate]:
+    """`step` over all samples, compiled once per length."""
+    t = jnp.zeros_like(y) if t is None else jnp.asarray(t, y.dtype)
+    return jax.lax.scan(lambda carry, sample: compensator.step(carry, *sample), state, (t, y))

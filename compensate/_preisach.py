@@ -1,0 +1,206 @@
+"""Exact inverse of a Preisach model on a grid: branch by branch, with the forward model's memory."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from hysteresis import InputError
+from hysteresis.preisach import EverettTable, GridDensity, Preisach, read
+
+from ._compensator import AbstractCompensator, Estimate, Status, invert, scan_steps
+
+
+class InverseState(NamedTuple):
+    """The staircase seen from both sides: inputs and outputs z (without offset) of the open loops.
+
+    As `PreisachState`: `extremum` and `level` (capacity,), the first `depth` of which count, oldest
+    first; the present `u` and `z`; which way they moved last; how many loops had to be forgotten.
+    """
+
+    extremum: Array
+    level: Array
+    depth: Array
+    u: Array
+    z: Array
+    rising: Array
+    dropped: Array
+
+
+class _Target(NamedTuple):
+    """A branch and how far to go on it: q(u) = s (R(u) - R(r)) + 2 s_o E(u, r) = rise."""
+
+    r: Array
+    cell_r: Array
+    fraction_r: Array
+    s: Array
+    rise: Array
+
+
+class PreisachCompensator(AbstractCompensator[InverseState]):
+    """u from y, exactly. On a branch from the reversal r the output moved by
+
+        s (z - z_r) = s (R(u) - R(r)) + 2 s_o E(u, r) =: q(u),   s = +-1 rising or falling,
+
+    which grows along the branch: a bisection finds the cell, and within a cell q is quadratic. Loops
+    close in z where they close in u, so the memory needs y alone.
+
+    Where q does not grow the nearest input is held (FLAT). Beyond saturation the reversible part
+    is followed (EXTRAPOLATED), or the bound held if it does not grow there (SATURATED).
+    """
+
+    model: Preisach
+    table: EverettTable
+    begin: Array
+    increment: Array
+    floor: Array
+    ceiling: Array
+    flat_slope: Array
+
+    def __init__(self, model: Preisach):
+        assert isinstance(model.density, GridDensity)
+        cells = model.density.cells
+        self.model = model
+        self.table = model.density.tabulate()
+        self.increment = jnp.zeros(cells) if model.reversible is None else model.reversible
+        self.begin = jnp.append(0.0, jnp.cumsum(self.increment))
+        mass = model.density.mass(self.table)
+        self.floor = -model.orientation * mass
+        self.ceiling = self.begin[-1] + model.orientation * mass
+        # A millionth of a millionth of the mean slope is rounding, not slope.
+        self.flat_slope = 1e-12 * (self.ceiling - self.floor) / cells
+
+    def init(self) -> InverseState:
+        past = self.model.init()
+        cell, fraction = self._grid.locate(past.extremum)
+        reversible = self.begin[cell] + fraction * self.increment[cell]
+        level = reversible + self.model.orientation * past.level
+        cell, fraction = self._grid.locate(past.u)
+        z = self.begin[cell] + fraction * self.increment[cell] + self.model.orientation * past.y
+        return InverseState(past.extremum, level, past.depth, past.u, z, past.rising, past.dropped)
+
+    def simulate(self, t: Any, y: Any, state: InverseState | None = None) -> Estimate:
+        y = jnp.asarray(y, float)
+        return scan_steps(self, None, y, self.init() if state is None else state)[1]
+
+    def step(self, state: InverseState, t: Any, y: Any) -> tuple[InverseState, Estimate]:
+        y = jnp.asarray(y, state.z.dtype)
+        wanted = jnp.where(jnp.isfinite(y), y - self.model.offset, state.z)
+        z = jnp.clip(wanted, self.floor, self.ceiling)
+        state = self._turn_and_wipe_out(state, z)
+        u, slope = self._solve(state, z)
+        u = jnp.where(z == state.z, state.u, u)
+        state = state._replace(u=u, z=z)
+
+        # Beyond saturation only the reversible part goes on, along its last increment.
+        width = (self._grid.high - self._grid.low) / self._grid.cells
+        end = jnp.where(wanted > z, self.increment[-1], self.increment[0])
+        goes_on = end > self.flat_slope
+        excess = (wanted - z) * width / jnp.where(goes_on, end, 1.0)
+        value = u + jnp.where(goes_on, excess, 0.0)
+        status = jnp.where(slope > self.flat_slope, Status.OK, Status.FLAT)
+        beyond = jnp.where(goes_on, Status.EXTRAPOLATED, Status.SATURATED)
+        status = jnp.where(wanted == z, status, beyond)
+        return state, Estimate(value, jnp.where(jnp.isfinite(y), status, Status.INVALID))
+
+    @property
+    def _grid(self) -> GridDensity:
+        assert isinstance(self.model.density, GridDensity)
+        return self.model.density
+
+    def _turn_and_wipe_out(self, state: InverseState, z: Array) -> InverseState:
+        """Open a loop where z turns, close those that z goes beyond."""
+        extremum, level, depth, u, z_before, rising, dropped = state
+        s = jnp.where(z > z_before, 1, jnp.where(z < z_before, -1, rising))
+        turns = s != rising
+        full = turns & (depth >= extremum.shape[0])
+        depth = jnp.where(full, depth - 2, depth)
+        top = jnp.where(turns, depth, depth - 1)
+        extremum = extremum.at[top].set(jnp.where(turns, u, read(extremum, top)))
+        level = level.at[top].set(jnp.where(turns, z_before, read(level, top)))
+
+        # Strictly beyond: on a flat branch z may equal a level whose input is not reached yet.
+        def closes(depth: Array) -> Array:
+            return (depth >= 3) & (s * z > s * read(level, jnp.maximum(depth - 2, 0)))
+
+        depth = jax.lax.while_loop(closes, lambda depth: depth - 2, depth + turns)
+        return InverseState(extremum, level, depth, u, z_before, s, dropped + full)
+
+    def _solve(self, state: InverseState, z: Array) -> tuple[Array, Array]:
+        """The input nearest to the present one with q(u) = s (z - z_r), and dq per cell there."""
+        grid, s = self._grid, state.rising
+        r = read(state.extremum, state.depth - 1)
+        cell_r, fraction_r = grid.locate(r)
+        rise = s * (z - read(state.level, state.depth - 1))
+        target = _Target(r, cell_r, fraction_r, s, rise)
+
+        # The branch ends where the loop it lies in closes, or at the bound.
+        bound = jnp.where(s > 0, grid.high, grid.low)
+        older = read(state.extremum, jnp.maximum(state.depth - 2, 0))
+        end = jnp.where(state.depth >= 2, older, bound)
+        first, last = s * grid.locate(state.u)[0], s * grid.locate(end)[0]
+
+        # Bisect for the last cell, in the direction of travel, that is entered below the target.
+        def halve(_: int, interval: tuple[Array, Array]) -> tuple[Array, Array]:
+            low, high = interval
+            middle = (low + high + 1) >> 1
+            node = s * middle + (s < 0)
+            below = self._at_node(target, node) < target.rise
+            inside = low < high
+            return (
+                jnp.where(inside & below, middle, low),
+                jnp.where(inside & ~below, middle - 1, high),
+            )
+
+        rounds = int(np.ceil(np.log2(grid.cells))) + 1
+        cell = s * jax.lax.fori_loop(0, rounds, halve, (first, last))[0]
+
+        # q = A f^2 + B f + C + rise within the cell; dq/df has the sign of s.
+        o = self.model.orientation
+        begin, stop = self._at_node(target, cell), self._at_node(target, cell + 1)
+        A = 2 * o * read(self.table.diagonal, cell)
+        B, C = stop - begin - A, begin - target.rise
+        root = jnp.sqrt(jnp.maximum(B * B - 4 * A * C, 0.0))
+        entry = jnp.where(s > 0, 0.0, 1.0)
+        # Two forms of one root: the sign of B says which one does not cancel.
+        divisor = jnp.where(s * B >= 0, -(B + s * root), 2 * A)
+        numerator = jnp.where(s * B >= 0, 2 * C, s * root - B)
+        fraction = jnp.where(divisor == 0, entry, numerator / jnp.where(divisor == 0, 1.0, divisor))
+        fraction = jnp.clip(fraction, 0.0, 1.0)
+        u = grid.low + (cell + fraction) * ((grid.high - grid.low) / grid.cells)
+        u = jnp.where(s > 0, jnp.clip(u, state.u, end), jnp.clip(u, end, state.u))
+        return u, s * (2 * A * fraction + B)
+
+    def _at_node(self, target: _Target, node: Array) -> Array:
+        """q at a grid node."""
+        stride = self.table.node.shape[0]
+        g, entry = target.fraction_r, target.cell_r * stride + node
+        table = self.table.node.reshape(-1)
+        E = read(table, entry) * (1 - g) + read(table, entry + stride) * g
+        E += read(self.table.diagonal, target.cell_r) * g * (g - 1)
+        R_r = read(self.begin, target.cell_r) + g * read(self.increment, target.cell_r)
+        return target.s * (read(self.begin, node) - R_r) + 2 * self.model.orientation * E
+
+
+@invert.register
+def _(model: Preisach) -> PreisachCompensator:
+    if not isinstance(model.density, GridDensity):
+        raise InputError(
+            "not-invertible",
+            f"the inverse needs a GridDensity, not a {type(model.density).__name__}.",
+        )
+    slope = np.asarray(model.least_slope())
+    scale = float(np.abs(np.asarray(model.density.weights)).max() * model.density.cells)
+    if (slope < -1e-9 * scale / (model.density.high - model.density.low)).any():
+        k = int(slope.argmin())
+        low, high = model.density.low, model.density.high
+        a, b = (low + (high - low) * j / model.density.cells for j in (k, k + 1))
+        raise InputError(
+            "not-invertible",
+            f"the output can fall while the input rises from {a:g} to {b:g}.",
+            cause="a signed density, or a reversible part too flat for a leading model.",
+            fix="fit the model with its slopes constrained, which identify.fit does.",
+        )
+    return PreisachCompensator(model)

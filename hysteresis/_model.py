@@ -1,0 +1,99 @@
+"""The contract every model keeps."""
+
+import abc
+from typing import Any, Generic, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+State = TypeVar("State")
+Prepared = TypeVar("Prepared")
+
+Series = Float[Array, " samples"] | Any
+"""A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""
+
+
+class AbstractModel(eqx.Module, Generic[State, Prepared]):
+    """A causal operator from an input history u(t) to an output y(t), with memory.
+
+    Laws that hold for every model, for any times t and inputs u:
+
+        simulate(t, u)            == the outputs of step, one sample after the other
+        simulate(t, u)[k:]        == simulate(t[k:], u[k:], state after the first k samples)
+        simulate(t, u)            is differentiable in every parameter and in u
+
+    Models are frozen: `step` returns the next state, a fit returns a new model. They are pytrees,
+    so all of `jax.jit`, `jax.vmap` and `jax.grad` apply to them.
+    """
+
+    @abc.abstractmethod
+    def init(self, t0: Any = None, u0: Any = None) -> State:
+        """The virgin state just before the first sample; the first step then has dt = 0.
+
+        Neither argument changes what a model has been through: `t0` starts its clock, `u0` is
+        there for models whose state needs the input's shape.
+        """
+
+    @abc.abstractmethod
+    def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
+        """One sample in, one sample out: (state, t, u) -> (next state, y)."""
+
+    @abc.abstractmethod
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Prepared:
+        """Everything that depends on the input alone, computed once for many `evaluate`.
+
+        **Arguments:**
+
+        - `t`: times, shape `(samples,)`; None for rate-independent models.
+        - `u`: inputs, shape `(samples,)`.
+        - `state`: where an earlier record ended; None for the virgin state.
+        - `starts`: first samples of the independent sequences in `u`: each begins in `state`.
+        """
+
+    @abc.abstractmethod
+    def evaluate(self, prepared: Prepared) -> Float[Array, " samples"]:
+        """The output at every sample: parallel in time, differentiable in every parameter."""
+
+    def simulate(
+        self, t: Series | None, u: Series, state: State | None = None
+    ) -> Float[Array, " samples"]:
+        """`evaluate(prepare(t, u, state))`."""
+        return self.evaluate(self.prepare(t, u, state))
+
+    def stream(
+        self, t: Series | None, u: Series, state: State | None = None
+    ) -> tuple[State, Float[Array, " samples"]]:
+        """`step` over all samples: (state after the last one, outputs). Slower than `simulate`."""
+        u = jnp.asarray(u)
+        t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
+        state = self.init() if state is None else state
+        return _scan(self, state, t, u)
+
+
+@eqx.filter_jit
+def _scan(model: AbstractModel, state: Any, t: Array, u: Array) -> tuple[Any, Array]:
+    return jax.lax.scan(lambda carry, sample: model.step(carry, *sample), state, (t, u))
+
+
+def time_steps(
+    t: Float[Array, " samples"], t_before: Any, starts: tuple[int, ...]
+) -> Float[Array, " samples"]:
+    """Time since the sample before; 0 where a sequence starts without a past (t_before NaN)."""
+    first = jnp.asarray(starts)
+    dt = jnp.diff(t, prepend=t[:1])
+    begin = t[first] - t_before
+    return dt.at[first].set(jnp.where(jnp.isnan(begin), 0.0, begin))
+
+
+def is_start(samples: int, starts: tuple[int, ...]) -> Int[Array, " samples"]:
+    """1 where an independent sequence begins, else 0."""
+    return jnp.zeros(samples, int).at[jnp.asarray(starts)].set(1)

@@ -1,0 +1,75 @@
+"""Parameters: fields that carry their unit, bounds and role beside the value."""
+
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """What is known about a parameter before any data are seen.
+
+    - `unit`: in terms of the record's columns, e.g. `"input / output"`; see `in_units`.
+    - `bounds`: the open interval the value must lie in.
+    - `fixed`: not changed by a fit.
+    - `meaning`: in the words of the field.
+    """
+
+    unit: str = "1"
+    bounds: tuple[float, float] = (-float("inf"), float("inf"))
+    fixed: bool = False
+    meaning: str = ""
+
+    def in_units(self, input_unit: str, output_unit: str, time_unit: str) -> str:
+        """The unit with the record's own units put in: `"input / output"` -> `"N / mm"`."""
+        known = {"input": input_unit, "output": output_unit, "time": time_unit}
+        words = [known.get(word, word) for word in self.unit.split()]
+        while len(words) > 1 and words[-1] == "1" and words[-2] in ("*", "/"):
+            words = words[:-2]
+        return " ".join(words)
+
+
+def parameter(
+    default: Any = MISSING,
+    *,
+    unit: str = "1",
+    bounds: tuple[float, float] = (-float("inf"), float("inf")),
+    fixed: bool = False,
+    meaning: str = "",
+) -> Any:
+    """A model field that a fit may change. Becomes a floating JAX array.
+
+    **Arguments:** as `ParameterInfo`; without a `default` the field has to be given. None, where it is
+    the default, says that the model has no such part.
+    """
+    info = ParameterInfo(unit, bounds, fixed, meaning)
+    return eqx.field(converter=as_float, metadata={"parameter": info}, default=default)
+
+
+def as_float(value: Any) -> Any:
+    """`value` as a floating array, integers in JAX's present default precision; None stays None."""
+    if value is None:
+        return value
+    array = jnp.asarray(value)
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+
+
+def is_concrete(value: Any) -> bool:
+    """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`."""
+    return eqx.is_array_like(value) and not isinstance(value, jax.core.Tracer)
+
+
+def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
+    """Every parameter of a model, nested ones with a dotted name: (name, info, value)."""
+    for field in fields(model):
+        value = getattr(model, field.name)
+        info = field.metadata.get("parameter")
+        if info is not None:
+            yield field.name, info, value
+        elif isinstance(value, eqx.Module):
+            for name, nested, inner in parameters(value):
+                yield f"{field.name}.{name}", nested, inner

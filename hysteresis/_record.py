@@ -1,0 +1,545 @@
+"""Measured sequences of one rig: what went in, what came out, and which rows count."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._cycles import branches, cycles, default_dead_band, loop_area, noise_level, turning_points
+from ._errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Samples of an input and an output in `m` independent sequences; frozen.
+
+    **Arguments:**
+
+    - `input`, `output`: (n,), in `input_unit` and `output_unit`. The output may be NaN outside
+        the mask.
+    - `time`: (n,) in `time_unit`, rising within each sequence; `None` without a clock.
+    - `starts`, `labels`: first row (m,) and name of each sequence; `starts[0] == 0`.
+    - `mask`: (n,) the rows that count in a fit or an error figure. The others still drive the
+        model: history runs over all rows.
+    - `line`: (n,) line of the file, from 1, for messages.
+    - `history`: a sentence for each thing done to the data.
+    - `source`, `sha256`: name and checksum of the file, "" for arrays.
+    - `columns`: further columns (n,) by name, for splitting.
+
+    Every method returns a new record.
+
+    **Raises:** `InputError` `length-mismatch`, `bad-sequences`, `nan-input`, `nan-output`,
+    `infinite`, `nan-time`, `time-repeated`, `time-backwards`.
+    """
+
+    input: np.ndarray
+    output: np.ndarray
+    time: np.ndarray | None
+    starts: np.ndarray
+    labels: tuple[str, ...]
+    mask: np.ndarray
+    line: np.ndarray
+    input_name: str = "input"
+    output_name: str = "output"
+    time_name: str = "time"
+    input_unit: str = "1"
+    output_unit: str = "1"
+    time_unit: str = "1"
+    history: tuple[str, ...] = ()
+    source: str = ""
+    sha256: str = ""
+    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self):
+        types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
+        if self.time is not None:
+            types["time"] = float
+        for name, kind in types.items():
+            array = np.asarray(getattr(self, name), kind).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        _same_length(
+            time=self.time, input=self.input, output=self.output, mask=self.mask, line=self.line
+        )
+        starts = self.starts
+        if len(starts) != len(self.labels) or starts[:1].tolist() != [0]:
+            raise InputError("bad-sequences", "Each sequence needs a first row and a label.")
+        if np.any(np.diff(starts) <= 0) or starts[-1] >= max(len(self), 1):
+            raise InputError("bad-sequences", f"Sequences start at {starts} of {len(self)} rows.")
+        self._check_finite()
+        self._check_clock()
+
+    def _check_finite(self):
+        wanted = {"input": (self.input, True), "output": (self.output, self.mask)}
+        for role, (x, where) in wanted.items():
+            name = getattr(self, f"{role}_name")
+            if (bad := np.isinf(x)).any():
+                raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+            if not (bad := np.isnan(x) & where).any():
+                continue
+            fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
+            if role == "input":
+                fill = f"hysteresis needs complete input; {fill}"
+            else:
+                fill = f'nan="omit" (--nan omit) masks them, history still runs; {fill}'
+            raise self._fault(f"nan-{role}", f"{bad.sum()} NaN in {role} {name!r}", bad, fix=fill)
+
+    def _check_clock(self):
+        if self.time is None:
+            return
+        if not (good := np.isfinite(self.time)).all():
+            mend = "drop those rows, or give the step instead: dt=... (--dt SECONDS)."
+            raise self._fault("nan-time", f"{(~good).sum()} rows have no time", ~good, fix=mend)
+        step = np.diff(self.time)
+        step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
+        if (k := np.flatnonzero(step < 0)).size:
+            t, where = self.time, self._lines(k[:1] + 1)
+            raise InputError(
+                "time-backwards",
+                f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
+                place=self.source,
+                cause=f"{k.size + 1} runs in one file?",
+                fix='segments="auto" (--segments auto) makes each its own sequence.',
+            )
+        if (k := np.flatnonzero(step == 0)).size:
+            raise InputError(
+                "time-repeated",
+                f"{self._lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
+                f"{f', and {k.size - 1} more pairs' if k.size > 1 else ''}.",
+                place=self.source,
+                cause="a clock coarser than the sampling, or rows written twice.",
+                fix="drop or average them, or give the step instead: dt=... (--dt SECONDS).",
+            )
+
+    def _lines(self, rows: np.ndarray) -> str:
+        word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
+        return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
+
+    def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
+        rows = np.flatnonzero(bad)
+        lasts = ""
+        if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
+            lasts = f" ({_duration(float(np.ptp(self.time[rows])), self.time_unit)})"
+        return InputError(code, f"{what}, {self._lines(rows)}{lasts}.", place=self.source, fix=fix)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        input: ArrayLike,
+        output: ArrayLike,
+        time: ArrayLike | None = None,
+        groups: ArrayLike | None = None,
+        *,
+        dt: float | None = None,
+        mask: ArrayLike | None = None,
+        line: ArrayLike | None = None,
+        segments: Literal["auto"] | None = None,
+        nan: Literal["raise", "omit", "interpolate"] = "raise",
+        time_unit: str = "s",
+        history: tuple[str, ...] = (),
+        columns: Mapping[str, np.ndarray] | None = None,
+        **names: str,
+    ) -> "Record":
+        """A record from (n,) arrays.
+
+        **Arguments:**
+
+        - `groups`: (n,) labels; the rows of one label form a sequence, in their order, also where
+            labels interleave.
+        - `dt`: step, in `time_unit`, where there is no `time`.
+        - `segments`: "auto" starts a new sequence wherever time goes back.
+        - `nan`: "raise"; "omit" masks rows without output; "interpolate" fills input and output
+            linearly over time (or rows), and by the nearest value at the ends of a sequence.
+        - `names`: the other fields of `Record`.
+        """
+        u, y = np.array(input, float), np.array(output, float)
+        n = u.size
+        t = None if time is None else np.array(time, float)
+        group = np.zeros(n, int) if groups is None else np.asarray(groups)
+        used = np.ones(n, bool) if mask is None else np.array(mask, bool)
+        number = np.arange(1, n + 1) if line is None else np.asarray(line)
+        _same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
+        unique, first, member = np.unique(group, return_index=True, return_inverse=True)
+        member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
+        order = np.argsort(member, kind="stable")
+        if np.any(np.diff(order) < 0):
+            history += ("Gathered the rows of each group: they were interleaved.",)
+        u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
+        t = None if t is None else t[order]
+        cut = np.diff(member) > 0
+        if segments == "auto" and t is not None and np.any(back := (np.diff(t) < 0) & ~cut):
+            cut |= back
+            history += (f"Cut into {cut.sum() + 1} sequences: time went back.",)
+        starts = np.flatnonzero(np.append(True, cut))
+        label, seen = unique[np.argsort(first)] if groups is not None else ["all"], Counter()
+        labels = []
+        for name in (str(label[k]) for k in member[starts]) if n else ("all",):
+            seen[name] += 1
+            labels.append(f"{name}#{seen[name]}" if seen[name] > 1 else name)
+        if dt is not None:
+            t = dt * (np.arange(n) - np.repeat(starts, np.diff(np.append(starts, n))))
+            history += (f"Time is the row's number in its sequence, times {dt:g} {time_unit}.",)
+        if nan == "omit" and np.any(gap := np.isnan(y) & used):
+            used &= ~gap
+            history += (f"Masked {gap.sum()} rows without output.",)
+        for name, x in (("input", u), ("output", y)) if nan == "interpolate" else ():
+            if missing := int(np.isnan(x).sum()):
+                for a, b in pairwise([*starts, n]):
+                    _fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
+                history += (f"Filled {missing} NaN of the {name} by linear interpolation.",)
+        kept = {name: np.asarray(column)[order] for name, column in (columns or {}).items()}
+        unit = "1" if t is None else time_unit
+        return cls(
+            u,
+            y,
+            t,
+            starts,
+            tuple(labels),
+            used,
+            number,
+            time_unit=unit,
+            history=history,
+            columns=kept,
+            **names,  # pyright: ignore[reportArgumentType]
+        )
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+    def sequences(self) -> Iterator[tuple[str, slice]]:
+        """`(label, rows)` of each sequence."""
+        for label, (a, b) in zip(self.labels, pairwise([*self.starts, len(self)]), strict=True):
+            yield label, slice(int(a), int(b))
+
+    @cached_property
+    def cycle(self) -> np.ndarray:
+        """Complete cycle 1, 2, ... of each row within its sequence, 0 for none, (n,)."""
+        return np.concatenate([cycles(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def branch(self) -> np.ndarray:
+        """+1 on loading, -1 on unloading rows, (n,)."""
+        return np.concatenate([branches(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def cycle_counts(self) -> np.ndarray:
+        """Complete cycles of each sequence, (m,)."""
+        return np.maximum.reduceat(self.cycle, self.starts) if len(self) else np.zeros(1, int)
+
+    @property
+    def n_cycles(self) -> int:
+        """Complete cycles of all sequences together."""
+        return int(self.cycle_counts.sum())
+
+    def _with(self, sentence: str, **changes: Any) -> "Record":
+        return replace(self, history=(*self.history, sentence), **changes)
+
+    def _narrow(self, keep: np.ndarray, sentence: str) -> "Record":
+        mask = self.mask & keep
+        if not mask.any():
+            raise InputError("no-rows", f"No row is left. {sentence}", place=self.source)
+        return self._with(sentence, mask=mask)
+
+    def select(
+        self,
+        branch: Literal["loading", "unloading"] | None = None,
+        range: tuple[float, float] | None = None,
+        cycle: int | Collection[int] | None = None,
+    ) -> "Record":
+        """Narrow the mask to a branch, to inputs in `[lo, hi]`, to cycles by number."""
+        keep, said = np.ones(len(self), bool), []
+        if branch is not None:
+            signs = {"loading": 1, "unloading": -1}
+            if branch not in signs:
+                raise InputError("bad-selection", f"No branch {branch!r}; have {list(signs)}.")
+            keep &= self.branch == signs[branch]
+            said.append(f"the {branch} branch")
+        if range is not None:
+            keep &= (self.input >= range[0]) & (self.input <= range[1])
+            said.append(f"input {range[0]:g} to {_quantity(range[1], self.input_unit)}")
+        if cycle is not None:
+            wanted = sorted(cycle) if isinstance(cycle, Collection) else [cycle]
+            keep &= np.isin(self.cycle, wanted)
+            said.append(f"cycle {', '.join(map(str, wanted))}")
+        return self._narrow(keep, f"Only {' and '.join(said)} counts.") if said else self
+
+    def _split(self, train: np.ndarray, test: np.ndarray, how: str) -> "tuple[Record, Record]":
+        held = f"{int((test & self.mask).sum())} rows, {how}"
+        return (
+            self._narrow(train, f"Held out for testing: {held}."),
+            self._narrow(test, f"Only what was held out counts: {held}."),
+        )
+
+    def split_cycles(self, test: int) -> "tuple[Record, Record]":
+        """`(train, test)`: the last `test` complete cycles of each sequence are held out.
+
+        Rows in no cycle count in neither. Raises `too-few-cycles` where a sequence would have
+        none to train on.
+        """
+        counts = self.cycle_counts
+        short = np.flatnonzero(counts <= test) if test > 0 else np.arange(len(counts))
+        if short.size:
+            others = f" (so {short.size - 1} more sequences)" if short.size > 1 else ""
+            raise InputError(
+                "too-few-cycles",
+                f"Sequence {self.labels[short[0]]!r} has {counts[short[0]]} complete cycles"
+                f"{others}; cannot hold out {test} and train on the rest.",
+                place=self.source,
+                fix="hold out fewer cycles, whole sequences (--test-where COL=VALUE), or a tail "
+                "(--test-tail FRACTION).",
+            )
+        limit = np.repeat(counts - test, np.diff([*self.starts, len(self)]))
+        train = (self.cycle > 0) & (self.cycle <= limit)
+        return self._split(train, self.cycle > limit, f"the last {test} cycles of each sequence")
+
+    def split_groups(
+        self, test: Callable[[str], bool] | Collection[str]
+    ) -> "tuple[Record, Record]":
+        """`(train, test)`: whole sequences held out, by label or by a predicate of the label."""
+        chosen = [x for x in self.labels if test(x)] if callable(test) else list(test)
+        rest = [x for x in self.labels if x not in chosen]
+        return self.take_sequences(rest), self.take_sequences(chosen)
+
+    def split_rows(self, test_mask: ArrayLike) -> "tuple[Record, Record]":
+        """`(train, test)`: the rows (n,) where `test_mask` holds are held out."""
+        test = np.asarray(test_mask, bool)
+        _same_length(input=self.input, test_mask=test)
+        return self._split(~test, test, "chosen by their values")
+
+    def split_tail(self, fraction: float) -> "tuple[Record, Record]":
+        """`(train, test)`: the last `fraction` of the rows of each sequence is held out."""
+        if not 0 < fraction < 1:
+            raise InputError("bad-fraction", f"The tail must be in (0, 1), not {fraction:g}.")
+        ends = np.append(self.starts[1:], len(self))
+        first = ends - np.ceil(fraction * (ends - self.starts)).astype(int)
+        test = np.arange(len(self)) >= np.repeat(first, ends - self.starts)
+        return self._split(~test, test, f"the last {fraction:.3g} of each sequence")
+
+    def take_sequences(self, labels: Collection[str]) -> "Record":
+        """Only these sequences, in the record's order. Raises `no-sequence`."""
+        for label in labels:
+            if label not in self.labels:
+                near = get_close_matches(label, self.labels, 5, 0.0)
+                raise InputError("no-sequence", f"No sequence {label!r}; have {', '.join(near)}.")
+        kept = [(x, s) for x, s in self.sequences() if x in labels]
+        if not kept:
+            raise InputError("no-rows", "No sequence is left.", place=self.source)
+        rows = np.concatenate([np.arange(s.start, s.stop) for _, s in kept])
+        starts = np.cumsum([0, *(s.stop - s.start for _, s in kept[:-1])])
+        sentence = f"Kept {len(kept)} of {len(self.labels)} sequences."
+        t = None if self.time is None else self.time[rows]
+        labels = tuple(x for x, _ in kept)
+        return self._take(rows, sentence, time=t, starts=starts, labels=labels)
+
+    def _take(self, rows: np.ndarray, sentence: str, **changes: Any) -> "Record":
+        taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return self._with(sentence, **(taken | {"columns": columns} | changes))
+
+    def resample(self, dt: float) -> "Record":
+        """Linear interpolation of each sequence onto a clock of step `dt`, in `time_unit`.
+
+        Mask, lines and further columns are those of the nearest row. No filter: average first
+        where the step is much longer than the noise.
+        """
+        if self.time is None or not dt > 0:
+            why = "there is no time column" if self.time is None else f"the step is {dt:g}"
+            raise InputError("no-clock", f"Cannot resample: {why}.", fix="give time= or dt=.")
+        u, y, clock, rows = [], [], [], []
+        for _, s in self.sequences():
+            t, out = self.time[s], self.output[s]
+            c = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt * (1 + 1e-12)) + 1)
+            good = np.isfinite(out)
+            u.append(np.interp(c, t, self.input[s]))
+            y.append(np.interp(c, t[good], out[good]) if good.any() else np.full(len(c), np.nan))
+            rows.append(s.start + np.searchsorted((t[1:] + t[:-1]) / 2, c))
+            clock.append(c)
+        starts = np.cumsum([0, *map(len, clock[:-1])])
+        series = {"input": u, "output": y, "time": clock}
+        joined = {name: np.concatenate(parts) for name, parts in series.items()}
+        sentence = f"Resampled {len(self)} rows to a step of {_quantity(dt, self.time_unit)}."
+        return self._take(np.concatenate(rows), sentence, starts=starts, **joined)
+
+    def digest(self) -> str:
+        """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
+        code = hashlib.sha256("\0".join(self.labels).encode())
+        for x in (self.input, self.output, self.time, self.starts, self.mask):
+            code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+        return code.hexdigest()
+
+    def summary(self) -> dict[str, Any]:
+        """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
+        steps = _steps(self)
+        clock = None
+        if steps.size:
+            low, mid, high = np.quantile(steps, [0, 0.5, 1]).tolist()
+            clock = {"min": low, "median": mid, "max": high, "unit": self.time_unit}
+        return {
+            "source": self.source,
+            "sha256": self.sha256,
+            "rows": len(self),
+            "rows_used": int(self.mask.sum()),
+            "sequences": len(self.labels),
+            "cycles": self.n_cycles,
+            "input": _spread(self, "input"),
+            "output": _spread(self, "output") | {"saturated": _saturation(self)[0]},
+            "dt": clock,
+            "loop_direction": loop_direction(self),
+        }
+
+    def describe(self) -> str:
+        """The summary for a reader, and the history."""
+        s = self.summary()
+        way, falls = s["loop_direction"], _correlation(self) < 0
+        turn = "counter-clockwise" if way > 0 else "clockwise"
+        # Where the output falls with the input, lagging loops turn clockwise.
+        turn += ": the output lags" if (way > 0) != falls else ": the output leads"
+        lines = [
+            f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
+            f"{s['sequences']} sequences, {s['cycles']} complete cycles"
+        ]
+        for role in ("input", "output"):
+            x, unit = s[role], s[role]["unit"]
+            lines.append(
+                f"{role:6} {x['name']}: {x['min']:.4g} to {_quantity(x['max'], unit)}, "
+                f"noise {_quantity(x['noise'], unit)}"
+            )
+        if s["dt"]:
+            low, mid, high = (f"{s['dt'][k]:.4g}" for k in ("min", "median", "max"))
+            lines.append(f"dt     {low} to {high}, median {mid} {self.time_unit}")
+        if s["output"]["saturated"]:
+            lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
+        lines.append(f"loop   {way:+.2f} ({turn})" if way else "loop   none closed")
+        return "\n".join([*lines, *self.history])
+
+
+def loop_direction(record: Record) -> float:
+    """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
+
+    `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
+
+    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
+    nothing closes.
+    """
+    parts = [
+        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
+    ]
+    net, total = np.sum(parts, axis=0)
+    return float(net / total) if total else 0.0
+
+
+def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
+    """Can these rows tell a model's parameters? Returns warnings, each ending in its `[code]`.
+
+    **Raises:** `InputError` `too-short`, `constant-input`, `no-excitation`.
+    """
+    u, unit, place = record.input, record.input_unit, record.source
+    rows, needed = int(record.mask.sum()), n_parameters or 2
+    span, noise = float(np.ptp(u)) if len(u) else 0.0, _spread(record, "input")["noise"]
+    turns = sum(_turns(u[s]) for _, s in record.sequences())
+    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
+        asked = f"{n_parameters} parameters, " if n_parameters else ""
+        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
+        raise InputError("too-short", problem, place=place, fix="use more rows, or fix parameters.")
+    if span == 0:
+        problem = f"Input {record.input_name!r} is {_quantity(u[0], unit)} in every row."
+        mend = "choose another --input; for creep or relaxation under a constant input give --step."
+        raise InputError("constant-input", problem, place=place, fix=mend)
+    # Steps drawn anew at every row look like noise, but the output follows them.
+    if span < 10 * noise and abs(_correlation(record)) < 0.5:
+        problem = f"Input range {_quantity(span, unit)} is about the noise; nothing to identify."
+        raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
+    found = []
+    if (steps := _steps(record)).size:
+        low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
+        if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
+            low, high = (_duration(x, record.time_unit) for x in (steps.min(), steps.max()))
+            found.append(
+                f"dt {low} to {high}; resample, or use a continuous model. [jittered-time]"
+            )
+    if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
+        way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
+        found.append(
+            f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
+            "fit the sponge (LinearSponge), or measure the way back. [one-way-input]"
+        )
+    share, limit = _saturation(record)
+    if share:
+        at = _quantity(limit, record.output_unit)
+        found.append(f"{share:.1%} of the output at {at}: clipped; mask or censor. [saturation]")
+    single = [x for x, s in record.sequences() if s.stop - s.start < 2]
+    if single:
+        found.append(f"{len(single)} sequences of one row, first {single[0]!r}. [short-sequence]")
+    return found
+
+
+def _same_length(**arrays: np.ndarray | None) -> None:
+    shapes = {name: x.shape for name, x in arrays.items() if x is not None}
+    if any(len(shape) != 1 for shape in shapes.values()):
+        raise InputError("length-mismatch", f"Each must be one row of numbers; have {shapes}.")
+    (name, (n,)), *rest = shapes.items()
+    for other, (m,) in rest:
+        if m != n:
+            raise InputError("length-mismatch", f"{name} has {n} values, {other} {m}.")
+
+
+def _fill(x: np.ndarray, t: np.ndarray) -> None:
+    good = np.isfinite(x)
+    if good.any():
+        x[~good] = np.interp(t[~good], t[good], x[good])
+
+
+def _turns(u: np.ndarray) -> float:
+    """Path length over twice the range: 1 for one loop, 1/2 for one ramp."""
+    path = np.abs(np.diff(u[turning_points(u, default_dead_band(u))])).sum()
+    return float(path / (2 * np.ptp(u))) if path else 0.0
+
+
+def _correlation(record: Record) -> float:
+    good = np.isfinite(record.output)
+    u, y = record.input[good], record.output[good]
+    return float(np.corrcoef(u, y)[0, 1]) if good.any() and np.ptp(u) and np.ptp(y) else 0.0
+
+
+def _steps(record: Record) -> np.ndarray:
+    if record.time is None:
+        return np.empty(0)
+    return np.concatenate([np.diff(record.time[s]) for _, s in record.sequences()])
+
+
+def _spread(record: Record, role: str) -> dict[str, Any]:
+    x = getattr(record, role)
+    good = np.isfinite(x)
+    low, high = (float(x[good].min()), float(x[good].max())) if good.any() else (np.nan, np.nan)
+    noise = float(np.median([noise_level(x[s][good[s]]) for _, s in record.sequences()]))
+    names = {"name": getattr(record, f"{role}_name"), "unit": getattr(record, f"{role}_unit")}
+    return names | {"min": low, "max": high, "noise": noise}
+
+
+def _saturation(record: Record) -> tuple[float, float]:
+    """Share of rows stuck at the output's largest or smallest value, and that value.
+
+    Stuck: at least 1 % of the rows and eight of them, while the input moves by 2 % of its range.
+    Zero and the value of the first row are the rest, not a limit.
+    """
+    y, u = record.output, record.input
+    for limit in (np.nanmax(y), np.nanmin(y)) if np.isfinite(y).any() else ():
+        at, rest = y == limit, limit in (0.0, y[0])
+        if not rest and at.sum() >= max(8, 0.01 * len(y)) and np.ptp(u[at]) > 0.02 * np.ptp(u):
+            return float(at.mean()), float(limit)
+    return 0.0, float("nan")
+
+
+def _quantity(x: float, unit: str) -> str:
+    return f"{x:.4g}" if unit == "1" else f"{x:.4g} {unit}"
+
+
+def _duration(x: float, unit: str) -> str:
+    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else _quantity(x, unit)

@@ -1,0 +1,71 @@
+"""The Everett function of a density that is constant on each cell of a grid: exact, by table look-up.
+
+E(a, b) is the mass of {b <= beta <= alpha <= a}. Let T[p, q] be E between grid nodes, made symmetric
+by E(b, a) = E(a, b). For a in cell i with fraction f let h(a) = w_ii f (f - 1), where w_ii is the mass
+of the half cell on the diagonal. Then
+
+    E(a, b) = bilinear(T; a, b) + h(a) + h(b)
+
+exactly. The half cells make E quadratic near the diagonal: without h the output jumps at every
+reversal, since E(a, a) must be 0 while bilinear(T; a, a) = 2 w_ii f (1 - f).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+
+class EverettTable(NamedTuple):
+    """E between grid nodes (n+1, n+1), symmetric, and the masses of the diagonal half cells (n,)."""
+
+    node: Float[Array, "nodes nodes"]
+    diagonal: Float[Array, " cells"]
+
+
+class GridPairs(NamedTuple):
+    """Pairs (a, b) located on the grid: the cell of a, its table entry with b's, both fractions."""
+
+    cell: Int[Array, " pairs"]
+    cell_b: Int[Array, " pairs"]
+    corner: Int[Array, " pairs"]
+    fraction: Float[Array, " pairs"]
+    fraction_b: Float[Array, " pairs"]
+
+
+def everett_table(weights: Float[Array, "cells cells"]) -> EverettTable:
+    """T[p, q] = sum of the weights in rows i < p and columns j >= q, for p >= q; symmetric."""
+    lower = jnp.tril(weights)
+    from_column = jnp.cumsum(lower[:, ::-1], 1)[:, ::-1]
+    node = jnp.pad(jnp.cumsum(from_column, 0), ((1, 0), (0, 1)))
+    return EverettTable(node + node.T, jnp.diagonal(lower))
+
+
+def everett_look_up(table: EverettTable, pairs: GridPairs) -> Float[Array, " pairs"]:
+    """E(a, b) of every pair. Four reads of the table, two of its diagonal, no case splits."""
+    nodes = table.node.shape[0]
+    node = table.node.reshape(-1)
+    f, g, corner = pairs.fraction, pairs.fraction_b, pairs.corner
+    at_a = read(node, corner) * (1 - g) + read(node, corner + 1) * g
+    beyond_a = read(node, corner + nodes) * (1 - g) + read(node, corner + nodes + 1) * g
+    half_a = read(table.diagonal, pairs.cell) * f * (f - 1)
+    half_b = read(table.diagonal, pairs.cell_b) * g * (g - 1)
+    return at_a * (1 - f) + beyond_a * f + half_a + half_b
+
+
+def read(array: Array, index: Array) -> Array:
+    """array[index] without a bounds check, which doubles the time of a look-up."""
+    return array.at[index].get(mode="promise_in_bounds")
+
+
+def materialise(tree: object, runtime_true: Array) -> object:
+    """`tree`, computed once and stored. `runtime_true` must be true, and unknown at compile time.
+
+    XLA otherwise fuses a small table into the large gather that reads it and computes an entry again
+    for every sample (960 against 325 microseconds at 56,708 samples); its optimization_barrier does
+    nothing on a CPU, a branch does.
+    """
+    return jax.lax.cond(
+        runtime_true, lambda t: t, lambda t: jax.tree.map(jnp.zeros_like, t), tree
+    )

@@ -1,0 +1,143 @@
+"""The memory of a Preisach model is a tree, and the tree depends on the input alone.
+
+Every sample hangs on the reversal its branch started from, its *anchor*; every anchor hangs on the
+one before it. When the input passes an older extremum, the loop inside is wiped out and the branch
+hangs on the older anchor again: pushes and pops of a stack. So with
+
+    rise_k = 2 s E(u_k, u_parent(k)),   s = +1 rising, -1 falling,
+
+the change of the output from anchor k's parent to anchor k, the value at every anchor is a
+cumulative sum over push (+rise) and pop (-rise) events, and every sample adds one rise of its own.
+Nothing here knows a density: turning points, wipe-outs and event order come out as indices.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+IntArray = Int[np.ndarray, " _"]
+
+
+class MemoryTree(NamedTuple):
+    """Where every sample and anchor of a path hangs; all entries index into arrays, none is a value.
+
+    - `anchor` (samples,): the anchor each sample of the path hangs on.
+    - `node` (anchors,): the sample of the path each anchor stands at; anchor 0 is the path's start.
+    - `parent` (anchors,): the anchor each anchor hangs on; its own for anchor 0.
+    - `rising` (anchors,): +1 where the branch that starts at the anchor rises, -1 where it falls.
+    - `pushed`, `popped`, `popped_too` (events,): what enters or leaves the stack at each event; an
+      event is either a push of one anchor or a pop of two. The others are `anchors`, one past the end.
+    - `position` (anchors,): the event that pushed the anchor.
+    """
+
+    anchor: Int[np.ndarray, " samples"]
+    node: Int[np.ndarray, " anchors"]
+    parent: Int[np.ndarray, " anchors"]
+    rising: Int[np.ndarray, " anchors"]
+    pushed: Int[np.ndarray, " events"]
+    popped: Int[np.ndarray, " events"]
+    popped_too: Int[np.ndarray, " events"]
+    position: Int[np.ndarray, " anchors"]
+
+
+def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
+    """The memory tree of a path that starts at its own minimum, the negative saturation.
+
+    Time: one pass of NumPy over the samples and one Python loop over the turning points alone.
+    """
+    turning, end = _turning_points(path)
+    value = path[np.append(turning, end)]
+    anchors = len(turning)
+    branch, top, low, landing, parent = _wipe_outs(value.tolist())
+    rising = np.where(np.arange(anchors) % 2 == 0, 1, -1).astype(np.int32)
+
+    # Branch k covers samples begin[k] .. begin[k+1]-1: from behind its anchor to the next reversal.
+    begin = np.append(turning + 1, len(path))
+    begin[0] = 0
+    passed = _first_beyond(
+        path, rising[branch] * value[low], rising[branch], begin[branch], begin[branch + 1] - 1
+    )
+
+    # Merge the two kinds of events, both sorted by branch: each branch pushes, then pops.
+    pops = np.bincount(branch, minlength=anchors)
+    position = np.arange(anchors) + np.cumsum(pops) - pops
+    events = anchors + len(branch)
+    is_pop = np.ones(events, bool)
+    is_pop[position] = False
+    pushed, popped, popped_too = (np.full(events, anchors, np.int32) for _ in range(3))
+    pushed[position] = np.arange(anchors)
+    popped[is_pop], popped_too[is_pop] = top, low
+
+    # Between two events every sample hangs on the same anchor.
+    since, holder = np.empty(events + 1, np.int64), np.empty(events, np.int32)
+    since[position], since[:-1][is_pop], since[-1] = begin[:-1], passed, len(path)
+    holder[position], holder[is_pop] = np.arange(anchors), landing
+    anchor = np.repeat(holder, np.diff(since))
+    return MemoryTree(
+        anchor, turning.astype(np.int32), parent, rising, pushed, popped, popped_too,
+        position.astype(np.int32),
+    )  # fmt: skip
+
+
+def _turning_points(path: Float[np.ndarray, " samples"]) -> tuple[Shaped[np.ndarray, " _"], int]:
+    """Samples where the path turns, its start included, and the sample it ends at.
+
+    A plateau turns at its first sample, whatever happens on it: sampling adds no memory.
+    """
+    step = np.diff(path)
+    moving = np.flatnonzero(step)
+    up = step[moving] > 0
+    turns = np.flatnonzero(up[1:] != up[:-1])
+    end = int(moving[-1]) + 1 if len(moving) else 0
+    return np.concatenate([[0], moving[turns] + 1]), end
+
+
+def _wipe_outs(
+    value: list[float],
+) -> tuple[IntArray, IntArray, IntArray, IntArray, Int[np.ndarray, " anchors"]]:
+    """Walk the turning values once with a stack.
+
+    Returns for every wipe-out its branch, the two anchors that leave (the younger one first) and the
+    anchor landed on; and every anchor's parent.
+    """
+    anchors = len(value) - 1
+    extremum = [*value, np.inf]  # below the start nothing is wiped out, above the bottom neither
+    extremum[0] = -np.inf
+    stack = [anchors + 1]
+    branch, top, low, landing, parent = [], [], [], [], [0]
+    for k in range(anchors):
+        stack.append(k)
+        x = extremum[k + 1]
+        rises = k % 2 == 0
+        while (x >= extremum[stack[-2]]) if rises else (x <= extremum[stack[-2]]):
+            branch.append(k)
+            top.append(stack.pop())
+            low.append(stack.pop())
+            landing.append(stack[-1])
+        parent.append(stack[-1])
+    integers = (np.array(a, np.int32) for a in (branch, top, low, landing, parent[:anchors]))
+    return tuple(integers)  # type: ignore[return-value]
+
+
+def _first_beyond(
+    path: Float[np.ndarray, " samples"],
+    level: Float[np.ndarray, " wipes"],
+    sign: Int[np.ndarray, " wipes"],
+    first: Int[np.ndarray, " wipes"],
+    last: Int[np.ndarray, " wipes"],
+) -> Int[np.ndarray, " wipes"]:
+    """First sample in first..last with sign * path >= level, by one bisection for all at once.
+
+    The path is monotone there, and its last sample is known to be beyond.
+    """
+    low, high = first.copy(), last.copy()
+    open_ = np.flatnonzero(high > low)
+    while len(open_):
+        l, h = low[open_], high[open_]  # noqa: E741
+        middle = (l + h) >> 1
+        beyond = sign[open_] * path[middle] >= level[open_]
+        low[open_] = np.where(beyond, l, middle + 1)
+        high[open_] = np.where(beyond, middle, h)
+        open_ = open_[low[open_] < high[open_]]
+    return low
