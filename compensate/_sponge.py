@@ -28,7 +28,9 @@ class LinearSpongeCompensator(AbstractCompensator[tuple[()]]):
         # A reading at the threshold itself must not fall below it by rounding.
         contact = touched >= threshold - 1e-12 * jnp.abs(threshold)
         none = jnp.minimum(0.0, threshold - 1.0)
-        value = jnp.where(contact, jnp.maximum(touched, threshold), jnp.where(threshold > 0, 0.0, none))
+        value = jnp.where(
+            contact, jnp.maximum(touched, threshold), jnp.where(threshold > 0, 0.0, none)
+        )
         status = jnp.where(contact, Status.OK, Status.BELOW_THRESHOLD)
         valid = jnp.isfinite(y)
         return Estimate(jnp.where(valid, value, 0.0), jnp.where(valid, status, Status.INVALID))

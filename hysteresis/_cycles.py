@@ -122,7 +122,7 @@ def loop_area(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, fl
         if abs(u[c] - u[a]) <= 0.1 * np.ptp(u[a : c + 1]):
             # The ends seldom share an input exactly: compare where the legs last do.
             end = max(u[x[0]] for x in legs) if u[b] > u[a] else min(u[x[-1]] for x in legs)
-            (y1, t1), (y2, t2) = ((np.interp(end, u[x], v) for v in (y[x], x)) for x in legs)
+            (y1, t1), (y2, t2) = ([np.interp(end, u[x], v) for v in (y[x], x)] for x in legs)
             chord = (y2 - y1) / (t2 - t1) if t2 > t1 and np.isfinite(y2 - y1) else 0.0
         legs = [rows[used[rows]] for rows in legs]
         legs = [(u[rows], y[rows] - chord * (rows - a)) for rows in legs]

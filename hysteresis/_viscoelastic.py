@@ -73,7 +73,9 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
         unit="input / output", bounds=(0.0, float("inf")), meaning="stiffness of delayed part"
     )
     eta2: Float[Array, ""] = parameter(
-        unit="input * time / output", bounds=(0.0, float("inf")), meaning="viscosity of delayed part"
+        unit="input * time / output",
+        bounds=(0.0, float("inf")),
+        meaning="viscosity of delayed part",
     )
     offset: Float[Array, ""] = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=False, static=True)
@@ -218,4 +220,3 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
             before = jnp.stack([half, (phi - a) / self.E2], -1)
             now = jnp.stack([half, (1 - phi) / self.E2], -1)
         return _Creep(jnp.stack([jnp.ones_like(a), a], -1), before, now)
-

@@ -160,7 +160,9 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         xp = np if concrete else jnp
         clipped = xp.clip(u, self.density.low, self.density.high)
         ends = (*starts[1:], len(u))
-        pieces = [piece for a, b in zip(starts, ends, strict=True) for piece in (past, clipped[a:b])]
+        pieces = [
+            piece for a, b in zip(starts, ends, strict=True) for piece in (past, clipped[a:b])
+        ]
         path = xp.concatenate(pieces)
         kept = np.arange(len(u)) + np.repeat(
             np.arange(1, len(starts) + 1) * len(past), np.diff([*starts, len(u)])
@@ -274,7 +276,9 @@ def _traced_tree(path: Array) -> MemoryTree:
             return np.append(part, np.full(size - len(part), by)).astype(np.int32)
 
         # One past the last anchor means "none": that place is now one past the capacity.
-        events = (np.where(e == anchors, samples, e) for e in (tree.pushed, tree.popped, tree.popped_too))
+        events = (
+            np.where(e == anchors, samples, e) for e in (tree.pushed, tree.popped, tree.popped_too)
+        )
         return MemoryTree(
             tree.anchor.astype(np.int32),
             fill(tree.node, samples, 0), fill(tree.parent, samples, 0), fill(tree.rising, samples, 1),
@@ -283,9 +287,7 @@ def _traced_tree(path: Array) -> MemoryTree:
         )  # fmt: skip
 
     result = jax.tree.map(lambda size: jax.ShapeDtypeStruct((size,), jnp.int32), shapes)
-    return jax.pure_callback(
-        on_host, result, jax.lax.stop_gradient(path), vmap_method="sequential"
-    )
+    return jax.pure_callback(on_host, result, jax.lax.stop_gradient(path), vmap_method="sequential")
 
 
 def _to_device(part: Any) -> Array:

@@ -1,0 +1,51 @@
+"""One thread per process, double precision, strict arrays, checked shapes, fixed seeds."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+# Inherited by pytest's workers and our subprocesses, where thread pools would only get into each
+# other's way. For this process it is late: pytest's plugins have loaded NumPy.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
+os.environ["MPLBACKEND"] = "Agg"  # no window, no display
+
+_PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
+if early := set(_PACKAGES) & set(sys.modules):
+    raise RuntimeError(f"{sorted(early)} imported before their types could be checked")
+# Here and not as pytest option: jaxtyping's plugin takes a checker with arguments for one package
+# only. The tower is PEP 484's: an int is a float.
+install_import_hook(
+    _PACKAGES, "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+)
+
+import jax  # noqa: E402
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+settings.register_profile(
+    "hysid",
+    deadline=None,  # the first example compiles
+    derandomize=True,
+    max_examples=50,
+    print_blob=True,
+)
+settings.load_profile("hysid")
+
+
+@pytest.fixture(scope="session")
+def measured_data() -> Path:
+    """Folder of real measurements by third parties, which the repository may not contain."""
+    named = os.environ.get("HYSID_DATA")
+    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip(f"no measured data at {folder}; name their folder in HYSID_DATA")
+    return folder

@@ -1,0 +1,192 @@
+"""The shape of the code base: the house rules that a machine can check."""
+
+import importlib
+import inspect
+import json
+import os
+import pkgutil
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from types import ModuleType
+
+import equinox as eqx
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
+LONGEST_FILE = 450
+
+packages = pytest.mark.parametrize("package", PACKAGES)
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    """`code` in a fresh interpreter, without what this process and its environment have set."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_"))}
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+
+
+def modules(package: str) -> Iterator[ModuleType]:
+    """The package and everything below it, imported."""
+    top = importlib.import_module(package)
+    yield top
+    for found in pkgutil.walk_packages(top.__path__, f"{package}."):
+        if not found.name.endswith("__main__"):
+            yield importlib.import_module(found.name)
+
+
+def own_modules() -> list[type[eqx.Module]]:
+    """Every `eqx.Module` that our packages define."""
+    return sorted(
+        {
+            value
+            for package in PACKAGES
+            for module in modules(package)
+            for value in vars(module).values()
+            if inspect.isclass(value)
+            and issubclass(value, eqx.Module)
+            and value.__module__ == module.__name__
+        },
+        key=lambda cls: (cls.__module__, cls.__qualname__),
+    )
+
+
+def is_abstract(cls: type) -> bool:
+    return cls.__name__.lstrip("_").startswith("Abstract")
+
+
+def tracked_files() -> list[Path]:
+    """Files git holds or would take in; the test that asks is skipped outside a checkout."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+    )
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    names = listed.stdout.decode().split("\0")
+    return [ROOT / name for name in names if name and (ROOT / name).is_file()]
+
+
+def test_packages_come_from_one_folder():
+    """`identify` is also a package of pre-commit's, `hysteresis` and `datasets` are taken too."""
+    homes = {Path(inspect.getfile(importlib.import_module(name))).parents[1] for name in PACKAGES}
+    assert homes == {ROOT}
+
+
+@packages
+def test_import_names_have_one_owner(package: str):
+    """Two wheels with one import name overwrite each other silently; an editable one loses."""
+    assert set(packages_distributions().get(package, ())) <= {"hysid"}
+
+
+def test_datasets_hold_no_python():
+    """A `datasets` package here would shadow or be taken for the one of that name."""
+    assert not list((ROOT / "datasets").rglob("*.py"))
+
+
+def test_modules_are_abstract_or_final():
+    """Only an `Abstract...` class is subclassed, and only its abstract members are overridden."""
+    ours, faults = own_modules(), []
+    for cls in ours:
+        for base in set(cls.__mro__[1:]) & set(ours):
+            if not is_abstract(base):
+                faults.append(f"{cls.__name__} subclasses {base.__name__}, which is final")
+            concrete = {
+                name
+                for name, value in vars(base).items()
+                if (inspect.isroutine(value) or isinstance(value, property))
+                and (not name.startswith("__") or name == "__call__")
+                and name not in base.__abstractmethods__
+            }
+            overridden = sorted(concrete & set(vars(cls)))
+            faults += [f"{cls.__name__} overrides {base.__name__}.{name}" for name in overridden]
+        if cls.__abstractmethods__ and not is_abstract(cls):
+            faults.append(f"{cls.__name__} is abstract and does not say so")
+    assert faults == []
+
+
+def test_import_has_no_effects():
+    """No output, no warning, and JAX as it was: 64 bits are the application's decision."""
+    done = run(
+        "import jax\n"
+        "before = dict(jax.config.values)\n"
+        f"import {', '.join(PACKAGES)}\n"
+        "assert jax.config.values == before\n"
+        "assert jax.config.jax_enable_x64 is False\n"
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_import_of_hysteresis_is_light():
+    heavy = ["compensate", "emcee", "identify", "jinja2", "matplotlib", "optimistix", "pandas"]
+    heavy += ["pint", "rich", "typer", "xarray"]
+    done = run(
+        f"import hysteresis, json, sys\nprint(json.dumps(sorted(set({heavy}) & set(sys.modules))))"
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == []
+
+
+def test_imports_run_one_way():
+    """The contracts of import-linter, in `pyproject.toml`."""
+    done = run(
+        "import sys\n"
+        "from importlinter.cli import lint_imports\n"
+        "sys.exit(lint_imports(no_cache=True))"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@packages
+def test_files_are_short(package: str):
+    lengths = {
+        path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert {path: n for path, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_no_path_of_a_machine_is_tracked():
+    folders = [f"{ROOT.parent}/", f"{Path.home()}/"]
+    machine = re.compile("|".join([r"(?<![\w.])/(work|root|home)/", *map(re.escape, folders)]))
+    hits = []
+    for path in tracked_files():
+        data = path.read_bytes()
+        if b"\0" in data:
+            continue
+        for n, line in enumerate(data.decode("utf-8").splitlines(), start=1):
+            if machine.search(line):
+                hits.append(f"{path.relative_to(ROOT)}:{n}: {line.strip()}")
+    assert hits == []
+
+
+@packages
+def test_everything_public_is_documented(package: str):
+    """The public modules, and the functions and classes they export."""
+    bare = []
+    for module in modules(package):
+        if any(part.startswith("_") for part in module.__name__.split(".")):
+            continue
+        exported = {
+            f"{module.__name__}.{name}": value
+            for name, value in vars(module).items()
+            if not name.startswith("_")
+            and callable(value)
+            and getattr(value, "__module__", "").split(".")[0] in PACKAGES
+        }
+        for name, value in {module.__name__: module, **exported}.items():
+            text = vars(value).get("__doc__") if inspect.isclass(value) else value.__doc__
+            # A dataclass or named tuple without a docstring shows its signature instead.
+            if not text or text.startswith(name.rpartition(".")[2] + "("):
+                bare.append(name)
+    assert bare == []

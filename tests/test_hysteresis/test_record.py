@@ -1,0 +1,256 @@
+"""Records: what is refused, what is split off, and that nothing is changed in silence."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis._errors import InputError
+from hysteresis._record import Record, check_identifiable, loop_direction
+
+
+def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:
+    k = np.arange(2 * n_cycles * samples + 1)
+    u = np.abs((k / samples + 1) % 2 - 1)
+    y = u - lag * np.gradient(u) * samples * u * (1 - u)
+    return Record.from_arrays(u, y, 0.01 * k, **names)
+
+
+def refused(code: str, call: Any, *words: str) -> InputError:
+    with pytest.raises(InputError) as caught:
+        call()
+    assert caught.value.code == code
+    for word in words:
+        assert word in str(caught.value)
+    return caught.value
+
+
+def test_length_mismatch_names_both():
+    refused(
+        "length-mismatch",
+        lambda: Record.from_arrays(np.zeros(200), np.zeros(199), np.arange(200.0)),
+        "time has 200 values, output 199",
+    )
+
+
+def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
+    u, y, t = np.arange(10.0), np.arange(10.0), 0.002 * np.arange(10.0)
+    y[3:6] = np.nan
+    words = ("3 NaN in output", "rows 4 to 6 (4 ms)", 'nan="omit"', "--nan omit")
+    refused("nan-output", lambda: Record.from_arrays(u, y, t), *words)
+    omitted = Record.from_arrays(u, y, t, nan="omit")
+    assert omitted.mask.sum() == 7
+    assert len(omitted) == 10
+    filled = Record.from_arrays(u, y, t, nan="interpolate")
+    assert np.allclose(filled.output, u)
+    assert "Filled 3 NaN" in filled.history[-1]
+    refused("nan-input", lambda: Record.from_arrays(y, u, t, nan="omit"), '"interpolate"')
+    assert np.allclose(Record.from_arrays(y, u, t, nan="interpolate").input, u)
+
+
+def test_clock_faults_name_their_lines():
+    t = np.arange(10.0)
+    t[5] = t[4]
+    refused(
+        "time-repeated",
+        lambda: Record.from_arrays(t, t, t, source="a.csv", line=np.arange(2, 12)),
+        "lines 6 to 7",
+        "average",
+    )
+    two = np.tile(np.arange(5.0), 2)
+    refused("time-backwards", lambda: Record.from_arrays(two, two, two), "row 6", "segments")
+    record = Record.from_arrays(two, two, two, segments="auto")
+    assert record.labels == ("all", "all#2")
+    assert record.starts.tolist() == [0, 5]
+    refused("nan-time", lambda: Record.from_arrays(t, t, t * np.nan), "--dt")
+
+
+def test_infinite_values_are_refused():
+    refused("infinite", lambda: Record.from_arrays([0, np.inf], [0, 1]), "row 2")
+
+
+def test_arrays_are_frozen_and_the_callers_are_not():
+    u = np.arange(5.0)
+    record = Record.from_arrays(u, u)
+    with pytest.raises(ValueError, match="read-only"):
+        record.input[0] = 1
+    u[0] = 7
+    assert record.input[0] == 0
+
+
+def test_interleaved_groups_are_gathered_in_order_of_appearance():
+    record = Record.from_arrays(
+        np.arange(6.0), np.arange(6.0), groups=list("babaab"), columns={"k": np.arange(6)}
+    )
+    assert record.labels == ("b", "a")
+    assert record.input.tolist() == [0, 2, 5, 1, 3, 4]
+    assert record.line.tolist() == [1, 3, 6, 2, 4, 5]
+    assert record.columns["k"].tolist() == [0, 2, 5, 1, 3, 4]
+    assert "interleaved" in record.history[0]
+    assert [(x, s.start, s.stop) for x, s in record.sequences()] == [("b", 0, 3), ("a", 3, 6)]
+
+
+def test_split_cycles_holds_out_the_last_of_each_sequence():
+    u = rig().input
+    record = Record.from_arrays(np.tile(u, 2), np.tile(u, 2), groups=np.repeat(["a", "b"], len(u)))
+    assert record.n_cycles == 8
+    train, test = record.split_cycles(1)
+    assert not np.any(train.mask & test.mask)
+    assert set(train.cycle[train.mask]) == {1, 2, 3}
+    assert set(test.cycle[test.mask]) == {4}
+    assert len(train) == len(test) == len(record)
+    assert len(train.history) == len(record.history) + 1
+    refused("too-few-cycles", lambda: record.split_cycles(4), "'a' has 4", "1 more", "--test-tail")
+    refused("too-few-cycles", lambda: record.split_cycles(0))
+
+
+@given(st.floats(0.01, 0.99), st.lists(st.integers(2, 30), min_size=1, max_size=5))
+def test_splits_are_disjoint_and_complete(fraction, lengths):
+    groups = np.repeat(np.arange(len(lengths)), lengths)
+    u = np.arange(len(groups), dtype=float)
+    record = Record.from_arrays(u, u, groups=groups)
+    if all(np.ceil(fraction * n) == n for n in lengths):
+        refused("no-rows", lambda: record.split_tail(fraction))
+        return
+    train, test = record.split_tail(fraction)
+    assert np.array_equal(train.mask, ~test.mask)
+    for (_, s), n in zip(test.sequences(), lengths, strict=True):
+        assert test.mask[s].sum() == np.ceil(fraction * n)
+
+
+def test_split_groups_and_take_sequences():
+    u = np.arange(9.0)
+    record = Record.from_arrays(u, u, u, groups=np.repeat(["a", "b", "c"], 3))
+    train, test = record.split_groups(["b"])
+    assert train.labels == ("a", "c")
+    assert test.labels == ("b",)
+    assert train.starts.tolist() == [0, 3]
+    assert test.time is not None
+    assert test.time.tolist() == [3, 4, 5]
+    assert record.split_groups(lambda x: x == "b")[1].digest() == test.digest()
+    refused("no-sequence", lambda: record.take_sequences(["d"]), "'d'")
+    refused("no-rows", lambda: record.split_groups(["a", "b", "c"]))
+
+
+def test_split_rows_and_select_narrow_the_mask_alone():
+    record = rig()
+    train, test = record.split_rows(record.input > 0.5)
+    assert np.array_equal(test.mask, record.input > 0.5)
+    assert np.array_equal(train.mask, record.input <= 0.5)
+    loading = record.select(branch="loading", range=(0.2, 0.8), cycle=[2, 3])
+    assert len(loading) == len(record)
+    assert np.all(loading.branch[loading.mask] == 1)
+    assert np.all((loading.cycle[loading.mask] >= 2) & (loading.cycle[loading.mask] <= 3))
+    assert "loading" in loading.history[-1]
+    assert record.select() is record
+    refused("no-rows", lambda: record.select(cycle=17))
+
+
+def test_resample_is_linear_within_each_sequence():
+    t = np.array([0, 0.1, 0.5, 1.0, 0, 0.3, 1.0])
+    u = 2 * t + np.repeat([0, 5], [4, 3])
+    y = -u.copy()
+    y[1] = np.nan
+    record = Record.from_arrays(u, y, t, groups=np.repeat(["a", "b"], [4, 3]), nan="omit")
+    even = record.resample(0.25)
+    assert even.starts.tolist() == [0, 5]
+    assert even.time is not None
+    assert np.allclose(even.time, np.tile(np.arange(5) * 0.25, 2))
+    assert np.allclose(even.input, 2 * even.time + np.repeat([0, 5], 5))
+    assert np.allclose(even.output, -even.input)
+    assert even.mask.tolist() == [True, False] + [True] * 8
+    assert "Resampled 7 rows to a step of 0.25 s" in even.history[-1]
+    refused("no-clock", lambda: Record.from_arrays(u, u).resample(0.1))
+    refused("no-clock", lambda: record.resample(0.0))
+
+
+@pytest.mark.parametrize("lag", [0.3, -0.3])
+def test_loop_direction(lag):
+    record = rig(lag=lag)
+    assert loop_direction(record) == pytest.approx(np.sign(lag), abs=1e-3)
+    back = Record.from_arrays(record.output, record.input)
+    assert loop_direction(back) == pytest.approx(-np.sign(lag), abs=0.05)
+    cut = Record.from_arrays(record.input[10:45], record.output[10:45])
+    assert loop_direction(cut) == pytest.approx(np.sign(lag), abs=1e-3)
+    assert loop_direction(record.split_cycles(1)[0]) == pytest.approx(np.sign(lag), abs=1e-3)
+
+
+def test_a_line_and_noise_have_no_direction():
+    u = rig(10, 100).input
+    assert abs(loop_direction(Record.from_arrays(u, 3 * u + 1))) < 1e-6
+    cut = np.abs(np.arange(-50.0, 49.0))  # ends at another input than it starts from
+    assert abs(loop_direction(Record.from_arrays(cut, 3 * cut))) < 1e-6
+    noisy = 3 * u + np.random.default_rng(0).normal(0, 0.1, len(u))
+    assert abs(loop_direction(Record.from_arrays(u, noisy))) < 0.1
+    assert loop_direction(Record.from_arrays(np.arange(9.0), np.arange(9.0))) == 0
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 30])
+def test_whatever_can_be_built_can_be_described(n):
+    for y in (np.ones(n), np.full(n, np.nan), np.arange(n, dtype=float)):
+        record = Record.from_arrays(np.ones(n), y, nan="omit")
+        assert record.describe().startswith(f"arrays: {n} rows")
+        assert record.n_cycles == 0
+
+
+def test_digest_depends_on_the_data_alone():
+    record = rig()
+    assert record.digest() == rig(source="other.csv").digest()
+    assert record.digest() != record.select(cycle=1).digest()
+
+
+def test_summary_and_describe():
+    record = rig(input_unit="mm", output_unit="N", input_name="x", output_name="F")
+    s = record.summary()
+    assert (s["rows"], s["sequences"], s["cycles"]) == (201, 1, 4)
+    assert s["input"]["max"] == 1
+    assert s["dt"]["median"] == pytest.approx(0.01)
+    text = record.describe()
+    for word in ("4 complete cycles", "0 to 1 mm", "counter-clockwise: the output lags", "F:"):
+        assert word in text
+
+
+def test_good_data_pass_without_a_word():
+    assert check_identifiable(rig(), 5) == []
+
+
+def test_too_short():
+    u = np.linspace(0, 1, 37)
+    record = Record.from_arrays(u, u)
+    words = ("37 samples, 5 parameters, 0.5 cycle", "at least one loop")
+    refused("too-short", lambda: check_identifiable(record, 5), *words)
+    refused("too-short", lambda: check_identifiable(Record.from_arrays([0.0], [0.0])))
+
+
+def test_no_excitation_and_constant_input():
+    rng = np.random.default_rng(2)
+    u, y = rng.normal(0, 0.002, 500), rng.normal(size=500)
+    record = Record.from_arrays(u, y, input_unit="mm")
+    refused("no-excitation", lambda: check_identifiable(record), "mm is about the noise")
+    flat = Record.from_arrays(np.full(500, 3.0), y, input_unit="N")
+    refused("constant-input", lambda: check_identifiable(flat), "3 N", "--step")
+    # Independent steps look like noise; an output that follows them tells otherwise.
+    assert check_identifiable(Record.from_arrays(y, 2 * y + u)) == []
+
+
+def test_warnings():
+    record = rig(20)
+    assert record.time is not None
+    t = record.time + np.random.default_rng(0).uniform(0, 0.009, len(record))
+    jittered = Record.from_arrays(record.input, record.output, t)
+    assert "[jittered-time]" in check_identifiable(jittered)[0]
+    assert "resample" in check_identifiable(jittered)[0]
+    u = np.linspace(0, 1, 400)
+    (warning,) = check_identifiable(Record.from_arrays(u, u**2))
+    assert "no unloading branch" in warning
+    assert "LinearSponge" in warning
+    assert "[one-way-input]" in warning
+    clipped = Record.from_arrays(record.input, np.minimum(record.output + 0.1, 0.9))
+    (warning,) = check_identifiable(clipped)
+    assert "at 0.9: clipped" in warning
+    single = Record.from_arrays(
+        np.append(record.input, 1), np.append(record.output, 1), groups=["a"] * len(t) + ["b"]
+    )
+    assert "'b'" in check_identifiable(single)[0]
