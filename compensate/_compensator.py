@@ -56,7 +56,7 @@ class AbstractCompensator(eqx.Module, Generic[State]):
 
     @abc.abstractmethod
     def simulate(self, t: Any, y: Any, state: State | None = None) -> Estimate:
-        """`step` over all samples; arrays of the shape of `y`. `t` may be None where rates do not matter."""
+        """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
 
 @singledispatch

@@ -10,11 +10,13 @@ exactly. The half cells make E quadratic near the diagonal: without h the output
 reversal, since E(a, a) must be 0 while bilinear(T; a, a) = 2 w_ii f (1 - f).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+Tree = TypeVar("Tree")
 
 
 class EverettTable(NamedTuple):
@@ -54,12 +56,12 @@ def everett_look_up(table: EverettTable, pairs: GridPairs) -> Float[Array, " pai
     return at_a * (1 - f) + beyond_a * f + half_a + half_b
 
 
-def read(array: Array, index: Array) -> Array:
+def read(array: Array, index: Any) -> Array:
     """array[index] without a bounds check, which doubles the time of a look-up."""
     return array.at[index].get(mode="promise_in_bounds")
 
 
-def materialise(tree: object, runtime_true: Array) -> object:
+def materialise(tree: Tree, runtime_true: Any) -> Tree:
     """`tree`, computed once and stored. `runtime_true` must be true, and unknown at compile time.
 
     XLA otherwise fuses a small table into the large gather that reads it and computes an entry again

@@ -266,7 +266,7 @@ def _traced_tree(path: Array) -> MemoryTree:
     gathered from the traced path by these indices, so gradients flow to the input.
     """
     samples = path.shape[0]
-    shapes = MemoryTree(*[samples] * 4, *[2 * samples] * 3, samples)  # type: ignore[arg-type]
+    sizes = [samples] * 4 + [2 * samples] * 3 + [samples]
 
     def on_host(path: Any) -> MemoryTree:
         tree = memory_tree(np.asarray(path))
@@ -286,7 +286,7 @@ def _traced_tree(path: Array) -> MemoryTree:
             fill(tree.position, samples, 0),
         )  # fmt: skip
 
-    result = jax.tree.map(lambda size: jax.ShapeDtypeStruct((size,), jnp.int32), shapes)
+    result = MemoryTree._make(jax.ShapeDtypeStruct((size,), jnp.int32) for size in sizes)
     return jax.pure_callback(on_host, result, jax.lax.stop_gradient(path), vmap_method="sequential")
 
 
