@@ -4,12 +4,13 @@ from ._csv import parse_condition as parse_condition
 from ._csv import read_csv as read_csv
 from ._csv import read_table as read_table
 from ._errors import InputError as InputError
+from ._fitness import check_identifiable as check_identifiable
+from ._fitness import loop_direction as loop_direction
 from ._model import AbstractModel as AbstractModel
 from ._parameter import ParameterInfo as ParameterInfo
 from ._parameter import is_concrete as is_concrete
 from ._parameter import parameters as parameters
 from ._record import Record as Record
-from ._record import loop_direction as loop_direction
 from ._sponge import LinearSponge as LinearSponge
 from ._viscoelastic import Burgers as Burgers
 from .preisach import Preisach as Preisach

@@ -14,17 +14,10 @@ import numpy as np
 
 from ._errors import InputError
 from ._record import Record
+from ._units import are_units, bare_unit, column_unit
 
-# What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
-_UNITS = """
-N mN uN kN gf kgf mm um cm m s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT Oe
-emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
-"""
-RIG_UNITS = tuple(_UNITS.split())
-_SPELLING = {"": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm"}
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
-_BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([,.' ]\d{3})+([.,]\d+)?")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -145,8 +138,8 @@ def read_table(
         problem = f"Line {units_row} is not the row under the header."
         mend = f"--units-row {at}, or 0 for none."
         raise InputError("bad-units-row", problem, place=str(path), fix=mend)
-    if body and (units_row or (units_row is None and _are_units(body[0]))):
-        cells = [_bare(c) for c in body[0]]
+    if body and (units_row or (units_row is None and are_units(body[0]))):
+        cells = [bare_unit(c) for c in body[0]]
         units, body, line = dict(zip(header, cells, strict=False)), body[1:], line[1:]
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
         notes.append(f"Row {at} is units ({', '.join(cells)}); using them.{confirm}")
@@ -219,7 +212,7 @@ def read_csv(
         given["time"] = (time, time_unit)
     for role, (name, unit) in given.items():
         _column(table, name)
-        units[role], note = _unit(table, name, role, unit)
+        units[role], note = column_unit(name, role, unit, table.units.get(name), table.path)
         notes += note
     rows = np.ones(len(table.line), bool)
     for name, values in (where or {}).items():
@@ -356,18 +349,6 @@ def _header(path: Path, cells: list[str]) -> list[str]:
     return names
 
 
-def _bare(cell: str) -> str:
-    return cell.strip().strip("[]()").strip()
-
-
-def _are_units(cells: list[str]) -> bool:
-    """No number among them, and at least two units that rigs use: a sample may be called A."""
-    bare = [_bare(c) for c in cells]
-    return sum(c in RIG_UNITS for c in bare) > 1 and not any(
-        re.match("[+-]?[.,]?[0-9]", c) for c in bare
-    )
-
-
 def _square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep: str) -> None:
     """Makes every row `width` cells long by dropping empty cells at its end, or names the line."""
     lengths = np.fromiter(map(len, rows), int, len(rows))
@@ -436,42 +417,3 @@ def _column(table: Table | Record, name: str) -> np.ndarray:
         cause="the file has no header: its first line is numbers." if numeric else "",
         fix="give the exact header, with its unit (--input, --output, --time, --group).",
     )
-
-
-def _unit(table: Table, name: str, role: str, given: str | None) -> tuple[str, list[str]]:
-    """The unit of a column, and what is to be noted about it."""
-    bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
-    notes = []
-    if given is not None:
-        unit = given
-    elif table.units.get(name):
-        unit = table.units[name]
-    elif bracket:
-        unit = bracket["unit"].strip()
-    elif "_" in name and suffix in RIG_UNITS:
-        unit = suffix
-    else:
-        unit, notes = "1", [f"Column {name!r} names no unit: taken as 1."]
-    unit = _SPELLING.get(unit, unit)
-    place, option = f"{table.path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
-    if unit != "1" and unit not in RIG_UNITS and not _known(unit):
-        mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
-        raise InputError("unknown-unit", f"Unit {unit!r} is unknown.", place=place, fix=mend)
-    if unit in ("g", "kg", "mg") and re.match(r"force|load", name, re.IGNORECASE):
-        problem = f"{unit} is mass, not force."
-        mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
-        raise InputError("mass-unit", problem, place=place, fix=mend)
-    return unit, notes
-
-
-def _known(unit: str) -> bool:
-    import pint
-
-    # pint reads a.u. as the atomic mass unit times a year; rigs mean arbitrary units.
-    if unit.lower().strip(".") in ("a.u", "au", "arb", "arb.unit", "arb. unit"):
-        return False
-    try:
-        pint.get_application_registry().parse_units(unit)
-    except Exception:  # pint raises its own, tokenizer's and arithmetic errors for odd text
-        return False
-    return True

@@ -6,7 +6,7 @@ from typing import Any, Generic, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 State = TypeVar("State")
 Prepared = TypeVar("Prepared")
@@ -69,6 +69,16 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         """`evaluate(prepare(t, u, state))`."""
         return self.evaluate(self.prepare(t, u, state))
 
+    def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
+        """What the words in the parameters' units stand for on a record with these units."""
+        force, displacement = input_unit, output_unit
+        if getattr(self, "leading", False):
+            force, displacement = output_unit, input_unit
+        return {
+            "input": input_unit, "output": output_unit, "time": time_unit,
+            "force": force, "displacement": displacement,
+        }  # fmt: skip
+
     def stream(
         self, t: Series | None, u: Series, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
@@ -94,6 +104,6 @@ def time_steps(
     return dt.at[first].set(jnp.where(jnp.isnan(begin), 0.0, begin))
 
 
-def is_start(samples: int, starts: tuple[int, ...]) -> Int[Array, " samples"]:
+def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
     """1 where an independent sequence begins, else 0."""
-    return jnp.zeros(samples, int).at[jnp.asarray(starts)].set(1)
+    return jnp.zeros(samples).at[jnp.asarray(starts)].set(1)

@@ -24,13 +24,12 @@ class ParameterInfo:
     fixed: bool = False
     meaning: str = ""
 
-    def in_units(self, input_unit: str, output_unit: str, time_unit: str) -> str:
-        """The unit with the record's own units put in: `"input / output"` -> `"N / mm"`."""
-        known = {"input": input_unit, "output": output_unit, "time": time_unit}
-        words = [known.get(word, word) for word in self.unit.split()]
-        while len(words) > 1 and words[-1] == "1" and words[-2] in ("*", "/"):
-            words = words[:-2]
-        return " ".join(words)
+    def in_units(self, words: dict[str, str]) -> str:
+        """The unit with a record's own units put in: "input / output" -> "N / mm"."""
+        units = [words.get(word, word) for word in self.unit.split()]
+        while len(units) > 1 and units[-1] == "1" and units[-2] in ("*", "/"):
+            units = units[:-2]
+        return " ".join(units)
 
 
 def parameter(

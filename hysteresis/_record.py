@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cycles import branches, cycles, default_dead_band, loop_area, noise_level, turning_points
+from ._cycles import branches, cycles
 from ._errors import InputError
 
 
@@ -126,7 +126,7 @@ class Record:
         rows = np.flatnonzero(bad)
         lasts = ""
         if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
-            lasts = f" ({_duration(float(np.ptp(self.time[rows])), self.time_unit)})"
+            lasts = f" ({duration(float(np.ptp(self.time[rows])), self.time_unit)})"
         return InputError(code, f"{what}, {self._lines(rows)}{lasts}.", place=self.source, fix=fix)
 
     @classmethod
@@ -263,7 +263,7 @@ class Record:
             said.append(f"the {branch} branch")
         if range is not None:
             keep &= (self.input >= range[0]) & (self.input <= range[1])
-            said.append(f"input {range[0]:g} to {_quantity(range[1], self.input_unit)}")
+            said.append(f"input {range[0]:g} to {quantity(range[1], self.input_unit)}")
         if cycle is not None:
             wanted = sorted(cycle) if isinstance(cycle, Collection) else [cycle]
             keep &= np.isin(self.cycle, wanted)
@@ -364,7 +364,7 @@ class Record:
         starts = np.cumsum([0, *map(len, clock[:-1])])
         series = {"input": u, "output": y, "time": clock}
         joined = {name: np.concatenate(parts) for name, parts in series.items()}
-        sentence = f"Resampled {len(self)} rows to a step of {_quantity(dt, self.time_unit)}."
+        sentence = f"Resampled {len(self)} rows to a step of {quantity(dt, self.time_unit)}."
         return self._take(np.concatenate(rows), sentence, starts=starts, **joined)
 
     def digest(self) -> str:
@@ -376,108 +376,15 @@ class Record:
 
     def summary(self) -> dict[str, Any]:
         """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
-        steps = _steps(self)
-        clock = None
-        if steps.size:
-            low, mid, high = np.quantile(steps, [0, 0.5, 1]).tolist()
-            clock = {"min": low, "median": mid, "max": high, "unit": self.time_unit}
-        return {
-            "source": self.source,
-            "sha256": self.sha256,
-            "rows": len(self),
-            "rows_used": int(self.mask.sum()),
-            "sequences": len(self.labels),
-            "cycles": self.n_cycles,
-            "input": _spread(self, "input"),
-            "output": _spread(self, "output") | {"saturated": _saturation(self)[0]},
-            "dt": clock,
-            "loop_direction": loop_direction(self),
-        }
+        from ._fitness import summary  # which is about records
+
+        return summary(self)
 
     def describe(self) -> str:
         """The summary for a reader, and the history."""
-        s = self.summary()
-        way, falls = s["loop_direction"], _correlation(self) < 0
-        turn = "counter-clockwise" if way > 0 else "clockwise"
-        # Where the output falls with the input, lagging loops turn clockwise.
-        turn += ": the output lags" if (way > 0) != falls else ": the output leads"
-        lines = [
-            f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
-            f"{s['sequences']} sequences, {s['cycles']} complete cycles"
-        ]
-        for role in ("input", "output"):
-            x, unit = s[role], s[role]["unit"]
-            lines.append(
-                f"{role:6} {x['name']}: {x['min']:.4g} to {_quantity(x['max'], unit)}, "
-                f"noise {_quantity(x['noise'], unit)}"
-            )
-        if s["dt"]:
-            low, mid, high = (f"{s['dt'][k]:.4g}" for k in ("min", "median", "max"))
-            lines.append(f"dt     {low} to {high}, median {mid} {self.time_unit}")
-        if s["output"]["saturated"]:
-            lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
-        lines.append(f"loop   {way:+.2f} ({turn})" if way else "loop   none closed")
-        return "\n".join([*lines, *self.history])
+        from ._fitness import describe
 
-
-def loop_direction(record: Record) -> float:
-    """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
-
-    `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
-
-    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
-    nothing closes.
-    """
-    parts = [
-        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
-    ]
-    net, total = np.sum(parts, axis=0)
-    return float(net / total) if total else 0.0
-
-
-def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
-    """Can these rows tell a model's parameters? Returns warnings, each ending in its `[code]`.
-
-    **Raises:** `InputError` `too-short`, `constant-input`, `no-excitation`.
-    """
-    u, unit, place = record.input, record.input_unit, record.source
-    rows, needed = int(record.mask.sum()), n_parameters or 2
-    span, noise = float(np.ptp(u)) if len(u) else 0.0, _spread(record, "input")["noise"]
-    turns = sum(_turns(u[s]) for _, s in record.sequences())
-    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
-        asked = f"{n_parameters} parameters, " if n_parameters else ""
-        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
-        raise InputError("too-short", problem, place=place, fix="use more rows, or fix parameters.")
-    if span == 0:
-        problem = f"Input {record.input_name!r} is {_quantity(u[0], unit)} in every row."
-        mend = "choose another --input; for creep or relaxation under a constant input give --step."
-        raise InputError("constant-input", problem, place=place, fix=mend)
-    # Steps drawn anew at every row look like noise, but the output follows them.
-    if span < 10 * noise and abs(_correlation(record)) < 0.5:
-        problem = f"Input range {_quantity(span, unit)} is about the noise; nothing to identify."
-        raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
-    found = []
-    if (steps := _steps(record)).size:
-        low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
-        if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
-            low, high = (_duration(x, record.time_unit) for x in (steps.min(), steps.max()))
-            found.append(
-                f"dt {low} to {high}; resample, or use a continuous model. [jittered-time]"
-            )
-    if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
-        way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
-        found.append(
-            f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
-            "fit the sponge (LinearSponge), or measure the way back. [one-way-input]"
-        )
-    share, limit = _saturation(record)
-    if share:
-        at = _quantity(limit, record.output_unit)
-        found.append(f"{share:.1%} of the output at {at}: clipped; mask or censor. [saturation]")
-    single = [x for x, s in record.sequences() if s.stop - s.start < 2]
-    if single:
-        found.append(f"{len(single)} sequences of one row, first {single[0]!r}. [short-sequence]")
-    return found
+        return describe(self)
 
 
 def _same_length(**arrays: np.ndarray | None) -> None:
@@ -496,50 +403,11 @@ def _fill(x: np.ndarray, t: np.ndarray) -> None:
         x[~good] = np.interp(t[~good], t[good], x[good])
 
 
-def _turns(u: np.ndarray) -> float:
-    """Path length over twice the range: 1 for one loop, 1/2 for one ramp."""
-    path = np.abs(np.diff(u[turning_points(u, default_dead_band(u))])).sum()
-    return float(path / (2 * np.ptp(u))) if path else 0.0
-
-
-def _correlation(record: Record) -> float:
-    good = np.isfinite(record.output)
-    u, y = record.input[good], record.output[good]
-    return float(np.corrcoef(u, y)[0, 1]) if good.any() and np.ptp(u) and np.ptp(y) else 0.0
-
-
-def _steps(record: Record) -> np.ndarray:
-    if record.time is None:
-        return np.empty(0)
-    return np.concatenate([np.diff(record.time[s]) for _, s in record.sequences()])
-
-
-def _spread(record: Record, role: str) -> dict[str, Any]:
-    x = getattr(record, role)
-    good = np.isfinite(x)
-    low, high = (float(x[good].min()), float(x[good].max())) if good.any() else (np.nan, np.nan)
-    noise = float(np.median([noise_level(x[s][good[s]]) for _, s in record.sequences()]))
-    names = {"name": getattr(record, f"{role}_name"), "unit": getattr(record, f"{role}_unit")}
-    return names | {"min": low, "max": high, "noise": noise}
-
-
-def _saturation(record: Record) -> tuple[float, float]:
-    """Share of rows stuck at the output's largest or smallest value, and that value.
-
-    Stuck: at least 1 % of the rows and eight of them, while the input moves by 2 % of its range.
-    Zero and the value of the first row are the rest, not a limit.
-    """
-    y, u = record.output, record.input
-    for limit in (np.nanmax(y), np.nanmin(y)) if np.isfinite(y).any() else ():
-        at, rest = y == limit, limit in (0.0, y[0])
-        if not rest and at.sum() >= max(8, 0.01 * len(y)) and np.ptp(u[at]) > 0.02 * np.ptp(u):
-            return float(at.mean()), float(limit)
-    return 0.0, float("nan")
-
-
-def _quantity(x: float, unit: str) -> str:
+def quantity(x: float, unit: str) -> str:
+    """A value with its unit, to four digits."""
     return f"{x:.4g}" if unit == "1" else f"{x:.4g} {unit}"
 
 
-def _duration(x: float, unit: str) -> str:
-    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else _quantity(x, unit)
+def duration(x: float, unit: str) -> str:
+    """A time with its unit, to three digits where it is below a second."""
+    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else quantity(x, unit)

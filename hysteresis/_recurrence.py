@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
+@jax.jit
 def linear_recurrence(
     a: Float[Array, "samples *matrix"], b: Float[Array, "samples states"]
 ) -> Float[Array, "samples states"]:

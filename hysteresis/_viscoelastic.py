@@ -64,16 +64,16 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
     """
 
     E1: Float[Array, ""] = parameter(
-        unit="input / output", bounds=(0.0, float("inf")), meaning="instantaneous stiffness"
+        unit="force / displacement", bounds=(0.0, float("inf")), meaning="instantaneous stiffness"
     )
     eta1: Float[Array, ""] = parameter(
-        unit="input * time / output", bounds=(0.0, float("inf")), meaning="viscosity of flow"
+        unit="force * time / displacement", bounds=(0.0, float("inf")), meaning="viscosity of flow"
     )
     E2: Float[Array, ""] = parameter(
-        unit="input / output", bounds=(0.0, float("inf")), meaning="stiffness of delayed part"
+        unit="force / displacement", bounds=(0.0, float("inf")), meaning="stiffness of delayed part"
     )
     eta2: Float[Array, ""] = parameter(
-        unit="input * time / output",
+        unit="force * time / displacement",
         bounds=(0.0, float("inf")),
         meaning="viscosity of delayed part",
     )
@@ -137,21 +137,21 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
     def evaluate(self, prepared: BurgersInput) -> Float[Array, " samples"]:
         dt, u, u_before, start, state = prepared
         creep = self._creep(dt)
-        begin = jnp.stack([state.dashpot, state.kelvin])
-        run = 1 - start[:, None]
+        begin = jnp.stack([state.dashpot, state.kelvin])[None]
+        start = start[:, None]
         if not self.leading:
             drive = creep.before * u_before[:, None] + creep.now * u[:, None]
-            drive += start[:, None] * creep.decay * begin
-            x = linear_recurrence(creep.decay * run, drive)
+            drive += start * creep.decay * begin
+            x = linear_recurrence(creep.decay * (1 - start), drive)
             return u / self.E1 + x.sum(-1) + self.offset
         # F before = E1 (d before - x1 - x2) removes the force from the recurrence in (x1, x2).
         gain = creep.now / (1 / self.E1 + creep.now.sum(-1, keepdims=True))
         before = creep.before - gain * creep.before.sum(-1, keepdims=True)
-        matrix = creep.decay[:, :, None] * jnp.eye(2) - gain[:, :, None] * creep.decay[:, None, :]
-        matrix = matrix - self.E1 * before[:, :, None]
+        matrix = creep.decay[:, :, None] * jnp.eye(2)[None]
+        matrix -= gain[:, :, None] * creep.decay[:, None, :] + self.E1 * before[:, :, None]
         drive = gain * u[:, None] + self.E1 * before * u_before[:, None]
-        drive += start[:, None] * (matrix @ begin)
-        x = linear_recurrence(matrix * run[:, :, None], drive)
+        drive += start * (matrix * begin[:, None]).sum(-1)
+        x = linear_recurrence(matrix * (1 - start)[:, :, None], drive)
         return self.E1 * (u - x.sum(-1)) + self.offset
 
     def displacement(self, state: BurgersState) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Float
 
-from hysteresis.preisach import Preisach
+from hysteresis.preisach import GridDensity, GridPairs, Preisach, PreisachInput
 
 
 class Normal(NamedTuple):
@@ -70,10 +70,21 @@ class NodeSpace(NamedTuple):
         i, j = np.tril_indices(n)
         return np.hstack([rows[:, :1], increments, mass[:, i, j]])
 
+    def from_unknowns(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " columns"]:
+        """S z: offset, the reversible part at its nodes, the Everett table, the half cells."""
+        n = self.cells
+        mass = np.zeros((n, n))
+        mass[np.tril_indices(n)] = z[1 + n :]
+        table = np.zeros((n + 1, n + 1))
+        table[1:, :-1] = mass[:, ::-1].cumsum(1)[:, ::-1].cumsum(0)
+        nodes = np.append(0.0, z[1 : 1 + n].cumsum())
+        return np.concatenate([z[:1], nodes, np.tril(table, -1).ravel(), np.diagonal(mass)])
 
-def design_rows(model: Preisach, prepared: "object") -> sparse.csr_matrix:
+
+def design_rows(model: Preisach, prepared: PreisachInput) -> sparse.csr_matrix:
     """B: one row per sample in node space, for a model with a `GridDensity` and a reversible part."""
     p = prepared
+    assert isinstance(model.density, GridDensity)
     space = NodeSpace(model.density.cells)
     own = _everett_rows(space, p.sample, np.asarray(p.sign))
     edge = _everett_rows(space, p.node, np.asarray(p.node_sign))
@@ -119,7 +130,7 @@ def normal_equations(
     return Normal((H + H.T) / 2, b, float(y @ y), len(y))
 
 
-def _everett_rows(space: NodeSpace, pairs: "object", factor: np.ndarray) -> sparse.csr_matrix:
+def _everett_rows(space: NodeSpace, pairs: GridPairs, factor: np.ndarray) -> sparse.csr_matrix:
     """factor * E(a, b) as rows in node space."""
     corner, f, g = (np.asarray(a) for a in (pairs.corner, pairs.fraction, pairs.fraction_b))
     stride = space.nodes

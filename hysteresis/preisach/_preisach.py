@@ -112,10 +112,9 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         state = PreisachState(
             empty.at[0].set(low), empty.at[0].set(down), one, low, down, one, one - 1
         )
-        for u in self._staircase():
-            state, _ = self._step_relays(table, state, jnp.asarray(u, float))
-        return state
+        return _settle(self, state, jnp.asarray(self._staircase(), float))
 
+    @eqx.filter_jit
     def step(self, state: PreisachState, t: Any, u: Any) -> tuple[PreisachState, Float[Array, ""]]:
         u = jnp.asarray(u, state.u.dtype)
         state, relays = self._step_relays(self.density.tabulate(), state, u)
@@ -208,7 +207,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         beside = w - jnp.diag(half)
         swept = jnp.stack([beside[:, ::-1].cumsum(1), beside.T.cumsum(1)])
         swept = jnp.concatenate([jnp.zeros_like(swept[..., :1]), swept], -1)
-        swept = jnp.concatenate([swept, swept + 2 * half[:, None]], -1)
+        swept = jnp.concatenate([swept, swept + 2 * half[None, :, None]], -1)
         least = (2 * self.orientation * swept).min((0, 2))
         reversible = 0.0 if self.reversible is None else self.reversible
         return (least + reversible) * (self.density.cells / (self.density.high - self.density.low))
@@ -257,6 +256,13 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             return y
         begin = jnp.cumsum(self.reversible) - self.reversible
         return y + read(begin, cell) + within * read(self.reversible, cell)
+
+
+@eqx.filter_jit
+def _settle(model: Preisach, state: PreisachState, path: Array) -> PreisachState:
+    """The state after a path of inputs."""
+    table = model.density.tabulate()
+    return jax.lax.scan(lambda s, u: model._step_relays(table, s, u), state, path)[0]
 
 
 def _traced_tree(path: Array) -> MemoryTree:

@@ -1,0 +1,210 @@
+"""`fit`: candidates, ranked on held-out parts, the winner refitted on the whole training part."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import jax
+import numpy as np
+
+from hysteresis import AbstractModel, InputError, Preisach, Record, check_identifiable
+
+from ._folds import Parts, parts
+from ._guess import CANDIDATES, guess, initial_states, orientations, output_falls
+from ._metrics import metrics
+from ._noise import estimate_noise
+from ._parametric import fit_parametric
+from ._preisach import LinearFit, PreisachProblem, fit_preisach
+from ._result import FitResult, Parameter, predict
+from ._verdict import judge
+
+Report = Callable[[str], None]
+
+
+def fit(
+    record: Record,
+    model: str | Sequence[str] | AbstractModel = "auto",
+    *,
+    test: Record | None = None,
+    test_cycles: int | None = None,
+    test_tail: float | None = None,
+    initial: str = "auto",
+    starts: int = 32,
+    seed: int = 0,
+    allow_float32: bool = False,
+    progress: Report | None = None,
+) -> FitResult:
+    """Fit models to a record and give back the best, as a new model of its own type.
+
+    Candidates are ranked by their error on parts of the training rows that were held out from them,
+    whole sequences or cycles; each is then refitted to all of the training part. The test rows are
+    used for nothing but the reported figures.
+
+    **Arguments:**
+
+    - `record`: the measurements; its mask says which rows count.
+    - `model`: `"auto"`, a name or names out of LinearSponge, Burgers and Preisach, or a model to
+      start from: its fixed parameters stay, the others are fitted.
+    - `test`: a record to judge on; or `test_cycles`, the last so many of each sequence; or
+      `test_tail`, the last fraction of each sequence.
+
+    **Other arguments:**
+
+    - `initial`: the relays before the first sample of each sequence: `"negative"`, `"positive"` or
+      `"demagnetised"`; `"auto"` tries those the record leaves open.
+    - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
+    - `allow_float32`: fit although JAX's double precision is off.
+    - `progress`: called with a line of text now and then.
+
+    Raises `InputError` where the record cannot identify anything, or double precision is off.
+    """
+    begin = time.perf_counter()
+    say = progress or (lambda _: None)
+    _require_double(allow_float32)
+    if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
+        raise InputError("two-hold-outs", "Give one of test, test_cycles and test_tail.")
+    if test_cycles is not None:
+        record, test = record.split_cycles(test_cycles)
+    elif test_tail is not None:
+        record, test = record.split_tail(test_tail)
+    names, template = _names(model)
+    warnings = tuple(check_identifiable(record))
+    cut = parts(record)
+    say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
+
+    found: list[FitResult] = []
+    skipped: dict[str, str] = {}
+    for name in names:
+        since = time.perf_counter()
+        try:
+            candidate = _fit_one(name, template, record, cut, initial, starts, seed)
+        except InputError as error:
+            if len(names) == 1:
+                raise
+            skipped[name] = str(error)
+            say(f"{name}: left out. {error}")
+            continue
+        candidate = replace(candidate, seconds=time.perf_counter() - since, test=test)
+        if test is not None:
+            held_out = metrics(test.output, predict(candidate.model, test), test.mask)
+            candidate = replace(candidate, metrics={**candidate.metrics, "test": held_out})
+        found.append(candidate)
+        say(f"{name}: held-out {candidate.score:.3g} %, {candidate.seconds:.1f} s")
+    if not found:
+        raise InputError("nothing-fits", " ".join(skipped.values()))
+    ranked = sorted(found, key=lambda candidate: candidate.score)
+    ranked = [replace(c, verdict=judge(c, warnings)) for c in ranked]
+    return replace(
+        ranked[0],
+        candidates=tuple(ranked),
+        skipped=skipped,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _names(
+    model: str | Sequence[str] | AbstractModel,
+) -> tuple[tuple[str, ...], AbstractModel | None]:
+    if isinstance(model, AbstractModel):
+        return (type(model).__name__,), model
+    listed = model.split(",") if isinstance(model, str) else list(model)
+    names = CANDIDATES if listed == ["auto"] else tuple(name.strip() for name in listed)
+    for name in names:
+        if name not in CANDIDATES:
+            raise InputError(
+                "unknown-model",
+                f"No model {name!r}; have {', '.join(CANDIDATES)}.",
+                fix="name one or several of them with commas between, or auto.",
+            )
+    return names, None
+
+
+def _fit_one(
+    name: str,
+    template: AbstractModel | None,
+    record: Record,
+    cut: Parts,
+    initial: str,
+    starts: int,
+    seed: int,
+) -> FitResult:
+    if name == "Preisach":
+        return _fit_preisach(template, record, cut, initial, seed)
+    return fit_parametric(name, template or guess(name, record), record, cut, starts, seed)
+
+
+def _fit_preisach(
+    template: AbstractModel | None, record: Record, cut: Parts, initial: str, seed: int
+) -> FitResult:
+    if output_falls(record):
+        raise InputError(
+            "output-falls",
+            f"{record.output_name} falls as {record.input_name} rises: no Preisach model does.",
+            cause="the sign convention of one column.",
+            fix="turn the sign of one column.",
+        )
+    leadings, cells = orientations(record), (20, 40)
+    initials = initial_states(record) if initial == "auto" else (initial,)
+    if isinstance(template, Preisach):
+        leadings, initials = (template.leading,), (template.initial,)
+        cells = (template.density.weights.shape[0],)
+    linear, problem = fit_preisach(record, cut, leadings, initials, cells)
+    predicted = predict(linear.model, record)
+    residuals = np.where(record.mask, predicted - record.output, np.nan)
+    which = tuple(p for p in cut.all if not (linear.dropped and p == cut.conditioning))
+    used = np.isin(cut.label, which)
+    noise = estimate_noise([residuals[s][used[s]] for _, s in record.sequences() if used[s].any()])
+    notes = [f"Prior strength {linear.strength:g}, {problem.cells} cells, chosen on {cut.how}."]
+    if linear.dropped:
+        notes.append("The first cycle was left out of the fit: that predicts the later ones better.")
+    totals, covariance = _totals(linear, problem, noise.sigma**2 * noise.correlation_time, record)
+    span = float(np.ptp(record.output[record.mask]))
+    return FitResult(
+        name="Preisach",
+        model=linear.model,
+        parameters=totals,
+        covariance=covariance,
+        residuals=residuals,
+        metrics={"train": metrics(record.output, predicted, record.mask), "test": None},
+        success=True,
+        score=100 * float(np.sqrt(linear.blocks.mean())) * linear.scale / span,
+        noise=noise,
+        train=record,
+        notes=tuple(notes),
+        internals={"used": used, "linear": linear, "problem": problem},
+        seed=seed,
+    )
+
+
+def _totals(
+    linear: LinearFit, problem: PreisachProblem, variance: float, record: Record
+) -> tuple[tuple[Parameter, ...], np.ndarray]:
+    """Offset, total rise of the reversible part and total mass of the relays, with their errors.
+
+    Laplace: the covariance of the unknowns that are not zero is variance H^-1 / (rows scale^2).
+    """
+    n = problem.cells
+    sums = np.zeros((3, len(linear.unknowns)))
+    sums[0, 0], sums[1, 1 : 1 + n], sums[2, 1 + n :] = 1.0, 1.0, 1.0
+    at = np.flatnonzero((linear.unknowns != 0) | problem.free)
+    in_unknowns = (sums @ problem.substitution)[:, at]
+    spread = np.linalg.solve(linear.H[np.ix_(at, at)], in_unknowns.T)
+    covariance = in_unknowns @ spread * variance / linear.rows
+    names = ("offset", "reversible.rise", "density.mass")
+    values = sums @ problem.substitution @ linear.unknowns * linear.scale
+    errors = np.sqrt(np.diagonal(covariance))
+    listed = tuple(
+        Parameter(name, float(v), record.output_unit, float(e), "free")
+        for name, v, e in zip(names, values, errors, strict=True)
+    )
+    return listed, covariance
+
+
+def _require_double(allow_float32: bool) -> None:
+    if not jax.config.jax_enable_x64 and not allow_float32:  # type: ignore[attr-defined]
+        raise InputError(
+            "float32",
+            "JAX runs in single precision, in which fits stop early and errors come out wrong.",
+            fix='jax.config.update("jax_enable_x64", True) before any array is made, or'
+            " allow_float32=True (--allow-float32).",
+        )

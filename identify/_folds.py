@@ -1,0 +1,65 @@
+"""Hold-outs inside the training part: whole sequences or whole cycles, never random samples."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from hysteresis import Record
+
+
+class Fold(NamedTuple):
+    """Which parts a trial fit sees and which it is judged on."""
+
+    train: tuple[int, ...]
+    test: tuple[int, ...]
+
+
+class Parts(NamedTuple):
+    """The rows that count, cut into parts, and the folds made of them.
+
+    - `label` (samples,): part of each row; -1 where it does not count.
+    - `folds`: the hold-outs, none where the record is too short for one.
+    - `conditioning`: the part that a fit may leave out as conditioning, if any: the first cycle.
+    - `how`: in words.
+    """
+
+    label: Int[np.ndarray, " samples"]
+    folds: tuple[Fold, ...]
+    conditioning: int | None
+    how: str
+
+    @property
+    def all(self) -> tuple[int, ...]:
+        """Every part."""
+        return tuple(int(p) for p in np.unique(self.label[self.label >= 0]))
+
+
+def parts(record: Record, most: int = 5) -> Parts:
+    """Cut a record into parts: groups of sequences where it has several, else cycles, else a tail.
+
+    Several sequences make up to `most` folds, each held out in turn. In a single one the last
+    cycle is held out; the first may be a conditioning cycle where two more follow. The last quarter
+    of a record without two cycles is held out.
+    """
+    label = np.full(len(record), -1)
+    counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
+    if len(counted) > 1:
+        number = min(most, len(counted))
+        for k, rows in enumerate(counted):
+            label[rows] = k % number
+        label[~record.mask] = -1
+        every = range(number)
+        folds = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
+        return Parts(label, folds, None, f"{number} groups of sequences, each held out in turn")
+    cycle = np.where(record.mask, record.cycle, 0)
+    numbers = np.unique(cycle[cycle > 0])
+    if len(numbers) > 1:
+        label = np.searchsorted(numbers, cycle)
+        label[cycle == 0] = -1
+        last = len(numbers) - 1
+        fold = Fold(tuple(range(last)), (last,))
+        return Parts(label, (fold,), 0 if last > 1 else None, "the last training cycle held out")
+    rows = np.flatnonzero(record.mask)
+    label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
+    return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")

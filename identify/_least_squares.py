@@ -1,0 +1,130 @@
+"""Non-linear least squares from many starts at once, the best one refined."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Array, Bool, Float, Int
+
+from hysteresis import AbstractModel, Record
+
+from ._transform import Transform
+
+
+class Starts(NamedTuple):
+    """What became of every start: objective (mean squared error) and distance to the best, in z."""
+
+    objective: Float[np.ndarray, " starts"]
+    distance: Float[np.ndarray, " starts"]
+    free: Float[np.ndarray, "starts parameters"]
+
+
+class Optimum(NamedTuple):
+    """Free vector at the minimum, the Jacobian of the residuals there, and whether it converged."""
+
+    free: Float[np.ndarray, " parameters"]
+    jacobian: Float[np.ndarray, "samples parameters"]
+    converged: bool
+    steps: int
+
+
+def refine(
+    transform: Transform,
+    model: AbstractModel,
+    prepared: Any,
+    y: Float[np.ndarray, " samples"],
+    mask: Bool[np.ndarray, " samples"],
+    free: Float[np.ndarray, " parameters"],
+    steps: int = 200,
+) -> Optimum:
+    """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
+    arguments = _arguments(model, prepared, y, mask)
+    z, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
+    jacobian = np.asarray(_jacobian(transform, arguments, z))
+    return Optimum(np.asarray(z), jacobian[mask], bool(converged), int(taken))
+
+
+def multi_start(
+    transform: Transform,
+    model: AbstractModel,
+    prepared: Any,
+    y: Float[np.ndarray, " samples"],
+    mask: Bool[np.ndarray, " samples"],
+    starts: Float[np.ndarray, "starts parameters"],
+    steps: int = 40,
+) -> Starts:
+    """A short Levenberg-Marquardt from every start, side by side; sorted, best first.
+
+    The steps are capped, since under `vmap` the slowest lane sets the pace.
+    """
+    arguments = _arguments(model, prepared, y, mask)
+    z = np.asarray(_run_all(transform, arguments, jnp.asarray(starts), steps))
+    objective = np.asarray(_objectives(transform, arguments, jnp.asarray(z)))
+    objective = np.where(np.isfinite(objective), objective, np.inf)
+    order = np.argsort(objective, kind="stable")
+    objective, z = objective[order], z[order]
+    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z)
+
+
+def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
+    """About `most` rows of a record and the starts among them: enough to look for a start.
+
+    Every k-th sequence is kept where there are many, then every k-th sample of each.
+    """
+    sequences = [rows for _, rows in record.sequences()]
+    few = sequences[:: max(1, min(len(record) // most, len(sequences) // 8))]
+    stride = -(-sum(rows.stop - rows.start for rows in few) // most)
+    kept = [np.arange(rows.start, rows.stop, stride) for rows in few]
+    starts = np.cumsum([0, *(len(rows) for rows in kept[:-1])])
+    return np.concatenate(kept), tuple(int(k) for k in starts)
+
+
+def _arguments(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
+    scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
+    counted = np.where(mask, y, 0.0)
+    return model, prepared, jnp.asarray(counted), jnp.asarray(mask), jnp.asarray(float(scale))
+
+
+def _residuals(transform: Transform, z: Array, arguments: Any) -> Array:
+    model, prepared, y, mask, scale = arguments
+    predicted = transform.insert(model, transform.to_values(z)).evaluate(prepared)
+    return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum()))
+
+
+def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float) -> Any:
+    return optimistix.least_squares(
+        lambda z, arguments: _residuals(transform, z, arguments),
+        optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
+        z,
+        args=arguments,
+        max_steps=steps,
+        throw=False,
+    )
+
+
+@eqx.filter_jit
+def _run(transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float) -> Any:
+    solution = _solve(transform, arguments, z, steps, tolerance)
+    converged = solution.result == optimistix.RESULTS.successful
+    return solution.value, converged, solution.stats["num_steps"]
+
+
+@eqx.filter_jit
+def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> Array:
+    return jax.vmap(lambda z: _solve(transform, arguments, z, steps, 1e-6).value)(z)
+
+
+@eqx.filter_jit
+def _objectives(transform: Transform, arguments: Any, z: Array) -> Array:
+    scale = arguments[-1]
+    return jax.vmap(lambda z: jnp.sum((scale * _residuals(transform, z, arguments)) ** 2))(z)
+
+
+@eqx.filter_jit
+def _jacobian(transform: Transform, arguments: Any, z: Array) -> Array:
+    *_, mask, scale = arguments
+    unit = scale * jnp.sqrt(mask.sum())
+    return jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(z)

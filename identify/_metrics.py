@@ -1,0 +1,39 @@
+"""How far off a model is, in the figures everybody compares."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+
+class Metrics(NamedTuple):
+    """Errors over some rows.
+
+    - `rmse`, `max_abs`: root mean square and largest error, in the output's unit.
+    - `nrmse_percent`: 100 rmse / (max - min of the measured output over these rows).
+    - `r2`: 1 - sum of squared errors / sum of squared deviations from the mean.
+    """
+
+    rmse: float
+    nrmse_percent: float
+    max_abs: float
+    r2: float
+
+
+def metrics(
+    measured: Float[np.ndarray, " samples"],
+    predicted: Float[np.ndarray, " samples"],
+    mask: Bool[np.ndarray, " samples"] | None = None,
+) -> Metrics:
+    """Errors of a prediction over the masked rows."""
+    if mask is not None:
+        measured, predicted = measured[mask], predicted[mask]
+    error = predicted - measured
+    rmse = float(np.sqrt(np.mean(error**2)))
+    spread, span = float(np.sum((measured - measured.mean()) ** 2)), float(np.ptp(measured))
+    return Metrics(
+        rmse,
+        100 * rmse / span if span > 0 else float("nan"),
+        float(np.abs(error).max()),
+        1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
+    )

@@ -1,0 +1,55 @@
+"""What is left of the data when the model is taken away: its size, and how many facts it holds."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+
+class Noise(NamedTuple):
+    """Gaussian residuals with a correlation time.
+
+    Densely sampled residuals are not independent: `samples` of them, correlated over
+    `correlation_time` samples, hold `effective = samples / correlation_time` facts. The one noise
+    model serves both uses: least squares weighs residuals with `sigma`, and the log-likelihood is
+
+        log L = -(effective / samples) [ sum r^2 / (2 sigma^2) + samples log sigma ],
+
+    so errors and posteriors widen by the square root of the correlation time.
+    """
+
+    sigma: float
+    samples: int
+    correlation_time: float
+
+    @property
+    def effective(self) -> float:
+        """Number of independent residuals that would say as much."""
+        return self.samples / self.correlation_time
+
+
+def estimate_noise(
+    residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
+) -> Noise:
+    """Noise of residuals, one array for each independent sequence; `parameters` were fitted.
+
+    The correlation time is 1 + 2 (sum of autocorrelations up to lag M), the smallest M >= 5 times
+    the sum so far (Sokal's window), with the mean left in: an offset is an error too. At most one
+    fact per fitted parameter is given up, so the errors stay finite.
+    """
+    samples = sum(len(r) for r in residuals)
+    squares = sum(float(r @ r) for r in residuals)
+    if samples == 0 or squares == 0:
+        return Noise(0.0, samples, 1.0)
+    longest = max(len(r) for r in residuals)
+    covariance = np.zeros(longest)
+    for r in residuals:
+        spectrum = np.fft.rfft(r, 2 * len(r))
+        covariance[: len(r)] += np.fft.irfft(spectrum * spectrum.conj())[: len(r)]
+    # The sum of products over lag k is not divided by its shrinking count: that biases a noisy tail to 0.
+    time = 2 * np.cumsum(covariance / covariance[0]) - 1
+    window = np.flatnonzero(np.arange(longest) >= 5 * time)
+    tau = float(max(time[window[0]] if len(window) else time[-1], 1.0))
+    tau = min(tau, samples / (parameters + 1.0))
+    sigma = np.sqrt(squares / max(samples - parameters, 1))
+    return Noise(float(sigma), samples, max(tau, 1.0))

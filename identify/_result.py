@@ -1,0 +1,86 @@
+"""What a fit gives back."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import AbstractModel, Record
+
+from ._least_squares import Starts
+from ._metrics import Metrics
+from ._noise import Noise
+
+Level = Literal["PASS", "CAUTION", "FAIL"]
+Status = Literal["free", "fixed", "at bound", "unidentified"]
+
+
+class Parameter(NamedTuple):
+    """A fitted parameter: value, unit, standard error (None where there is no honest one), status."""
+
+    name: str
+    value: float
+    unit: str
+    stderr: float | None
+    status: Status
+
+
+class Verdict(NamedTuple):
+    """PASS, CAUTION or FAIL, and why, in sentences."""
+
+    level: Level
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A model fitted to a record, with everything needed to judge it.
+
+    - `name`, `model`: the model's name, and a new model of that type.
+    - `parameters`, `covariance` (of the free ones, in their order).
+    - `residuals`: predicted - measured on the training record, (samples,); NaN where not counted.
+    - `metrics`: {"train": Metrics, "test": Metrics or None}.
+    - `success`: the solver converged. `trusted`: the answer can be used; `verdict` says why not.
+    - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
+    - `noise`: size and correlation of the residuals. `rows`: how many rows were fitted.
+    - `starts`: every start's objective, for parametric models.
+    - `internals`: arrays the posterior of grid weights needs.
+    - `candidates`: the other models tried, best first, this one included.
+    - `train`, `test`: the records it was fitted to and judged on.
+    """
+
+    name: str
+    model: AbstractModel
+    parameters: tuple[Parameter, ...]
+    covariance: Float[np.ndarray, "free free"]
+    residuals: Float[np.ndarray, " samples"]
+    metrics: dict[str, Metrics | None]
+    success: bool
+    score: float
+    noise: Noise
+    train: Record
+    test: Record | None = None
+    notes: tuple[str, ...] = ()
+    starts: Starts | None = None
+    internals: dict[str, Any] = field(default_factory=dict)
+    verdict: Verdict = Verdict("CAUTION", ())
+    candidates: tuple["FitResult", ...] = ()
+    skipped: dict[str, str] = field(default_factory=dict)
+    seed: int = 0
+    seconds: float = 0.0
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the answer can be used: the verdict is not FAIL and the solver converged."""
+        return self.success and self.verdict.level != "FAIL"
+
+    def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
+        """The model's output on a record, every sequence from the virgin state."""
+        return predict(self.model, record)
+
+
+def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
+    """A model's output on a record, every sequence from the virgin state."""
+    starts = tuple(int(k) for k in record.starts)
+    return np.asarray(model.evaluate(model.prepare(record.time, record.input, starts=starts)))

@@ -1,0 +1,186 @@
+"""The contract of `AbstractModel`, kept by every model of the table."""
+
+from dataclasses import FrozenInstanceError
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hysteresis import AbstractModel, Preisach, parameters
+from tests.problems import PROBLEMS, SAMPLES, Problem, clock, histories, tagged
+
+every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+seeds = st.integers(0, 2**32 - 1)
+CUT = 13
+
+
+@eqx.filter_jit
+def batch(
+    model: AbstractModel, t: Any, u: Any, state: Any = None, starts: tuple[int, ...] = (0,)
+) -> Any:
+    """`prepare` and `evaluate` under a trace: the shapes, and so the compilations, are the same for
+    every history."""
+    return model.evaluate(model.prepare(t, u, state, starts=starts))
+
+
+def close(got: Any, wanted: Any, model: AbstractModel, steps: int = SAMPLES) -> None:
+    """Equal to rounding: so many additions of numbers of the size of output and parameters."""
+    sizes = [np.abs(value[np.isfinite(value)]).sum() for value in map(np.asarray, leaves(model))]
+    scale = np.abs(np.asarray(wanted)).max() + sum(sizes)
+    tolerance = 16 * steps * np.finfo(float).eps * scale
+    np.testing.assert_allclose(np.asarray(got), np.asarray(wanted), rtol=0, atol=tolerance)
+
+
+def leaves(model: AbstractModel) -> list[Any]:
+    return [value for _, _, value in parameters(model) if value is not None]
+
+
+def draw(problem: Problem, data: st.DataObject) -> tuple[AbstractModel, np.ndarray, np.ndarray]:
+    seed = data.draw(seeds, "seed")
+    u = data.draw(histories(problem.low, problem.high), "u")
+    return problem.model(seed), clock(seed), u
+
+
+@every
+@settings(max_examples=25)
+@given(data=st.data())
+def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
+    model, t, u = draw(problem, data)
+    close(batch(model, t, u), model.stream(t, u)[1], model)
+
+
+@every
+@settings(max_examples=5)
+@given(data=st.data())
+def test_arrays_prepared_on_the_host_give_the_same(problem: Problem, data: st.DataObject):
+    model, t, u = draw(problem, data)
+    close(model.simulate(t, u), batch(model, t, u), model)
+
+
+@every
+@settings(max_examples=10)
+@given(data=st.data())
+def test_a_record_may_be_cut_and_the_state_carried(problem: Problem, data: st.DataObject):
+    model, t, u = draw(problem, data)
+    whole = batch(model, t, u)
+    state, head = model.stream(t[:CUT], u[:CUT])
+    close(head, whole[:CUT], model)
+    close(model.stream(t[CUT:], u[CUT:], state)[1], whole[CUT:], model)
+    close(batch(model, t[CUT:], u[CUT:], state), whole[CUT:], model)
+
+
+@every
+@settings(max_examples=10)
+@given(data=st.data())
+def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject):
+    model, t, u = draw(problem, data)
+    t[CUT:] -= t[CUT] - 0.5  # each sequence has its own clock
+    both = batch(model, t, u, starts=(0, CUT))
+    close(both[:CUT], model.stream(t[:CUT], u[:CUT])[1], model)
+    close(both[CUT:], model.stream(t[CUT:], u[CUT:])[1], model)
+
+
+@every
+def test_starts_and_state_on_the_host(problem: Problem):
+    model, rng = problem.model(), np.random.default_rng(0)
+    u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
+    state, _ = model.stream(t[:CUT], u[:CUT])
+    for starts in ((0,), (0, 5, 6, CUT)):
+        prepared = model.prepare(t, u, state, starts=starts)
+        close(model.evaluate(prepared), batch(model, t, u, state, starts), model)
+
+
+@every
+def test_vmap_over_parameters_and_inputs(problem: Problem):
+    rng, t = np.random.default_rng(1), clock(1)
+    models = [problem.model(seed) for seed in range(3)]
+    u = rng.uniform(problem.low, problem.high, (3, SAMPLES))
+    many = jax.tree.map(lambda *x: jnp.stack(x), *models)
+    for run in (lambda m, x: batch(m, t, x), lambda m, x: m.stream(t, x)[1]):
+        together = eqx.filter_vmap(run)(many, jnp.asarray(u))
+        for k, model in enumerate(models):
+            close(together[k], run(model, u[k]), model)
+
+
+@every
+def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
+    """Against central differences along random directions.
+
+    A step h = eps^(1/3) leaves eps^(2/3) = 4e-11 of both truncation and rounding, times third
+    derivatives and condition: 1e-7 leaves three decades for those. The histories are random, so no
+    two samples tie within h and the memory tree stays the same.
+    """
+    rng, t = np.random.default_rng(2), jnp.asarray(clock(2))
+    model = problem.model(2)
+    u = jnp.asarray(rng.uniform(problem.low, problem.high, SAMPLES))
+    c = jnp.asarray(rng.normal(size=SAMPLES))
+    h = np.finfo(float).eps ** (1 / 3)
+
+    @eqx.filter_jit
+    def value(point: tuple[AbstractModel, jax.Array]) -> jax.Array:
+        return c @ batch(point[0], t, point[1])
+
+    point = (model, u)
+    arrays, rest = eqx.partition(point, eqx.is_inexact_array)
+    flat, structure = jax.tree.flatten(arrays)
+    slopes = jax.tree.leaves(jax.jit(jax.grad(lambda p: value(eqx.combine(p, rest))))(arrays))
+    size = float(jnp.abs(value(point))) + float(jnp.abs(c).sum())
+    for k, (leaf, slope) in enumerate(zip(flat, slopes, strict=True)):
+        direction = rng.normal(size=leaf.shape)
+
+        def moved(by: float, k: int = k, direction: np.ndarray = direction) -> float:
+            there = [x + by * direction if j == k else x for j, x in enumerate(flat)]
+            return float(value(eqx.combine(jax.tree.unflatten(structure, there), rest)))
+
+        difference = (moved(h) - moved(-h)) / (2 * h)
+        along = float(np.sum(np.asarray(slope) * direction))
+        assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
+
+
+@pytest.mark.parametrize("problem", tagged("grid"), ids=lambda p: p.name)
+def test_gradients_of_step_and_of_simulate_are_equal(problem: Problem):
+    rng, model = np.random.default_rng(3), problem.model(3)
+    u = jnp.asarray(rng.uniform(problem.low, problem.high, SAMPLES))
+    c = jnp.asarray(rng.normal(size=SAMPLES))
+    of_batch = eqx.filter_grad(lambda m: c @ batch(m, None, u))(model)
+    # Reverse mode cannot pass the loop that closes loops; forward mode can.
+    assert isinstance(model, Preisach)
+    weights = model.density.weights  # pyright: ignore[reportAttributeAccessIssue]
+    direction = jnp.asarray(np.tril(rng.normal(size=weights.shape)))
+
+    def streamed(w: jax.Array) -> jax.Array:
+        return c @ eqx.tree_at(lambda m: m.density.weights, model, w).stream(None, u)[1]
+
+    along = jax.jvp(streamed, (weights,), (direction,))[1]
+    wanted = float((of_batch.density.weights * direction).sum())
+    # The same sums in another order.
+    assert abs(float(along) - wanted) < 1e-11 * (1 + abs(wanted))
+
+
+@every
+def test_models_are_frozen(problem: Problem):
+    model = problem.model()
+    name = next(iter(parameters(model)))[0].split(".")[0]
+    with pytest.raises(FrozenInstanceError):
+        setattr(model, name, 1.0)
+
+
+@every
+def test_one_sample(problem: Problem):
+    model = problem.model()
+    u = np.array([(problem.low + problem.high) / 3])
+    t = np.array([7.0])
+    close(model.simulate(t, u), model.stream(t, u)[1], model)
+
+
+@every
+def test_time_is_needed_where_the_rate_matters_and_nowhere_else(problem: Problem):
+    model, t = problem.model(), clock(0)
+    u = np.linspace(problem.low, problem.high, SAMPLES)
+    if "rates" not in problem.tags:
+        np.testing.assert_array_equal(model.simulate(None, u), model.simulate(t, u))

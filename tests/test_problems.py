@@ -1,0 +1,53 @@
+"""The table of problems: complete, and right where the equations give values."""
+
+import inspect
+
+import jax
+import numpy as np
+import pytest
+
+import hysteresis
+from hysteresis import AbstractModel
+from tests.problems import PROBLEMS, TAGS, Problem, tagged
+
+every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+
+
+def test_names_are_unique_and_tags_used():
+    assert len({p.name for p in PROBLEMS}) == len(PROBLEMS)
+    assert all(tagged(tag) for tag in TAGS)
+
+
+def test_every_exported_model_is_in_the_table():
+    exported = {
+        cls
+        for cls in vars(hysteresis).values()
+        if inspect.isclass(cls) and issubclass(cls, AbstractModel) and not inspect.isabstract(cls)
+    }
+    assert exported - {type(p.model()) for p in PROBLEMS} == set()
+
+
+@every
+def test_known_values(problem: Problem):
+    model = problem.model(seed=3)
+    t, u, y = problem.known(model)
+    if "grid" in problem.tags:
+        # From any initial state the path leads to saturation and is known from there on.
+        u, y = np.append(u[-1], u), np.append(y[-1], y)
+        t = np.zeros_like(u)
+        got = np.asarray(model.simulate(t, np.append(u, u)))[len(u) :]
+    else:
+        got = np.asarray(model.simulate(t, u))
+    # A hundred additions of numbers of the output's size, each rounded: 1e-14 of it.
+    np.testing.assert_allclose(got, y, rtol=0, atol=1e-13 * np.abs(y).max())
+
+
+@every
+def test_parameters_follow_the_seed_and_statics_do_not(problem: Problem):
+    a, b, again = problem.model(1), problem.model(2), problem.model(1)
+    assert jax.tree.structure(a) == jax.tree.structure(b)
+    same = [np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, again)), strict=True)]
+    assert all(same)
+    assert not all(
+        np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, b)), strict=True)
+    )
