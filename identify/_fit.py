@@ -14,7 +14,7 @@ from ._guess import CANDIDATES, guess, initial_states, orientations, output_fall
 from ._metrics import metrics
 from ._noise import estimate_noise
 from ._parametric import fit_parametric
-from ._preisach import LinearFit, PreisachProblem, fit_preisach
+from ._preisach import TOTALS, LinearFit, fit_preisach
 from ._result import FitResult, Parameter, predict
 from ._verdict import judge
 
@@ -29,6 +29,7 @@ def fit(
     test_cycles: int | None = None,
     test_tail: float | None = None,
     initial: str = "auto",
+    conditioning: str = "auto",
     starts: int = 32,
     seed: int = 0,
     allow_float32: bool = False,
@@ -52,6 +53,8 @@ def fit(
 
     - `initial`: the relays before the first sample of each sequence: `"negative"`, `"positive"` or
       `"demagnetised"`; `"auto"` tries those the record leaves open.
+    - `conditioning`: `"auto"` leaves the first cycle of a single sequence out of the fit where that
+      predicts a held-out later one better; `"keep"` never does.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
@@ -69,7 +72,7 @@ def fit(
         record, test = record.split_tail(test_tail)
     names, template = _names(model)
     warnings = tuple(check_identifiable(record))
-    cut = parts(record)
+    cut = parts(record, keep_conditioning=conditioning == "keep")
     say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
 
     found: list[FitResult] = []
@@ -148,54 +151,54 @@ def _fit_preisach(
     if isinstance(template, Preisach):
         leadings, initials = (template.leading,), (template.initial,)
         cells = (template.density.weights.shape[0],)
-    linear, problem = fit_preisach(record, cut, leadings, initials, cells)
-    predicted = predict(linear.model, record)
+    linear = fit_preisach(record, cut, leadings, initials, cells)
+    model = linear.model
+    predicted = predict(model, record)
     residuals = np.where(record.mask, predicted - record.output, np.nan)
-    which = tuple(p for p in cut.all if not (linear.dropped and p == cut.conditioning))
-    used = np.isin(cut.label, which)
+    used = np.isin(cut.label, cut.without_conditioning(cut.all, linear.dropped))
     noise = estimate_noise([residuals[s][used[s]] for _, s in record.sequences() if used[s].any()])
-    notes = [f"Prior strength {linear.strength:g}, {problem.cells} cells, chosen on {cut.how}."]
+    notes = [
+        f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells, chosen on {cut.how}."
+    ]
     if linear.dropped:
-        notes.append("The first cycle was left out of the fit: that predicts the later ones better.")
-    totals, covariance = _totals(linear, problem, noise.sigma**2 * noise.correlation_time, record)
+        notes.append(
+            "The first cycle was left out of the fit: that predicts the later ones better."
+        )
+    totals, covariance = _totals(linear, noise.sigma**2 * noise.correlation_time, record)
     span = float(np.ptp(record.output[record.mask]))
     return FitResult(
         name="Preisach",
-        model=linear.model,
+        model=model,
         parameters=totals,
         covariance=covariance,
         residuals=residuals,
         metrics={"train": metrics(record.output, predicted, record.mask), "test": None},
         success=True,
-        score=100 * float(np.sqrt(linear.blocks.mean())) * linear.scale / span,
+        score=100 * float(np.sqrt(linear.blocks.mean())) * linear.meaning.scale / span,
         noise=noise,
         train=record,
         notes=tuple(notes),
-        internals={"used": used, "linear": linear, "problem": problem},
+        internals={"used": used, "linear": linear},
         seed=seed,
     )
 
 
 def _totals(
-    linear: LinearFit, problem: PreisachProblem, variance: float, record: Record
+    linear: LinearFit, variance: float, record: Record
 ) -> tuple[tuple[Parameter, ...], np.ndarray]:
     """Offset, total rise of the reversible part and total mass of the relays, with their errors.
 
-    Laplace: the covariance of the unknowns that are not zero is variance H^-1 / (rows scale^2).
+    Laplace: the covariance of the unknowns that are not zero is variance H^-1 / rows.
     """
-    n = problem.cells
-    sums = np.zeros((3, len(linear.unknowns)))
-    sums[0, 0], sums[1, 1 : 1 + n], sums[2, 1 + n :] = 1.0, 1.0, 1.0
-    at = np.flatnonzero((linear.unknowns != 0) | problem.free)
-    in_unknowns = (sums @ problem.substitution)[:, at]
-    spread = np.linalg.solve(linear.H[np.ix_(at, at)], in_unknowns.T)
-    covariance = in_unknowns @ spread * variance / linear.rows
-    names = ("offset", "reversible.rise", "density.mass")
-    values = sums @ problem.substitution @ linear.unknowns * linear.scale
+    sums = linear.meaning.totals
+    at = np.flatnonzero((linear.at != 0) | linear.meaning.free)
+    spread = np.linalg.solve(linear.H[np.ix_(at, at)], sums[:, at].T)
+    covariance = sums[:, at] @ spread * variance / linear.rows
+    values = sums @ linear.at * linear.meaning.scale
     errors = np.sqrt(np.diagonal(covariance))
     listed = tuple(
         Parameter(name, float(v), record.output_unit, float(e), "free")
-        for name, v, e in zip(names, values, errors, strict=True)
+        for name, v, e in zip(TOTALS, values, errors, strict=True)
     )
     return listed, covariance
 

@@ -34,8 +34,12 @@ class Parts(NamedTuple):
         """Every part."""
         return tuple(int(p) for p in np.unique(self.label[self.label >= 0]))
 
+    def without_conditioning(self, which: tuple[int, ...], dropped: bool) -> tuple[int, ...]:
+        """These parts, less the conditioning one where it is `dropped`."""
+        return tuple(p for p in which if not (dropped and p == self.conditioning))
 
-def parts(record: Record, most: int = 5) -> Parts:
+
+def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
     """Cut a record into parts: groups of sequences where it has several, else cycles, else a tail.
 
     Several sequences make up to `most` folds, each held out in turn. In a single one the last
@@ -59,7 +63,8 @@ def parts(record: Record, most: int = 5) -> Parts:
         label[cycle == 0] = -1
         last = len(numbers) - 1
         fold = Fold(tuple(range(last)), (last,))
-        return Parts(label, (fold,), 0 if last > 1 else None, "the last training cycle held out")
+        conditioning = 0 if last > 1 and not keep_conditioning else None
+        return Parts(label, (fold,), conditioning, "the last training cycle held out")
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")

@@ -28,9 +28,7 @@ class Noise(NamedTuple):
         return self.samples / self.correlation_time
 
 
-def estimate_noise(
-    residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
-) -> Noise:
+def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0) -> Noise:
     """Noise of residuals, one array for each independent sequence; `parameters` were fitted.
 
     The correlation time is 1 + 2 (sum of autocorrelations up to lag M), the smallest M >= 5 times

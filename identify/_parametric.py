@@ -49,14 +49,14 @@ def fit_parametric(
     for drop in (False,) if parts.conditioning is None else (False, True):
         squares = []
         for fold in parts.folds:
-            train = tuple(p for p in fold.train if not (drop and p == parts.conditioning))
+            train = parts.without_conditioning(fold.train, drop)
             z = fitted(train, tried.free[0]).free
             held_out = np.isin(parts.label, fold.test)
             error = predict(_model(bounds, template, z), record)[held_out] - y[held_out]
             squares += [np.mean(part**2) for part in np.array_split(error, 10) if len(part)]
         blocks[drop] = np.array(squares)
     dropped = min(blocks, key=lambda drop: blocks[drop].mean())
-    which = tuple(p for p in parts.all if not (dropped and p == parts.conditioning))
+    which = parts.without_conditioning(parts.all, dropped)
     optimum = fitted(which, tried.free[0])
     model = _model(bounds, template, optimum.free)
 
@@ -140,5 +140,7 @@ def _parameters(
             status = "unidentified"
         slope = float(bounds.slope(z)[k])
         honest = status == "free"
-        found.append(Parameter(name, float(value), unit, error * abs(slope) if honest else None, status))
+        found.append(
+            Parameter(name, float(value), unit, error * abs(slope) if honest else None, status)
+        )
     return tuple(found)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from hysteresis import Record
 from hysteresis.preisach import GridDensity, Preisach
@@ -28,26 +28,96 @@ from ._preisach_design import NodeSpace, Normal, design_rows, normal_equations
 STRENGTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 """Prior strengths tried, the strongest first."""
 
+TOTALS = ("offset", "reversible.rise", "density.mass")
+"""The figures a grid model is summed up in: constant, rise of the memoryless part, relays' mass."""
+
+
+class Unknowns(NamedTuple):
+    """What a vector of unknowns stands for: (offset, increments or slacks, weights), over `scale`."""
+
+    cells: int
+    low: float
+    high: float
+    leading: bool
+    initial: str
+    scale: float
+
+    @property
+    def count(self) -> int:
+        return 1 + self.cells + self.cells * (self.cells + 1) // 2
+
+    @property
+    def free(self) -> Bool[np.ndarray, " unknowns"]:
+        """Which may be negative: the offset."""
+        return np.arange(self.count) == 0
+
+    @property
+    def totals(self) -> Float[np.ndarray, "3 unknowns"]:
+        """Rows that sum up the unknowns to `TOTALS`, over `scale`."""
+        sums = np.zeros((3, self.count))
+        sums[0, 0], sums[1, 1 : 1 + self.cells], sums[2, 1 + self.cells :] = 1.0, 1.0, 1.0
+        return sums @ _slopes(self.cells, self.leading)[0]
+
+    def model(self, unknowns: Float[np.ndarray, "*draws unknowns"]) -> Preisach:
+        """The model of a vector of unknowns; of many, one whose arrays have leading draw axes."""
+        if unknowns.ndim > 1:
+            models = [self.model(draw) for draw in unknowns]
+            return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models)
+        z = self.scale * (_slopes(self.cells, self.leading)[0] @ unknowns)
+        weights = np.zeros((self.cells, self.cells))
+        weights[np.tril_indices(self.cells)] = np.maximum(z[1 + self.cells :], 0.0)
+        reversible = np.maximum(z[1 : 1 + self.cells], 0.0)
+        model = Preisach(
+            GridDensity(self.low, self.high, weights), reversible, z[0],
+            leading=self.leading, initial=self.initial,  # type: ignore[arg-type]
+        )  # fmt: skip
+        if not self.leading:
+            return model
+        # Lift the increments by what rounding left the slopes below zero.
+        width = (self.high - self.low) / self.cells
+        lifted = reversible + np.maximum(-np.asarray(model.least_slope()) * width, 0.0)
+        return Preisach(model.density, lifted, z[0], leading=True, initial=model.initial)
+
 
 class LinearFit(NamedTuple):
     """A Preisach model fitted, and what its posterior needs.
 
-    - `unknowns`: z at the minimum, in (offset, slack or increments, weights).
-    - `H`, `b`: the minimised x'Hx/2 - b'x, prior included; `constraints` C x >= 0 besides.
+    - `at`: the unknowns at the minimum, `meaning` what they stand for.
+    - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
     - `strength`: lambda; `dropped`: whether the conditioning cycle was left out of the fit.
-    - `score`: held-out mean squared error over s^2 at that choice, and its spread over `blocks`.
+    - `blocks`: held-out mean squared errors, over scale^2, at that choice.
     """
 
-    model: Preisach
-    unknowns: Float[np.ndarray, " unknowns"]
+    at: Float[np.ndarray, " unknowns"]
+    meaning: Unknowns
     H: Float[np.ndarray, "unknowns unknowns"]
     b: Float[np.ndarray, " unknowns"]
-    constraints: Float[np.ndarray, "constraints unknowns"]
     rows: int
-    scale: float
     strength: float
     dropped: bool
     blocks: Float[np.ndarray, " blocks"]
+
+    @property
+    def model(self) -> Preisach:
+        return self.meaning.model(self.at)
+
+    def project(
+        self, b: Float[np.ndarray, " unknowns"] | None = None
+    ) -> Float[np.ndarray, " unknowns"]:
+        """The minimum of x'Hx/2 - b'x among the models there can be, near the one found."""
+        return _minimum(self.meaning, self.H, self.b if b is None else b, self.at != 0)
+
+
+def _minimum(
+    meaning: Unknowns,
+    H: Float[np.ndarray, "unknowns unknowns"],
+    b: Float[np.ndarray, " unknowns"],
+    start: Bool[np.ndarray, " unknowns"] | None = None,
+) -> Float[np.ndarray, " unknowns"]:
+    constraints = _slopes(meaning.cells, meaning.leading)[1]
+    if len(constraints):
+        return constrained_least_squares(H, b, constraints, meaning.free, start)
+    return nonnegative_least_squares(H, b, meaning.free, start)
 
 
 class PreisachProblem:
@@ -60,26 +130,18 @@ class PreisachProblem:
         counted = parts.label >= 0
         u, y = record.input, np.where(counted, record.output, 0.0)
         low, high = float(u[counted].min()), float(u[counted].max())
-        self.scale = float(np.ptp(y[counted]))
-        self.parts, self.cells = parts, cells
-        self.template = Preisach(
-            GridDensity(low, high, np.zeros((cells, cells))),
-            np.zeros(cells),
-            leading=leading,
-            initial=initial,  # type: ignore[arg-type]
-        )
-        prepared = self.template.prepare(None, u, starts=tuple(record.starts.tolist()))
-        self.space = NodeSpace(cells)
-        self.B, self.y = design_rows(self.template, prepared), y / self.scale
+        scale = float(np.ptp(y[counted]))
+        self.meaning = Unknowns(cells, low, high, leading, initial, scale)
+        self.parts, self.space, self.y = parts, NodeSpace(cells), y / scale
+        self.substitution = _slopes(cells, leading)[0]
+        self.smoothness = _smoothness(cells)
+        template = self.meaning.model(np.zeros(self.meaning.count))
+        starts = tuple(record.starts.tolist())
+        self.B = design_rows(template, template.prepare(None, u, starts=starts))
         self.normal = {
             p: normal_equations(self.space, self.B[parts.label == p], self.y[parts.label == p])
             for p in parts.all
         }
-        self.weights = cells * (cells + 1) // 2
-        self.free = np.zeros(1 + cells + self.weights, bool)
-        self.free[0] = True
-        self.substitution, self.constraints = _slopes(cells, leading)
-        self.smoothness = _smoothness(cells)
 
     def objective(
         self, which: tuple[int, ...], strength: float
@@ -92,47 +154,23 @@ class PreisachProblem:
         H[0, 0] *= 1 + 1e-12
         return self.substitution.T @ H @ self.substitution, self.substitution.T @ b
 
-    def solve(
-        self, which: tuple[int, ...], strength: float, exact: bool = True
-    ) -> Float[np.ndarray, " unknowns"]:
-        """The minimum over some parts; without the column constraints unless `exact`."""
-        H, b = self.objective(which, strength)
-        if exact and len(self.constraints):
-            return constrained_least_squares(H, b, self.constraints, self.free)
-        return nonnegative_least_squares(H, b, self.free)
-
     def held_out_errors(self, strength: float, dropped: bool) -> Float[np.ndarray, " blocks"]:
         """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part."""
         blocks = []
         for fold in self.parts.folds:
-            train = tuple(p for p in fold.train if not (dropped and p == self.parts.conditioning))
-            z = self.substitution @ self.solve(train, strength, exact=False)
+            train = self.parts.without_conditioning(fold.train, dropped)
+            # Without the slope constraints of a leading model: close enough to rank by.
+            H, b = self.objective(train, strength)
+            z = self.substitution @ nonnegative_least_squares(H, b, self.meaning.free)
             rows = np.isin(self.parts.label, fold.test)
             error = self.B[rows] @ self.space.from_unknowns(z) - self.y[rows]
             blocks += [np.mean(part**2) for part in np.array_split(error, 10) if len(part)]
         return np.array(blocks)
 
-    def model(self, unknowns: Float[np.ndarray, "*draws unknowns"]) -> Preisach:
-        """The model of a vector of unknowns, or of many: arrays then have leading draw axes."""
-        z = unknowns @ self.substitution.T * self.scale
-        n = self.cells
-        weights = np.zeros((*z.shape[:-1], n, n))
-        weights[..., *np.tril_indices(n)] = np.maximum(z[..., 1 + n :], 0.0)
-        reversible = np.maximum(z[..., 1 : 1 + n], 0.0)
-        like = self.template
-        low, high = like.density.low, like.density.high
-        if z.ndim == 1:
-            return _raise_to_invertible(
-                Preisach(
-                    GridDensity(low, high, weights), reversible, z[0],
-                    leading=like.leading, initial=like.initial,
-                )  # fmt: skip
-            )
-        return _stack([self.model(draw) for draw in unknowns])
-
     @property
     def _blocks(self) -> tuple[slice, slice]:
-        return slice(1, 1 + self.cells), slice(1 + self.cells, None)
+        cells = self.meaning.cells
+        return slice(1, 1 + cells), slice(1 + cells, None)
 
     def _total(self, which: tuple[int, ...]) -> Normal:
         first, *rest = (self.normal[p] for p in which)
@@ -145,7 +183,7 @@ def fit_preisach(
     leadings: tuple[bool, ...],
     initials: tuple[str, ...],
     cells: tuple[int, ...] = (20, 40),
-) -> tuple[LinearFit, PreisachProblem]:
+) -> LinearFit:
     """Fit every shape, choose shape and prior strength on the held-out parts, refit on all of them.
 
     Among the choices whose held-out error is above the best one's by less than the standard error
@@ -165,8 +203,9 @@ def fit_preisach(
     shapes = [(leading, initial) for leading in leadings for initial in initials]
     first = [c for shape in shapes for c in tried(PreisachProblem(record, parts, coarse, *shape))]
     # Orientation and initial state show on the coarse grid already; ties go to the first named.
-    shape = _best(first).problem.template
-    choices = [c for c in first if c.problem.template is shape]
+    coarse_best = _best(first).problem
+    shape = coarse_best.meaning
+    choices = [c for c in first if c.problem is coarse_best]
     for n in finer:
         choices += tried(PreisachProblem(record, parts, n, shape.leading, shape.initial))
     best = _best(choices)
@@ -178,14 +217,11 @@ def fit_preisach(
     problem, strength, dropped, blocks = next(
         c for c in choices if c.dropped == best.dropped and as_good(c)
     )
-    which = tuple(p for p in parts.all if not (dropped and p == parts.conditioning))
-    unknowns = problem.solve(which, strength)
+    which = parts.without_conditioning(parts.all, dropped)
     H, b = problem.objective(which, strength)
     rows = int(np.isin(parts.label, which).sum())
-    return LinearFit(
-        problem.model(unknowns), unknowns, H, b, problem.constraints, rows, problem.scale,
-        strength, dropped, blocks,
-    ), problem  # fmt: skip
+    at = _minimum(problem.meaning, H, b)
+    return LinearFit(at, problem.meaning, H, b, rows, strength, dropped, blocks)
 
 
 class _Choice(NamedTuple):
@@ -234,19 +270,3 @@ def _smoothness(cells: int) -> tuple[np.ndarray, np.ndarray]:
         steps.append(D)
     D_w, D_r = np.vstack(steps), np.diff(np.eye(cells), axis=0)
     return D_r.T @ D_r + 1e-6 * np.eye(cells), D_w.T @ D_w + 1e-3 * np.eye(len(i))
-
-
-def _raise_to_invertible(model: Preisach) -> Preisach:
-    """Lift the increments by what rounding left the slopes below zero."""
-    if not model.leading or model.reversible is None:
-        return model
-    width = (model.density.high - model.density.low) / len(model.reversible)
-    lift = jnp.maximum(-model.least_slope() * width, 0.0)
-    return Preisach(
-        model.density, model.reversible + lift, model.offset,
-        leading=True, initial=model.initial, capacity=model.capacity,
-    )  # fmt: skip
-
-
-def _stack(models: list[Preisach]) -> Preisach:
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models)

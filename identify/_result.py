@@ -64,7 +64,7 @@ class FitResult:
     notes: tuple[str, ...] = ()
     starts: Starts | None = None
     internals: dict[str, Any] = field(default_factory=dict)
-    verdict: Verdict = Verdict("CAUTION", ())
+    verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
     candidates: tuple["FitResult", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
     seed: int = 0

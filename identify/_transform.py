@@ -55,9 +55,7 @@ class Transform(NamedTuple):
 
     def insert(self, model: Model, values: Float[Array, " parameters"]) -> Model:
         """The model with these parameters."""
-        return eqx.tree_at(
-            lambda m: [getattr(m, name) for name in self.names], model, list(values)
-        )
+        return eqx.tree_at(lambda m: [getattr(m, name) for name in self.names], model, list(values))
 
     def values(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
@@ -66,7 +64,11 @@ class Transform(NamedTuple):
 
 def transform(model: AbstractModel, scale: float) -> Transform:
     """The transform of a model's free scalar parameters; `scale` is that of unbounded ones."""
-    free = [(name, info) for name, info, value in parameters(model) if not info.fixed and value.ndim == 0]
+    free = [
+        (name, info)
+        for name, info, value in parameters(model)
+        if not info.fixed and value.ndim == 0
+    ]
     names = tuple(name for name, _ in free)
     low, high = (tuple(float(info.bounds[k]) for _, info in free) for k in (0, 1))
     return Transform(names, low, high, scale)

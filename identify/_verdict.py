@@ -41,7 +41,9 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     if test is not None:
         outside = _share_outside(fit)
         if outside > 0.1:
-            cautions.append(f"{100 * outside:.0f} % of the held-out rows lie beyond the trained inputs.")
+            cautions.append(
+                f"{100 * outside:.0f} % of the held-out rows lie beyond the trained inputs."
+            )
     for status in ("at bound", "unidentified"):
         names = [p.name for p in fit.parameters if p.status == status]
         if names:

@@ -48,6 +48,4 @@ def test_parameters_follow_the_seed_and_statics_do_not(problem: Problem):
     assert jax.tree.structure(a) == jax.tree.structure(b)
     same = [np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, again)), strict=True)]
     assert all(same)
-    assert not all(
-        np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, b)), strict=True)
-    )
+    assert not all(np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, b)), strict=True))

@@ -105,8 +105,8 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
         """Cell (integer) and fraction within it of inputs in [low, high]."""
         xp = jnp if isinstance(u, jax.Array) else np
         position = (u - self.low) * (self.cells / (self.high - self.low))
-        cell = xp.clip(xp.floor(position), 0, self.cells - 1).astype(np.int32)
-        return cell, position - cell
+        cell = xp.clip(xp.floor(position), 0, self.cells - 1)
+        return cell.astype(np.int32), position - cell
 
     def pair(self, a: Any, b: Any) -> GridPairs:
         (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)

@@ -126,6 +126,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         extremum, level, depth, u_before, y_before, rising, dropped = state
         u = jnp.clip(u, self.density.low, self.density.high)
         direction = jnp.where(u > u_before, 1, jnp.where(u < u_before, -1, rising))
+        s = direction.astype(u.dtype)
         turns = direction != rising
         full = turns & (depth >= self.capacity)
         depth = jnp.where(full, depth - 2, depth)
@@ -136,11 +137,11 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
 
         def wipes_out(depth: Array) -> Array:
             older = read(extremum, jnp.maximum(depth - 2, 0))
-            return (depth >= 3) & (direction * u >= direction * older)
+            return (depth >= 3) & (s * u >= s * older)
 
         depth = jax.lax.while_loop(wipes_out, lambda depth: depth - 2, depth)
         pairs = self.density.pair(u, read(extremum, depth - 1))
-        y = read(level, depth - 1) + 2 * direction * self.density.everett(table, pairs)
+        y = read(level, depth - 1) + 2 * s * self.density.everett(table, pairs)
         return PreisachState(extremum, level, depth, u, y, direction, dropped + full), y
 
     # Batch
@@ -173,8 +174,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         sample = self.density.pair(clipped, at_node[anchor])
         node = self.density.pair(at_node, at_node[tree.parent])
         prepared = PreisachInput(
-            tree._replace(anchor=anchor), sample, 2.0 * tree.rising[anchor],
-            node, 2.0 * tree.rising[tree.parent], *self._place(u),
+            tree._replace(anchor=anchor), sample, 2.0 * tree.rising[anchor].astype(float),
+            node, 2.0 * tree.rising[tree.parent].astype(float), *self._place(u),
         )  # fmt: skip
         return jax.tree.map(_to_device, prepared)
 
@@ -246,8 +247,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         n = self.reversible.shape[-1]
         position = (u - self.density.low) * (n / (self.density.high - self.density.low))
         xp = jnp if isinstance(u, jax.Array) else np
-        cell = xp.clip(xp.floor(position), 0, n - 1).astype(np.int32)
-        return cell, position - cell
+        cell = xp.clip(xp.floor(position), 0, n - 1)
+        return cell.astype(np.int32), position - cell
 
     def _output(self, relays: Array, cell: Any, within: Any) -> Array:
         """y from the relays' part and the place on the reversible part."""
