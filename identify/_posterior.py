@@ -1,0 +1,293 @@
+"""What the data leave open: draws from the posterior of a fit."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+import scipy.stats
+from jaxtyping import Array, Float
+
+from hysteresis import AbstractModel, InputError, Preisach
+
+from ._preisach import TOTALS, LinearFit
+from ._result import FitResult
+from ._transform import transform
+
+Progress = Callable[[int, int, str], None]
+
+
+class Summary(NamedTuple):
+    """One parameter's marginal posterior, and whether the sampler can be believed."""
+
+    name: str
+    mean: float
+    sd: float
+    q05: float
+    q95: float
+    rhat: float
+    ess: float
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws from the posterior of a fit.
+
+    - `names`, `draws`: parameters, (ensembles, draws, parameters).
+    - `model`: one model with a leading draw axis on every parameter, for `jax.vmap` and `invert`.
+    - `summaries`: mean, deviation, 5 and 95 % quantiles, R-hat across ensembles, effective draws.
+    - `method`: how it was drawn. `acceptance`, `autocorrelation` (steps; NaN where draws are
+      independent), `seconds`.
+    """
+
+    names: tuple[str, ...]
+    draws: Float[np.ndarray, "ensembles draws parameters"]
+    model: AbstractModel
+    summaries: tuple[Summary, ...]
+    method: str
+    acceptance: float
+    autocorrelation: float
+    seconds: float
+
+    @property
+    def converged(self) -> bool:
+        """R-hat below 1.01 and a hundred effective draws for every parameter."""
+        return all(s.rhat < 1.01 and s.ess > 100 for s in self.summaries)
+
+
+def sample(
+    fit: FitResult,
+    steps: int = 2000,
+    ensembles: int = 4,
+    seed: int = 0,
+    *,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Posterior:
+    """Draw from the posterior of a fit.
+
+    Models of few parameters: emcee's affine-invariant ensembles, vectorised and compiled, several of
+    them independent, so that R-hat means something. Weights on a grid: the Gaussian posterior of the
+    linear problem, each draw projected in its own metric onto the models that can be (no negative
+    weight, no falling branch); such draws are independent. Where the data leave much open their mean
+    moves away from the fit, into the models that can be.
+
+    The likelihood is that of `Noise`: coloured residuals count for as many as are independent.
+    Priors are flat in the free space of `Transform` (log-uniform for a positive parameter), held
+    within a factor of a million of the fit.
+
+    **Arguments:** `steps` for each of `ensembles` (total, also when resumed); `seed`.
+
+    **Other arguments:** `checkpoint`, an HDF5 file that keeps the chains; `resume` goes on from it;
+    `progress(done, total, text)` is called now and then.
+
+    Raises `InputError` for a fit without free parameters, too few steps, a checkpoint that does not
+    belong to the fit.
+    """
+    if steps < 20 or ensembles < 2:
+        raise InputError(
+            "too-few-draws",
+            f"{steps} steps in {ensembles} ensembles say nothing about convergence.",
+            fix="take at least 20 steps and 2 ensembles.",
+        )
+    begin = time.perf_counter()
+    tell = progress or (lambda done, total, text: None)
+    if isinstance(fit.model, Preisach):
+        return _sample_weights(fit, steps, ensembles, seed, tell, begin)
+    return _sample_parameters(fit, steps, ensembles, seed, checkpoint, resume, tell, begin)
+
+
+# Few parameters: emcee
+
+
+def _sample_parameters(
+    fit: FitResult,
+    steps: int,
+    ensembles: int,
+    seed: int,
+    checkpoint: str | Path | None,
+    resume: bool,
+    tell: Progress,
+    begin: float,
+) -> Posterior:
+    import emcee
+
+    log_probability, z0, spread, bounds = _log_probability(fit)
+    dimension = len(z0)
+    walkers = 2 * max(2 * dimension, 8)
+    chains, taus, accepted = [], [], []
+    for k in range(ensembles):
+        # Even and odd halves have one shape, so the function is compiled once.
+        backend = None
+        if checkpoint is not None:
+            backend = emcee.backends.HDFBackend(str(checkpoint), name=f"ensemble_{k}")
+        sampler = emcee.EnsembleSampler(
+            walkers,
+            dimension,
+            lambda z: np.asarray(log_probability(jnp.asarray(z))),
+            vectorize=True,
+            backend=backend,
+        )
+        done = backend.iteration if backend is not None and resume and backend.initialized else 0
+        if done and backend is not None and backend.shape != (walkers, dimension):
+            raise InputError(
+                "other-checkpoint",
+                f"the checkpoint has {backend.shape} walkers and parameters, the fit {walkers, dimension}.",
+                place=str(checkpoint),
+                cause="it was made with another model.",
+                fix="name a new file, or sample without --resume.",
+            )
+        random = np.random.RandomState(seed + 1000 * k)
+        if done:
+            state = sampler._previous_state = backend.get_last_sample()  # type: ignore[union-attr]
+        else:
+            if backend is not None:
+                backend.reset(walkers, dimension)
+            first = z0 + spread * random.normal(size=(walkers, dimension))
+            state = emcee.State(first, random_state=random.get_state())
+        for step, _ in enumerate(sampler.sample(state, iterations=max(steps - done, 0)), done + 1):
+            if step % 50 == 0 or step == steps:
+                rate = float(np.mean(sampler.acceptance_fraction))
+                tell(
+                    k * steps + step, ensembles * steps, f"ensemble {k + 1}, acceptance {rate:.2f}"
+                )
+        taus.append(sampler.get_autocorr_time(quiet=True, tol=0) if steps > 20 else np.nan)
+        burn = min(int(5 * np.max(np.nan_to_num(taus[-1], nan=steps / 10))), steps // 2)
+        chain = sampler.get_chain()
+        assert chain is not None
+        chains.append(chain[burn:steps])
+        accepted.append(np.mean(sampler.acceptance_fraction))
+    kept = min(len(chain) for chain in chains)
+    chain = np.stack([c[-kept:] for c in chains])
+    tau = np.nan_to_num(np.mean(taus, axis=0), nan=float(kept))
+    values = np.concatenate(
+        [np.asarray(bounds.to_values(jnp.asarray(chain[..., :-1]))), np.exp(chain[..., -1:])], -1
+    )
+    names = (*bounds.names, "sigma")
+    summaries = tuple(
+        _summarise(name, values[..., j], float(ensembles * walkers * kept / max(tau[j], 1.0)))
+        for j, name in enumerate(names)
+    )
+    thin = max(1, int(np.max(tau) / 2))
+    flat = values[:, ::thin].reshape(ensembles, -1, len(names))
+    posterior_model = jax.vmap(lambda v: bounds.insert(fit.model, v))(
+        jnp.asarray(flat[..., :-1].reshape(-1, dimension - 1))
+    )
+    return Posterior(
+        names, flat, posterior_model, summaries, f"emcee, {ensembles} x {walkers} walkers",
+        float(np.mean(accepted)), float(np.max(tau)), time.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
+    """The vectorised log-posterior over (z, log sigma), a start and the spread of first walkers."""
+    record, used, noise = fit.train, fit.internals["used"], fit.noise
+    bounds = transform(fit.model, float(np.ptp(record.output[record.mask])))
+    if not bounds.names:
+        raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")
+    starts = tuple(int(k) for k in record.starts)
+    prepared = fit.model.prepare(record.time, record.input, starts=starts)
+    z_fit = bounds.to_free(fit.model)
+    y, mask = jnp.asarray(np.where(used, record.output, 0.0)), jnp.asarray(used)
+    wide = float(np.log(1e6))
+
+    @eqx.filter_jit
+    def log_probability(points: Array, arguments: Any) -> Array:
+        model, prepared, y, mask, z_fit = arguments
+
+        def one(point: Array) -> Array:
+            z, log_sigma = point[:-1], point[-1]
+            predicted = bounds.insert(model, bounds.to_values(z)).evaluate(prepared)
+            squares = jnp.sum(jnp.where(mask, predicted - y, 0.0) ** 2)
+            likelihood = -squares / (2 * jnp.exp(2 * log_sigma)) - mask.sum() * log_sigma
+            likelihood = likelihood / noise.correlation_time
+            inside = jnp.all(jnp.abs(z - z_fit) < wide)
+            return jnp.where(inside & jnp.isfinite(likelihood), likelihood, -jnp.inf)
+
+        return jax.vmap(one)(points)
+
+    arguments = (fit.model, prepared, y, mask, jnp.asarray(z_fit))
+    slope = bounds.slope(z_fit)
+    deviation = np.sqrt(np.diagonal(fit.covariance)) / np.maximum(np.abs(slope), 1e-300)
+    deviation = np.where(np.isfinite(deviation), np.clip(deviation, 1e-6, 1.0), 1.0)
+    start = np.append(z_fit, np.log(max(noise.sigma, 1e-12)))
+    spread = np.append(deviation, 0.5 / np.sqrt(noise.effective))
+    return lambda points: log_probability(points, arguments), start, spread, bounds
+
+
+# Weights on a grid: projected Gaussian
+
+
+def _sample_weights(
+    fit: FitResult, steps: int, ensembles: int, seed: int, tell: Progress, begin: float
+) -> Posterior:
+    """w = argmin over the models there can be of (w - z)'Q(w - z), z Gaussian with precision Q.
+
+    Q = rows H / (sigma^2 correlation_time): the right-hand side b moves by a Gaussian with
+    covariance H sigma^2 correlation_time / rows, and the same solver as for the fit projects.
+
+    Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J. Uncertain.
+    Quantif. 11 (2023).
+    """
+    linear: LinearFit = fit.internals["linear"]
+    draws = min(steps, 200)
+    variance = fit.noise.sigma**2 * fit.noise.correlation_time / linear.meaning.scale**2
+    factor = scipy.linalg.cholesky(linear.H, lower=True) * np.sqrt(variance / linear.rows)
+    found = []
+    for k in range(ensembles):
+        random = np.random.default_rng([seed, k])
+        for d in range(draws):
+            found.append(linear.project(linear.b + factor @ random.normal(size=len(linear.b))))
+            tell(k * draws + d + 1, ensembles * draws, f"ensemble {k + 1}")
+    unknowns = np.array(found)
+    totals = unknowns @ linear.meaning.totals.T * linear.meaning.scale
+    effective = max(fit.noise.effective, 2.0)
+    random = np.random.default_rng([seed, ensembles])
+    sigma = fit.noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(found), 1)))
+    values = np.hstack([totals, sigma]).reshape(ensembles, draws, -1)
+    names = (*TOTALS, "sigma")
+    summaries = tuple(
+        _summarise(name, values[..., j], float(ensembles * draws)) for j, name in enumerate(names)
+    )
+    return Posterior(
+        names, values, linear.meaning.model(unknowns), summaries,
+        f"projected Gaussian, {ensembles} x {draws} independent draws",
+        1.0, float("nan"), time.perf_counter() - begin,
+    )  # fmt: skip
+
+
+# Summaries
+
+
+def _summarise(name: str, draws: Float[np.ndarray, "ensembles *draws"], ess: float) -> Summary:
+    flat = draws.reshape(len(draws), -1)
+    low, high = np.quantile(flat, [0.05, 0.95])
+    return Summary(
+        name, float(flat.mean()), float(flat.std(ddof=1)), float(low), float(high), rhat(flat), ess
+    )
+
+
+def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
+    """Rank-normalised split R-hat, a chain being an ensemble, never one of its walkers.
+
+    Source: Vehtari and others, Rank-normalization, folding, and localization, Bayesian Analysis 2021.
+    """
+    half = chains.shape[1] // 2
+    split = np.concatenate([chains[:, :half], chains[:, -half:]])
+    folded = np.abs(split - np.median(split))
+    return max(_rhat_of_ranks(split), _rhat_of_ranks(folded))
+
+
+def _rhat_of_ranks(chains: np.ndarray) -> float:
+    ranks = scipy.stats.rankdata(chains).reshape(chains.shape)
+    z = scipy.stats.norm.ppf((ranks - 0.375) / (chains.size + 0.25))
+    n = z.shape[1]
+    within, between = z.var(axis=1, ddof=1).mean(), n * z.mean(axis=1).var(ddof=1)
+    return float(np.sqrt(((n - 1) / n * within + between / n) / within))

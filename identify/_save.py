@@ -1,0 +1,321 @@
+"""A fit in a folder: JSON and plain arrays, nothing that can run.
+
+fit.json     for people and scripts: model, parameters, metrics, candidates, verdict, data
+model.npz    arrays of the model      data.npz   the training and the test record
+fit.npz      residuals, starts, and the normal equations of a grid fit
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import platform
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis.preisach import GridDensity
+
+from ._least_squares import Starts
+from ._metrics import Metrics
+from ._noise import Noise
+from ._preisach import LinearFit, Unknowns
+from ._result import FitResult, Parameter, Verdict
+
+SCHEMA = 1
+_CLASSES = {c.__name__: c for c in (LinearSponge, Burgers, Preisach, GridDensity)}
+_RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
+
+
+def save(fit: FitResult, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a fit to a folder, which is made; a folder with results in it only with `overwrite`.
+
+    Raises `InputError` where results are there already or the folder cannot be written.
+    """
+    folder = Path(folder)
+    check_free(folder, overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
+    structure, arrays = describe_model(fit.model)
+    _write_arrays(folder / "model.npz", arrays)
+    records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
+    _write_arrays(
+        folder / "data.npz",
+        {
+            f"{part}_{name}": value
+            for part, record in records.items()
+            for name in _RECORD_ARRAYS
+            if (value := getattr(record, name)) is not None
+        },
+    )
+    _write_arrays(folder / "fit.npz", _fit_arrays(fit))
+    document = to_json(fit) | {
+        "structure": structure,
+        "records": {part: _record_words(record) for part, record in records.items()},
+        "files": {
+            name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
+            for name in ("model.npz", "data.npz", "fit.npz")
+        },
+    }
+    if "linear" in fit.internals:
+        document["unknowns"] = fit.internals["linear"].meaning._asdict()
+    write_json(folder / "fit.json", document)
+    return folder
+
+
+def check_free(folder: str | Path, overwrite: bool) -> None:
+    """Raise `InputError` where `folder` holds results already and may not be written over."""
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
+    if (folder / "fit.json").exists() and not overwrite:
+        raise InputError(
+            "would-overwrite",
+            "results are there already, and were left as they are.",
+            place=str(folder),
+            fix="name another folder (--out DIR), or write over them (--overwrite).",
+        )
+
+
+def load(folder: str | Path) -> FitResult:
+    """A fit from the folder `save` wrote. Candidates come back with their figures only.
+
+    Raises `InputError` for a missing or damaged file, a changed checksum, a newer schema, an
+    unknown model; nothing in the folder is executed.
+    """
+    folder = Path(folder)
+    document = read_document(folder)
+    for name, digest in document["files"].items():
+        file = folder / Path(name).name
+        if not file.is_file():
+            raise InputError("file-not-found", f"{name} is missing.", place=str(folder))
+        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+            raise InputError(
+                "changed-checksum",
+                f"{name} is not the file that was saved.",
+                place=str(folder),
+                cause="it was cut off or edited.",
+                fix="fit again.",
+            )
+    data, extra = (_read_arrays(folder / name) for name in ("data.npz", "fit.npz"))
+    records = {
+        part: Record(
+            **{n: data.get(f"{part}_{n}") for n in _RECORD_ARRAYS},  # type: ignore[arg-type]
+            **{k: tuple(v) if isinstance(v, list) else v for k, v in words.items()},
+        )
+        for part, words in document["records"].items()
+    }
+    internals: dict[str, Any] = {"used": extra["used"]}
+    if "unknowns" in document:
+        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
+        meaning = Unknowns(**document["unknowns"])
+        scalars = {"rows": int(extra["used"].sum()), "strength": 0.0, "dropped": False}
+        internals["linear"] = LinearFit(meaning=meaning, **own, **scalars)
+    starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
+    return FitResult(
+        name=document["model"],
+        model=rebuild_model(document["structure"], _read_arrays(folder / "model.npz")),
+        parameters=_parameters(document["parameters"]),
+        covariance=extra["covariance"],
+        residuals=extra["residuals"],
+        metrics=_metrics(document["metrics"]),
+        success=document["success"],
+        score=document["score_percent"],
+        noise=Noise(**document["noise"]),
+        train=records["train"],
+        test=records.get("test"),
+        notes=tuple(document["notes"]),
+        starts=Starts(**starts) if starts else None,
+        internals=internals,
+        verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
+        skipped=document["skipped"],
+        seed=document["seed"],
+        seconds=document["seconds"],
+    )
+
+
+def read_document(folder: str | Path) -> dict[str, Any]:
+    """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
+    file = Path(folder) / "fit.json"
+    if not file.is_file():
+        raise InputError(
+            "no-fit",
+            "there is no fit.json.",
+            place=str(folder),
+            fix="make one: hysid fit --out DIR.",
+        )
+    document = read_json(file)
+    schema = document.get("schema")
+    if schema != SCHEMA:
+        raise InputError(
+            "newer-schema",
+            f"fit.json has schema {schema}, and this version reads {SCHEMA}.",
+            place=str(folder),
+            fix="update hysid, or fit again.",
+        )
+    return document
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """A JSON object from a file. Raises `InputError` where it is none."""
+    try:
+        document = json.loads(file.read_text("utf-8"))
+    except (ValueError, OSError) as error:
+        document = error
+    if not isinstance(document, dict):
+        raise InputError(
+            "damaged-file",
+            f"{file.name} cannot be read: {document}.",
+            place=str(file.parent),
+            cause="it was cut off, or is not ours.",
+            fix="make it again.",
+        )
+    return document
+
+
+def to_json(fit: FitResult) -> dict[str, Any]:
+    """What fit.json says about a fit, as plain data."""
+    record = fit.train
+    document = summary(fit) | {
+        "schema": SCHEMA,
+        "candidates": [summary(candidate) for candidate in fit.candidates],
+        "skipped": fit.skipped,
+        "data": {
+            "source": record.source,
+            "sha256": record.sha256 or record.digest(),
+            "rows": len(record),
+            "rows_train": int(record.mask.sum()),
+            "rows_test": 0 if fit.test is None else int(fit.test.mask.sum()),
+            "sequences": len(record.labels),
+            "input": {"name": record.input_name, "unit": record.input_unit},
+            "output": {"name": record.output_name, "unit": record.output_unit},
+            "time_unit": record.time_unit,
+            "history": list(record.history),
+        },
+        "seed": fit.seed,
+        "versions": versions(),
+    }
+    return plain(document)
+
+
+def summary(fit: FitResult) -> dict[str, Any]:
+    """The part of a fit that its candidates have too."""
+    return {
+        "model": fit.name,
+        "parameters": [p._asdict() for p in fit.parameters],
+        "metrics": {k: None if m is None else m._asdict() for k, m in fit.metrics.items()},
+        "score_percent": fit.score,
+        "success": fit.success,
+        "trusted": fit.trusted,
+        "noise": fit.noise._asdict(),
+        "notes": list(fit.notes),
+        "verdict": {"level": fit.verdict.level, "reasons": list(fit.verdict.reasons)},
+        "seconds": round(fit.seconds, 3),
+    }
+
+
+def describe_model(model: eqx.Module, prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
+    """A model as plain data plus named arrays: class, static fields, numbers, nested models."""
+    kind, arrays = type(model).__name__, {}
+    structure: dict[str, Any] = {"class": kind}
+    for field in fields(model):
+        value, name = getattr(model, field.name), prefix + field.name
+        if isinstance(value, eqx.Module):
+            structure[field.name], nested = describe_model(value, f"{name}.")
+            arrays |= nested
+        elif eqx.is_array(value):
+            structure[field.name] = {"array": name}
+            arrays[name] = np.asarray(value)
+        else:
+            structure[field.name] = value
+    return structure, arrays
+
+
+def rebuild_model(structure: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+    """The inverse of `describe_model`. Raises `InputError` for a class that is not one of ours."""
+    if structure.get("class") not in _CLASSES:
+        raise InputError(
+            "unknown-model",
+            f"the file names the class {structure.get('class')!r}; known are {', '.join(_CLASSES)}.",
+        )
+    values = {}
+    for name, value in structure.items():
+        if isinstance(value, dict) and "class" in value:
+            values[name] = rebuild_model(value, arrays)
+        elif isinstance(value, dict):
+            values[name] = jnp.asarray(arrays[value["array"]])
+        elif name != "class":
+            values[name] = value
+    return _CLASSES[structure["class"]](**values)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a fit depends on."""
+    names = ("hysid", "jax", "equinox", "optimistix", "emcee", "numpy")
+    found = {"python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can say: NumPy to Python, numbers that are not finite to null."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(file: Path, document: dict[str, Any]) -> None:
+    """Write a JSON document whole or not at all: a new file first, then its name."""
+    new = file.with_suffix(".new")
+    new.write_text(json.dumps(plain(document), indent=2, ensure_ascii=False) + "\n", "utf-8")
+    os.replace(new, file)
+
+
+def _fit_arrays(fit: FitResult) -> dict[str, Any]:
+    arrays = {
+        "residuals": fit.residuals,
+        "covariance": fit.covariance,
+        "used": fit.internals["used"],
+    }
+    if fit.starts is not None:
+        arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
+    if (linear := fit.internals.get("linear")) is not None:
+        arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
+    return arrays
+
+
+def _record_words(record: Record) -> dict[str, Any]:
+    names = [f"{role}_{what}" for role in ("input", "output", "time") for what in ("name", "unit")]
+    return {n: getattr(record, n) for n in (*names, "labels", "history", "source", "sha256")}
+
+
+def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def _read_arrays(file: Path) -> dict[str, np.ndarray]:
+    with np.load(file, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(**p) for p in listed)
+
+
+def _metrics(saved: dict[str, Any]) -> dict[str, Metrics | None]:
+    return {k: None if m is None else Metrics(**m) for k, m in saved.items()}
