@@ -1,8 +1,11 @@
 """A posterior beside its fit: a summary to read, draws for any tool that reads netCDF."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
@@ -61,7 +64,9 @@ def load_posterior(folder: str | Path) -> Posterior | None:
             group = file["posterior"]
             draws = np.stack([group[name][...] for name in document["names"]], -1)
         with np.load(folder / "posterior_models.npz", allow_pickle=False) as arrays:
-            model = rebuild_model(document["structure"], dict(arrays))
+            # Under vmap each model has its own shapes; together their arrays keep the draw axis.
+            rebuild = partial(rebuild_model, document["structure"])
+            model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
     except (OSError, KeyError, ValueError) as error:
         raise InputError(
             "damaged-file",
