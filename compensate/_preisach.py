@@ -17,7 +17,8 @@ class InverseState(NamedTuple):
     """The staircase seen from both sides: inputs and outputs z (without offset) of the open loops.
 
     As `PreisachState`: `extremum` and `level` (capacity,), the first `depth` of which count, oldest
-    first; the present `u` and `z`; which way they moved last; how many loops had to be forgotten.
+    first; the present `u` and `z`; which way they moved last; how many loops had to be forgotten;
+    and the last estimate, which beyond saturation is not `u`.
     """
 
     extremum: Array
@@ -27,6 +28,7 @@ class InverseState(NamedTuple):
     z: Array
     rising: Array
     dropped: Array
+    value: Array
 
 
 class _Target(NamedTuple):
@@ -79,7 +81,9 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         level = reversible + self.model.orientation * past.level
         cell, fraction = self._grid.locate(past.u)
         z = self.begin[cell] + fraction * self.increment[cell] + self.model.orientation * past.y
-        return InverseState(past.extremum, level, past.depth, past.u, z, past.rising, past.dropped)
+        return InverseState(
+            past.extremum, level, past.depth, past.u, z, past.rising, past.dropped, past.u
+        )
 
     def simulate(self, t: Any, y: Any, state: InverseState | None = None) -> Estimate:
         y = jnp.asarray(y, float)
@@ -87,7 +91,8 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
 
     def step(self, state: InverseState, t: Any, y: Any) -> tuple[InverseState, Estimate]:
         y = jnp.asarray(y, state.z.dtype)
-        wanted = jnp.where(jnp.isfinite(y), y - self.model.offset, state.z)
+        valid = jnp.isfinite(y)
+        wanted = jnp.where(valid, y - self.model.offset, state.z)
         z = jnp.clip(wanted, self.floor, self.ceiling)
         state = self._turn_and_wipe_out(state, z)
         u, slope = self._solve(state, z)
@@ -99,11 +104,12 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         end = jnp.where(wanted > z, self.increment[-1], self.increment[0])
         goes_on = end > self.flat_slope
         excess = (wanted - z) * width / jnp.where(goes_on, end, 1.0)
-        value = u + jnp.where(goes_on, excess, 0.0)
+        value = jnp.where(valid, u + jnp.where(goes_on, excess, 0.0), state.value)
         status = jnp.where(slope > self.flat_slope, Status.OK, Status.FLAT)
         beyond = jnp.where(goes_on, Status.EXTRAPOLATED, Status.SATURATED)
         status = jnp.where(wanted == z, status, beyond)
-        return state, Estimate(value, jnp.where(jnp.isfinite(y), status, Status.INVALID))
+        status = jnp.where(valid, status, Status.INVALID)
+        return state._replace(value=value), Estimate(value, status)
 
     @property
     def _grid(self) -> GridDensity:
@@ -112,41 +118,46 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
 
     def _turn_and_wipe_out(self, state: InverseState, z: Array) -> InverseState:
         """Open a loop where z turns, close those that z goes beyond."""
-        extremum, level, depth, u, z_before, rising, dropped = state
-        s = jnp.where(z > z_before, 1, jnp.where(z < z_before, -1, rising))
-        turns = s != rising
+        extremum, level, depth, dropped = state.extremum, state.level, state.depth, state.dropped
+        rising = jnp.where(z > state.z, 1, jnp.where(z < state.z, -1, state.rising))
+        turns, s = rising != state.rising, rising.astype(z.dtype)
         full = turns & (depth >= extremum.shape[0])
         depth = jnp.where(full, depth - 2, depth)
         top = jnp.where(turns, depth, depth - 1)
-        extremum = extremum.at[top].set(jnp.where(turns, u, read(extremum, top)))
-        level = level.at[top].set(jnp.where(turns, z_before, read(level, top)))
+        extremum = extremum.at[top].set(jnp.where(turns, state.u, read(extremum, top)))
+        level = level.at[top].set(jnp.where(turns, state.z, read(level, top)))
 
         # Strictly beyond: on a flat branch z may equal a level whose input is not reached yet.
         def closes(depth: Array) -> Array:
             return (depth >= 3) & (s * z > s * read(level, jnp.maximum(depth - 2, 0)))
 
-        depth = jax.lax.while_loop(closes, lambda depth: depth - 2, depth + turns)
-        return InverseState(extremum, level, depth, u, z_before, s, dropped + full)
+        depth = jnp.where(turns, depth + 1, depth)
+        depth = jax.lax.while_loop(closes, lambda depth: depth - 2, depth)
+        dropped = jnp.where(full, dropped + 1, dropped)
+        return state._replace(
+            extremum=extremum, level=level, depth=depth, rising=rising, dropped=dropped
+        )
 
     def _solve(self, state: InverseState, z: Array) -> tuple[Array, Array]:
         """The input nearest to the present one with q(u) = s (z - z_r), and dq per cell there."""
-        grid, s = self._grid, state.rising
+        grid, way = self._grid, state.rising
+        s = way.astype(z.dtype)
         r = read(state.extremum, state.depth - 1)
         cell_r, fraction_r = grid.locate(r)
         rise = s * (z - read(state.level, state.depth - 1))
         target = _Target(r, cell_r, fraction_r, s, rise)
 
         # The branch ends where the loop it lies in closes, or at the bound.
-        bound = jnp.where(s > 0, grid.high, grid.low)
+        bound = jnp.where(way > 0, grid.high, grid.low)
         older = read(state.extremum, jnp.maximum(state.depth - 2, 0))
         end = jnp.where(state.depth >= 2, older, bound)
-        first, last = s * grid.locate(state.u)[0], s * grid.locate(end)[0]
+        first, last = way * grid.locate(state.u)[0], way * grid.locate(end)[0]
 
         # Bisect for the last cell, in the direction of travel, that is entered below the target.
         def halve(_: int, interval: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = interval
             middle = (low + high + 1) >> 1
-            node = s * middle + (s < 0)
+            node = jnp.where(way > 0, middle, 1 - middle)
             below = self._at_node(target, node) < target.rise
             inside = low < high
             return (
@@ -155,7 +166,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
             )
 
         rounds = int(np.ceil(np.log2(grid.cells))) + 1
-        cell = s * jax.lax.fori_loop(0, rounds, halve, (first, last))[0]
+        cell = way * jax.lax.fori_loop(0, rounds, halve, (first, last))[0]
 
         # q = A f^2 + B f + C + rise within the cell; dq/df has the sign of s.
         o = self.model.orientation
@@ -163,14 +174,14 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         A = 2 * o * read(self.table.diagonal, cell)
         B, C = stop - begin - A, begin - target.rise
         root = jnp.sqrt(jnp.maximum(B * B - 4 * A * C, 0.0))
-        entry = jnp.where(s > 0, 0.0, 1.0)
+        entry = jnp.where(way > 0, 0.0, 1.0)
         # Two forms of one root: the sign of B says which one does not cancel.
         divisor = jnp.where(s * B >= 0, -(B + s * root), 2 * A)
         numerator = jnp.where(s * B >= 0, 2 * C, s * root - B)
         fraction = jnp.where(divisor == 0, entry, numerator / jnp.where(divisor == 0, 1.0, divisor))
         fraction = jnp.clip(fraction, 0.0, 1.0)
-        u = grid.low + (cell + fraction) * ((grid.high - grid.low) / grid.cells)
-        u = jnp.where(s > 0, jnp.clip(u, state.u, end), jnp.clip(u, end, state.u))
+        u = grid.low + (cell.astype(z.dtype) + fraction) * ((grid.high - grid.low) / grid.cells)
+        u = jnp.where(way > 0, jnp.clip(u, state.u, end), jnp.clip(u, end, state.u))
         return u, s * (2 * A * fraction + B)
 
     def _at_node(self, target: _Target, node: Array) -> Array:

@@ -1,5 +1,6 @@
 """What a material or a sensor does: models with memory, records of measurements, virtual rigs."""
 
+from ._csv import Table as Table
 from ._csv import parse_condition as parse_condition
 from ._csv import read_csv as read_csv
 from ._csv import read_table as read_table

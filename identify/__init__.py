@@ -16,6 +16,7 @@ from ._result import Verdict as Verdict
 from ._result import predict as predict
 from ._save import check_free as check_free
 from ._save import load as load
+from ._save import plain as plain
 from ._save import read_document as read_document
 from ._save import save as save
 from ._save import to_json as to_json

@@ -33,14 +33,30 @@ _CLASSES = {c.__name__: c for c in (LinearSponge, Burgers, Preisach, GridDensity
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
 
 
-def save(fit: FitResult, folder: str | Path, *, overwrite: bool = False) -> Path:
+def save(
+    fit: FitResult,
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+    extra: dict[str, Any] | None = None,
+) -> Path:
     """Write a fit to a folder, which is made; a folder with results in it only with `overwrite`.
+
+    `extra` is added to fit.json. A posterior or report of an earlier fit is removed.
 
     Raises `InputError` where results are there already or the folder cannot be written.
     """
     folder = Path(folder)
     check_free(folder, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
+    for old in (
+        "posterior.json",
+        "posterior.nc",
+        "posterior_models.npz",
+        "chains.h5",
+        "report.html",
+    ):
+        (folder / old).unlink(missing_ok=True)
     structure, arrays = describe_model(fit.model)
     _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
@@ -64,7 +80,7 @@ def save(fit: FitResult, folder: str | Path, *, overwrite: bool = False) -> Path
     }
     if "linear" in fit.internals:
         document["unknowns"] = fit.internals["linear"].meaning._asdict()
-    write_json(folder / "fit.json", document)
+    write_json(folder / "fit.json", document | (extra or {}))
     return folder
 
 

@@ -39,7 +39,7 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
         """What every look-up shares. E(high, low) is `everett(tabulate(), pair(high, low))`."""
 
     @abc.abstractmethod
-    def everett(self, table: Table, pairs: Pairs) -> Float[Array, " pairs"]:
+    def everett(self, table: Table, pairs: Pairs) -> Float[Array, "*pairs"]:
         """E(a, b) of every pair."""
 
     @abc.abstractmethod
@@ -115,7 +115,7 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
     def tabulate(self) -> EverettTable:
         return everett_table(self.weights)
 
-    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, " pairs"]:
+    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
         return everett_look_up(table, pairs)
 
     def mass(self, table: EverettTable) -> Float[Array, ""]:

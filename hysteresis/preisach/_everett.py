@@ -29,11 +29,11 @@ class EverettTable(NamedTuple):
 class GridPairs(NamedTuple):
     """Pairs (a, b) located on the grid: the cell of a, its table entry with b's, both fractions."""
 
-    cell: Int[Array, " pairs"]
-    cell_b: Int[Array, " pairs"]
-    corner: Int[Array, " pairs"]
-    fraction: Float[Array, " pairs"]
-    fraction_b: Float[Array, " pairs"]
+    cell: Int[Array, "*pairs"]
+    cell_b: Int[Array, "*pairs"]
+    corner: Int[Array, "*pairs"]
+    fraction: Float[Array, "*pairs"]
+    fraction_b: Float[Array, "*pairs"]
 
 
 def everett_table(weights: Float[Array, "cells cells"]) -> EverettTable:
@@ -44,7 +44,7 @@ def everett_table(weights: Float[Array, "cells cells"]) -> EverettTable:
     return EverettTable(node + node.T, jnp.diagonal(lower))
 
 
-def everett_look_up(table: EverettTable, pairs: GridPairs) -> Float[Array, " pairs"]:
+def everett_look_up(table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
     """E(a, b) of every pair. Four reads of the table, two of its diagonal, no case splits."""
     nodes = table.node.shape[0]
     node = table.node.reshape(-1)

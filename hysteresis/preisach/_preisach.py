@@ -133,7 +133,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         top = jnp.where(turns, depth, depth - 1)
         extremum = extremum.at[top].set(jnp.where(turns, u_before, read(extremum, top)))
         level = level.at[top].set(jnp.where(turns, y_before, read(level, top)))
-        depth = depth + turns
+        depth = jnp.where(turns, depth + 1, depth)
 
         def wipes_out(depth: Array) -> Array:
             older = read(extremum, jnp.maximum(depth - 2, 0))
@@ -142,7 +142,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         depth = jax.lax.while_loop(wipes_out, lambda depth: depth - 2, depth)
         pairs = self.density.pair(u, read(extremum, depth - 1))
         y = read(level, depth - 1) + 2 * s * self.density.everett(table, pairs)
-        return PreisachState(extremum, level, depth, u, y, direction, dropped + full), y
+        dropped = jnp.where(full, dropped + 1, dropped)
+        return PreisachState(extremum, level, depth, u, y, direction, dropped), y
 
     # Batch
 
@@ -225,7 +226,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         if is_concrete(state.u):
             return np.append(np.asarray(state.extremum)[: int(state.depth)], float(state.u))
         # A traced depth: fill up with the present input, since a plateau adds no memory.
-        open_loops = jnp.arange(self.capacity) < state.depth
+        open_loops = jnp.arange(self.capacity, dtype=jnp.int32) < state.depth
         return jnp.append(jnp.where(open_loops, state.extremum, state.u), state.u)
 
     def _staircase(self) -> list[float]:

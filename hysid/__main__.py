@@ -1,0 +1,5 @@
+"""`python -m hysid` is the command `hysid`."""
+
+from ._cli import main
+
+main()

@@ -1,0 +1,331 @@
+"""The command line. Options here, work in _jobs; progress on stderr, results on stdout."""
+
+import json
+import os
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")]
+Input = Annotated[str, typer.Option("--input", help="Input column, by its exact header.")]
+Output = Annotated[str, typer.Option("--output", help="Output column, by its exact header.")]
+Time = Annotated[str | None, typer.Option(help="Time column.")]
+Dt = Annotated[float | None, typer.Option(help="Sampling step in seconds, without a time column.")]
+Group = Annotated[str, typer.Option(help="COL[,COL]: independent sequences of one model.")]
+Each = Annotated[str | None, typer.Option(help="COL: one fit for each of its values.")]
+Where = Annotated[
+    list[str] | None, typer.Option(help="COL=VALUE[,VALUE]: rows to use; repeatable.")
+]
+Nan = Annotated[str, typer.Option(help="raise, omit (mask rows without output) or interpolate.")]
+Segments = Annotated[str | None, typer.Option(help="auto: a new sequence where time goes back.")]
+Decimal = Annotated[str, typer.Option(help="Decimal sign of the file, . or ,")]
+UnitsRow = Annotated[int | None, typer.Option(help="Line that holds units; 0 for none.")]
+NaValues = Annotated[
+    str, typer.Option(help="Words that mean a missing value, with commas between.")
+]
+InputUnit = Annotated[
+    str | None, typer.Option(help="Unit of the input, where the header has none.")
+]
+OutputUnit = Annotated[str | None, typer.Option(help="Unit of the output, likewise.")]
+TestWhere = Annotated[
+    list[str] | None, typer.Option(help="COL=VALUE[,VALUE] or COL%2=0: rows held out for testing.")
+]
+TestCycles = Annotated[
+    int | None, typer.Option(help="Hold out the last N cycles of each sequence.")
+]
+TestTail = Annotated[
+    float | None, typer.Option(help="Hold out this last fraction of each sequence.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write over results that are there.")]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+
+
+@app.command()
+def demo(out: Out = Path("hysid-demo"), as_json: AsJson = False) -> None:
+    """Fit, posterior, compensator and report on the shipped sponge record."""
+    _say("hysid demo: loading JAX")
+    jobs = _start()
+    with _Progress() as progress:
+        document = jobs.demo(out, _say, progress)
+    backwards = document["inverse"]
+    lines = [
+        *_verdict_lines(document),
+        f"Compensator, displacement -> force, over all rows: {backwards['rmse']:.3g} N rms"
+        f" ({backwards['nrmse_percent']:.2g} % of the range), {backwards['flagged']} flagged.",
+        f"Report: {document['report']}",
+    ]
+    _print(document, as_json, lines)
+
+
+@app.command()
+def check(
+    file: File,
+    input: Input,
+    output: Output,
+    time: Time = None,
+    dt: Dt = None,
+    group: Group = "",
+    each: Each = None,
+    where: Where = None,
+    nan: Nan = "raise",
+    segments: Segments = None,
+    decimal: Decimal = ".",
+    units_row: UnitsRow = None,
+    na_values: NaValues = "",
+    input_unit: InputUnit = None,
+    output_unit: OutputUnit = None,
+    as_json: AsJson = False,
+) -> None:
+    """Look at a record: rows, cycles, noise, and what stands against identifying a model."""
+    options = _selection_options(locals())
+    jobs = _start()
+    found = jobs.check(file, jobs.Selection(**options))
+    lines = []
+    for value, one in found.get("each", {"": found}).items():
+        lines += [f"{each} = {value}"] if value else []
+        lines += [one.pop("text"), *(f"Mind: {w}" for w in one["warnings"])]
+    _print(found, as_json, lines)
+
+
+@app.command()
+def fit(
+    file: File,
+    input: Input,
+    output: Output,
+    out: Out,
+    time: Time = None,
+    dt: Dt = None,
+    group: Group = "",
+    each: Each = None,
+    where: Where = None,
+    test_where: TestWhere = None,
+    test_cycles: TestCycles = None,
+    test_tail: TestTail = None,
+    model: Annotated[str, typer.Option(help="auto, or NAME[,NAME].")] = "auto",
+    initial: Annotated[
+        str,
+        typer.Option(
+            help="Memory before the first sample: auto, negative, positive, demagnetised."
+        ),
+    ] = "auto",
+    conditioning: Annotated[
+        str,
+        typer.Option(help="auto: leave the first cycle out where that predicts better; or keep."),
+    ] = "auto",
+    starts: Annotated[int, typer.Option(help="Random starts for non-linear parameters.")] = 32,
+    nan: Nan = "raise",
+    segments: Segments = None,
+    decimal: Decimal = ".",
+    units_row: UnitsRow = None,
+    na_values: NaValues = "",
+    input_unit: InputUnit = None,
+    output_unit: OutputUnit = None,
+    seed: Seed = 0,
+    allow_float32: Annotated[bool, typer.Option("--allow-float32")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fit models to a record, rank them on held-out parts, write the best to a folder."""
+    options = _selection_options(locals())
+    jobs = _start(double=not allow_float32)
+    document = jobs.fit(
+        file, jobs.Selection(**options), out, overwrite=overwrite, say=_say, model=model,
+        initial=initial, conditioning=conditioning, starts=starts, seed=seed,
+        allow_float32=allow_float32,
+    )  # fmt: skip
+    _print(document, as_json, [*_verdict_lines(document), f"Results: {out}"])
+
+
+@app.command()
+def predict(
+    folder: Folder,
+    file: File,
+    inverse: Annotated[
+        bool, typer.Option("--inverse", help="Run the compensator: input from output.")
+    ] = False,
+    where: Where = None,
+    nan: Annotated[
+        str | None, typer.Option(help="As in fit; by default what the fit used.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a fitted model, or its compensator, over a file with the same columns."""
+    changes = {"where": tuple(where)} if where else {}
+    changes |= {"nan": nan} if nan else {}
+    found = _start().predict(folder, file, inverse=inverse, changes=changes)
+    compared = "nothing measured to compare with"
+    if found["rmse"] is not None:
+        compared = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"
+    lines = [f"{compared}; {found['flagged']} of {found['rows']} rows flagged", found["file"]]
+    _print(found, as_json, lines)
+
+
+@app.command()
+def sample(
+    folder: Folder,
+    steps: Annotated[int, typer.Option(help="Steps of each ensemble, in all.")] = 2000,
+    ensembles: Annotated[int, typer.Option(help="Independent ensembles.")] = 4,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the chains kept.")] = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Draw from the posterior of a fit."""
+    jobs = _start()
+    with _Progress() as progress:
+        found = jobs.sample(
+            folder, steps=steps, ensembles=ensembles, seed=seed, resume=resume, progress=progress
+        )
+    lines = [f"{'parameter':24}{'mean':>12}{'sd':>12}{'5 %':>12}{'95 %':>12}{'R-hat':>8}{'ESS':>8}"]
+    lines += [
+        f"{p['name']:24}{p['mean']:12.4g}{p['sd']:12.3g}{p['q05']:12.4g}{p['q95']:12.4g}"
+        f"{p['rhat']:8.3f}{p['ess']:8.0f}"
+        for p in found["parameters"]
+    ]
+    if not found["converged"]:
+        lines.append("Not converged: R-hat above 1.01 or too few draws; take more --steps.")
+    _print(found, as_json, lines)
+
+
+@app.command()
+def report(folder: Folder, as_json: AsJson = False) -> None:
+    """Write DIR/report.html, one page that needs nothing else."""
+    found = _start().report(folder)
+    _print(found, as_json, [found["file"]])
+
+
+def main() -> None:
+    """Run the command line: exit 0 good, 2 the user's input is at fault, 1 a bug of ours."""
+    try:
+        app(standalone_mode=False)
+    except SystemExit:
+        raise
+    except KeyboardInterrupt:
+        _fail("Interrupted. What was written so far is whole.", 130)
+    except Exception as error:
+        _fail(*_explain(error))
+
+
+def _explain(error: Exception) -> tuple[str, int]:
+    import click
+
+    if isinstance(error, click.exceptions.Abort):
+        return "Interrupted.", 130
+    if isinstance(error, click.ClickException):
+        usage = getattr(error, "ctx", None)
+        hint = f" See: {usage.command_path} --help" if usage is not None else ""
+        return f"{error.format_message()}{hint}", 2
+    from hysteresis import InputError
+
+    if isinstance(error, InputError):
+        return str(error), 2
+    if isinstance(error, OSError):
+        return f"{error.filename or 'the disk'}: {error.strerror or error}.", 2
+    with tempfile.NamedTemporaryFile("w", suffix=".txt", prefix="hysid-", delete=False) as log:
+        traceback.print_exception(error, file=log)
+    said = str(error).splitlines()[0] if str(error) else ""
+    return (
+        f"This is a bug in hysid, not your doing: {type(error).__name__}: {said} Details: {log.name}",
+        1,
+    )
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"hysid: {message}", file=sys.stderr)
+    raise SystemExit(code)
+
+
+def _start(double: bool = True) -> Any:
+    """Load JAX in double precision, one thread for small matrices, compiled code kept."""
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    import jax
+
+    jax.config.update("jax_enable_x64", double)
+    from . import _jobs
+
+    return _jobs
+
+
+def _selection_options(options: dict[str, Any]) -> dict[str, Any]:
+    """The selecting ones of a command's options, lists as tuples."""
+    names = [
+        "input",
+        "output",
+        "time",
+        "dt",
+        "each",
+        "nan",
+        "segments",
+        "decimal",
+        "units_row",
+        "input_unit",
+        "output_unit",
+        "test_cycles",
+        "test_tail",
+    ]
+    chosen = {name: options[name] for name in names if name in options}
+    for name in ("group", "na_values"):
+        chosen[name] = tuple(part for part in options[name].split(",") if part)
+    for name in ("where", "test_where"):
+        chosen[name] = tuple(options.get(name) or ())
+    return chosen
+
+
+def _verdict_lines(document: dict[str, Any]) -> list[str]:
+    lines = [f"{document['verdict']['level']}: {document['model']}"]
+    return lines + [f"  {reason}" for reason in document["verdict"]["reasons"]]
+
+
+def _print(document: dict[str, Any], as_json: bool, lines: list[str]) -> None:
+    if as_json:
+        from identify import plain
+
+        print(json.dumps(plain(document), ensure_ascii=False))
+    else:
+        print("\n".join(lines))
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+class _Progress:
+    """A progress bar on a terminal, a line every tenth elsewhere; both on stderr."""
+
+    def __enter__(self) -> "_Progress":
+        self._bar: Any = None
+        self._tenth = -1
+        return self
+
+    def __call__(self, done: int, total: int, text: str) -> None:
+        if sys.stderr.isatty():
+            if self._bar is None:
+                from rich.console import Console
+                from rich.progress import Progress
+
+                self._bar = Progress(console=Console(stderr=True))
+                self._bar.start()
+                self._task = self._bar.add_task("sampling", total=total)
+            self._bar.update(self._task, completed=done, total=total, description=text)
+        elif (tenth := 10 * done // total) != self._tenth:
+            self._tenth = tenth
+            _say(f"sampling: {done} of {total}, {text}")
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()

@@ -1,0 +1,172 @@
+"""What a report shows beyond the fit itself: residuals' correlation, excited cells, band, round trip."""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jaxtyping import Bool, Float, Int
+
+from compensate import AbstractCompensator, Status
+from hysteresis import AbstractModel, Preisach, Record
+from identify import Posterior
+
+ROWS = 4000
+"""Rows of a predictive band, at most."""
+TRIP = 100_000
+"""Rows sent through a compensator, at most; whole sequences."""
+
+
+def autocorrelation(
+    residuals: Float[np.ndarray, " samples"],
+    used: Bool[np.ndarray, " samples"],
+    starts: Int[np.ndarray, " sequences"],
+    most: int,
+) -> Float[np.ndarray, " lags"]:
+    """Of the used residuals up to lag `most`, over all sequences, the mean left in: an offset is an error."""
+    products = np.zeros(most + 1)
+    for a, b in pairwise([*starts, len(residuals)]):
+        r = residuals[a:b][used[a:b]]
+        spectrum = np.fft.rfft(r, 2 * max(len(r), 1))
+        lags = np.fft.irfft(spectrum * spectrum.conj())[: min(most + 1, len(r))]
+        products[: len(lags)] += lags
+    return products / (products[0] or 1.0)
+
+
+@eqx.filter_jit
+def _swings(model: Preisach, prepared: Any, used: Any, cells: Any) -> Any:
+    """How far the relays of each cell (a row and a column) swing over the used rows, 0 to 2."""
+
+    def swing(cell: Any) -> Any:
+        weights = jnp.zeros_like(model.density.weights).at[cell[0], cell[1]].set(1.0)  # type: ignore[attr-defined]
+        one = eqx.tree_at(lambda m: m.density.weights, model, weights)
+        y = one.evaluate(prepared)
+        return jnp.where(used, y, -jnp.inf).max() - jnp.where(used, y, jnp.inf).min()
+
+    return jax.lax.map(swing, cells)
+
+
+def excited_cells(
+    model: Preisach, record: Record, used: Bool[np.ndarray, " samples"]
+) -> Bool[np.ndarray, "cells cells"]:
+    """Which cells of a grid switched among the used rows: about the others these rows say nothing.
+
+    Cell by cell, the output of a model that has mass there alone.
+    """
+    n = model.density.weights.shape[0]  # type: ignore[attr-defined]
+    alone = Preisach(
+        model.density, None, 0.0, leading=model.leading, initial=model.initial, capacity=model.capacity
+    )  # fmt: skip
+    # Relays move one way along a branch: its ends show all that it switched.
+    rows = np.append(True, np.diff(np.sign(np.diff(record.input))) != 0)
+    rows = np.append(rows, True) & True
+    rows[record.starts] = rows[np.append(record.starts[1:], len(record)) - 1] = True
+    edge = np.flatnonzero(np.diff(used.astype(int)))
+    rows[edge] = rows[edge + 1] = True
+    starts = (np.cumsum(rows) - 1)[record.starts]
+    prepared = alone.prepare(None, record.input[rows], starts=tuple(int(k) for k in starts))
+    i, j = np.tril_indices(n)
+    cells = jnp.stack([jnp.asarray(i), jnp.asarray(j)], 1)
+    swings = np.asarray(_swings(alone, prepared, jnp.asarray(used[rows]), cells))
+    excited = np.zeros((n, n), bool)
+    excited[i, j] = swings > 1e-9
+    return excited
+
+
+class Band(NamedTuple):
+    """Predictive 5, 50 and 95 % quantiles over some `rows` of a record, and the share inside."""
+
+    rows: Int[np.ndarray, " rows"]
+    low: Float[np.ndarray, " rows"]
+    middle: Float[np.ndarray, " rows"]
+    high: Float[np.ndarray, " rows"]
+    coverage: float
+
+
+@eqx.filter_jit
+def _evaluate_draws(models: Any, prepared: Any, rows: Any) -> Any:
+    return jax.lax.map(lambda model: model.evaluate(prepared)[rows], models, batch_size=10)
+
+
+def predictive_band(posterior: Posterior, record: Record, draws: int = 100) -> Band:
+    """Where the next measurement would lie: the models of some draws, each with its own noise.
+
+    The noise enters by its quantiles, not at random, so the band is smooth and the same every time.
+    """
+    mask = np.flatnonzero(record.mask)
+    rows = mask[:: -(-len(mask) // ROWS)]
+    total = posterior.draws.shape[0] * posterior.draws.shape[1]
+    chosen = np.unique(np.linspace(0, total - 1, min(draws, total)).astype(int))
+    models = jax.tree.map(lambda leaf: leaf[chosen], posterior.model)
+    starts = tuple(int(k) for k in record.starts)
+    # All draws of a model prepare an input alike.
+    one: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
+    prepared = one.prepare(record.time, record.input, starts=starts)
+    y = np.asarray(_evaluate_draws(models, prepared, jnp.asarray(rows)))
+    sigma = posterior.draws.reshape(total, -1)[chosen, posterior.names.index("sigma")]
+    noise = scipy.stats.norm.ppf((np.arange(11) + 0.5) / 11)
+    spread = y[:, None] + (sigma[:, None] * noise)[..., None]
+    low, middle, high = np.quantile(spread.reshape(-1, len(rows)), [0.05, 0.5, 0.95], axis=0)
+    measured = record.output[rows]
+    return Band(rows, low, middle, high, float(np.mean((measured >= low) & (measured <= high))))
+
+
+class RoundTrip(NamedTuple):
+    """Measured outputs sent backwards through the compensator.
+
+    - `estimate`, `status` (rows,): of the first `rows` of the record, each sequence from the virgin state.
+    - `counted` (rows,): those that count in an error: masked, with a finite estimate.
+    - `rms`, `largest`: of estimate - input, in the input's unit.
+    - `exactness`: max |model(compensator(y)) - y| / range over y from the model itself.
+    """
+
+    estimate: Float[np.ndarray, " rows"]
+    status: Int[np.ndarray, " rows"]
+    counted: Bool[np.ndarray, " rows"]
+    rms: float
+    largest: float
+    exactness: float
+
+
+def round_trip(
+    model: AbstractModel, compensator: AbstractCompensator, record: Record
+) -> RoundTrip:
+    """Run the compensator over a record's measured output, and over the model's own."""
+    ends = [*record.starts[1:], len(record)]
+    pieces = [
+        slice(int(a), int(b))
+        for a, b in zip(record.starts, ends, strict=True)
+        if b <= TRIP or a == 0
+    ]
+    # One length, so that the compensator is compiled once; what is added repeats the last sample.
+    longest = max(s.stop - s.start for s in pieces)
+    y = record.output.copy()
+    gap = ~np.isfinite(y)
+    y[gap] = np.interp(np.flatnonzero(gap), np.flatnonzero(~gap), y[~gap])
+    estimates, statuses, exactness = [], [], 0.0
+    span = float(np.ptp(record.output[record.mask])) or 1.0
+    for rows in pieces:
+        n = rows.stop - rows.start
+        pad = (0, longest - n)
+        u, measured = (np.pad(x[rows], pad, mode="edge") for x in (record.input, y))
+        t = None
+        if record.time is not None:
+            step = float(np.diff(record.time[rows][-2:])[0]) if n > 1 else 1.0
+            later = record.time[rows.stop - 1] + step * np.arange(1, pad[1] + 1)
+            t = np.concatenate([record.time[rows], later])
+        found = compensator.simulate(t, measured)
+        estimates.append(np.asarray(found.value)[:n])
+        statuses.append(np.where(gap[rows], int(Status.INVALID), np.asarray(found.status)[:n]))
+        own = model.simulate(t, u)
+        back = model.simulate(t, np.asarray(compensator.simulate(t, own).value))
+        exactness = max(exactness, float(np.abs(np.asarray(back - own)[:n]).max()) / span)
+    estimate, status = np.concatenate(estimates), np.concatenate(statuses)
+    counted = record.mask[: len(estimate)] & np.isfinite(estimate) & (status != Status.INVALID)
+    error = (estimate - record.input[: len(estimate)])[counted]
+    if not len(error):
+        error = np.array([np.nan])
+    rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+    return RoundTrip(estimate, status, counted, rms, largest, exactness)

@@ -1,0 +1,336 @@
+"""Figures of a report: arrays in, a matplotlib Figure out; nothing global is touched.
+
+Colours are Okabe and Ito's, which the colour-blind can tell apart.
+"""
+
+import base64
+import io
+import warnings
+from collections.abc import Callable, Sequence
+from functools import wraps
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00", "#56B4E9"
+GREY, DIM, INK = "#8c8c8c", "#b5b5b5", "#222222"
+MOST = 4000
+"""Points of a curve, at most."""
+
+STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#666666",
+    "axes.labelcolor": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "hatch.color": "#9a9a9a",
+    "hatch.linewidth": 0.5,
+    "text.parse_math": False,  # a column may be called anything
+    "text.usetex": False,
+}
+SIZE = (4.8, 3.5)
+
+Made = TypeVar("Made", bound=Callable[..., Any])
+
+
+def styled(function: Made) -> Made:
+    """`function` under this module's style alone, whatever the user's own is."""
+
+    @wraps(function)
+    def inside(*arguments: Any, **named: Any) -> Any:
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(STYLE)
+            return function(*arguments, **named)
+
+    return inside  # type: ignore[return-value]
+
+
+@styled
+def png(figure: Figure) -> tuple[str, int, int]:
+    """A figure as base64 PNG at double density, with its width and height on the page."""
+    from PIL import Image
+
+    raw, packed = io.BytesIO(), io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # of a column's name: shown as a box
+        figure.savefig(raw, format="png", dpi=192)
+    image = Image.open(raw).convert("RGB")
+    # A palette is a third of the size, and a chart has few colours.
+    image.quantize(128, dither=Image.Dither.NONE).save(packed, "png", optimize=True)
+    return base64.b64encode(packed.getvalue()).decode(), image.width // 2, image.height // 2
+
+
+class Curve(NamedTuple):
+    """One curve of a chart: a thin line, a broad pale one to lie under it, or dots."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    colour: str
+    kind: Literal["line", "under", "dots"] = "line"
+
+
+def thin(most: int, *series: np.ndarray) -> np.ndarray:
+    """About `most` of the indices of some series, with the extremes of each among them."""
+    n = len(series[0])
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, max(most // (2 * len(series)), 1) + 1).astype(int)
+    kept = [
+        a + pick
+        for a, b in pairwise(edges)
+        for x in series
+        for pick in (int(np.argmin(x[a:b])), int(np.argmax(x[a:b])))
+    ]
+    return np.unique([0, *kept, n - 1])
+
+
+def trace(
+    x: np.ndarray, y: np.ndarray, keep: np.ndarray, starts: np.ndarray, most: int = MOST
+) -> tuple[np.ndarray, np.ndarray]:
+    """The kept rows as a path with gaps (NaN) where rows or sequences end, thinned."""
+    keep = keep & np.isfinite(y)
+    cut = np.append(True, keep[1:] != keep[:-1])
+    cut[starts] = True
+    pieces = [p for p in np.split(np.arange(len(x)), np.flatnonzero(cut)[1:]) if keep[p[0]]]
+    share = most / max(int(keep.sum()), 1)
+    xs, ys = [], []
+    for rows in pieces:
+        rows = rows[thin(max(int(share * len(rows)), 4), x[rows], y[rows])]
+        xs += [x[rows], [np.nan]]
+        ys += [y[rows], [np.nan]]
+    return (np.concatenate(xs), np.concatenate(ys)) if xs else (np.empty(0), np.empty(0))
+
+
+@styled
+def chart(
+    curves: Sequence[Curve],
+    x_label: str,
+    y_label: str,
+    *,
+    limits: tuple[np.ndarray, np.ndarray] | None = None,
+    zero: bool = False,
+    diagonal: bool = False,
+    breaks: Sequence[float] = (),
+) -> Figure:
+    """Curves over one pair of axes. `limits`: all x and y they have to hold; `breaks`: ends of sequences."""
+    figure, axes = _one()
+    if zero:
+        axes.axhline(0, color="#666666", lw=0.8)
+    for where in breaks:
+        axes.axvline(where, color="#cccccc", lw=0.8, ls=":")
+    for label, x, y, colour, kind in curves:
+        if kind == "dots":
+            axes.plot(x, y, ls="", marker="o", ms=2 if len(x) > 300 else 4, mew=0, alpha=0.5,
+                      color=colour, label=label)  # fmt: skip
+        elif kind == "under":
+            few = np.isfinite(y).sum() < 300
+            axes.plot(x, y, lw=2.8, alpha=0.5, color=colour, label=label,
+                      marker="o" if few else "", ms=4, mew=0)  # fmt: skip
+        else:
+            axes.plot(x, y, lw=1.1, color=colour, label=label)
+    if diagonal:
+        ends = [
+            min(axes.get_xlim()[0], axes.get_ylim()[0]),
+            max(axes.get_xlim()[1], axes.get_ylim()[1]),
+        ]
+        axes.plot(ends, ends, color="#666666", lw=0.8, ls="--", label="exact")
+    if limits is not None:
+        axes.set_xlim(*_widened(limits[0]))
+        axes.set_ylim(*_widened(limits[1]))
+    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    _legend(figure)
+    return figure
+
+
+@styled
+def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys: dict[str, str],
+         x_label: str, y_label: str) -> Figure:  # fmt: skip
+    """One bar for each name; `keys` {meaning: colour}."""
+    figure, axes = _one()
+    at = np.arange(len(values))
+    axes.bar(at, values, color=list(colours), width=0.7 if len(at) < 40 else 1.0)
+    for meaning, colour in keys.items():
+        axes.bar([0], [0], color=colour, label=meaning)
+    every = -(-len(at) // 24)
+    long = max(map(len, names)) * len(at[::every]) > 40
+    axes.set_xticks(at[::every], [_short(names[k], 14) for k in at[::every]],
+                    rotation=90 if long else 0)  # fmt: skip
+    axes.grid(axis="x", visible=False)
+    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    _legend(figure)
+    return figure
+
+
+@styled
+def autocorrelation(values: np.ndarray, band: float) -> Figure:
+    """Autocorrelation from lag 0 on, with the band that white residuals would stay in."""
+    figure, axes = _one()
+    lag = np.arange(len(values))
+    axes.axhspan(-band, band, color=SKY, alpha=0.35, lw=0, label="99 % band of white residuals")
+    if len(lag) <= 60:
+        axes.vlines(lag, 0, values, color=BLUE, lw=2)
+    else:
+        axes.fill_between(lag, 0, values, color=BLUE, alpha=0.35, lw=0)
+        axes.plot(lag, values, color=BLUE)
+    axes.axhline(0, color="#666666", lw=0.8)
+    axes.set(xlabel="lag (samples)", ylabel="autocorrelation (no unit)", xlim=(-0.5, lag[-1] + 0.5))
+    axes.set_ylim(min(-0.25, 1.1 * values.min()), 1.05)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    _legend(figure)
+    return figure
+
+
+@styled
+def waterfall(errors: np.ndarray, same: int, y_label: str) -> Figure:
+    """Errors of sorted starts; the first `same` of them found the best minimum."""
+    figure, axes = _one()
+    rank = np.arange(1, len(errors) + 1)
+    axes.plot(rank, errors, color=DIM, lw=1)
+    axes.plot(rank[:same], errors[:same], "o", color=GREEN, ms=5, label="the best minimum")
+    axes.plot(rank[same:], errors[same:], "s", color=GREY, ms=4, label="elsewhere")
+    finite = errors[np.isfinite(errors) & (errors > 0)]
+    if len(finite) and finite.max() > 20 * finite.min():
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.3g}"))
+        axes.yaxis.set_minor_formatter(FuncFormatter(lambda x, _: ""))
+    else:
+        axes.set_ylim(0, 1.1 * finite.max() if len(finite) else 1)
+    axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    axes.set(xlabel="start (sorted, best first)", ylabel=_short(y_label))
+    _legend(figure)
+    return figure
+
+
+@styled
+def band(x: np.ndarray, low: np.ndarray, high: np.ndarray, measured: np.ndarray,
+         x_label: str, y_label: str, *, zero: bool = False) -> Figure:  # fmt: skip
+    """Measured values over a predictive band; NaN in `x` breaks both."""
+    figure, axes = _one()
+    axes.fill_between(x, low, high, color=SKY, alpha=0.6, lw=0, label="predicted, 5 to 95 %")
+    few = len(x) < 300
+    axes.plot(x, measured, color=INK, lw=0.8, marker="o" if few else "", ms=3, label="measured")
+    if zero:
+        axes.axhline(0, color="#666666", lw=0.8)
+    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    _legend(figure)
+    return figure
+
+
+@styled
+def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) -> Figure:
+    """Every parameter's histogram and every pair's scatter of (draws, parameters); log axis over decades."""
+    n = len(labels)
+    size = 1.7 + 1.35 * n
+    figure = Figure(figsize=(size, size), layout="constrained")
+    grid = figure.subplots(n, n, squeeze=False)
+    shown = draws[np.linspace(0, len(draws) - 1, min(len(draws), 1500)).astype(int)]
+    log = [bool((d > 0).all() and np.divide(*np.quantile(d, [0.95, 0.05])) > 30) for d in draws.T]
+    see = [np.log10 if is_log else np.asarray for is_log in log]
+    ranges = [_corner_range(see[k](draws[:, k]), fitted[k], see[k]) for k in range(n)]
+    for i in range(n):
+        for j in range(n):
+            axes = grid[i, j]
+            if j > i:
+                axes.axis("off")
+                continue
+            axes.grid(False)
+            axes.set_xlim(*ranges[j])
+            if i == j:
+                axes.hist(see[i](draws[:, i]), 40, ranges[i], color=SKY)
+                axes.set_yticks([])
+            else:
+                axes.scatter(see[j](shown[:, j]), see[i](shown[:, i]), s=4, lw=0, alpha=0.3, c=BLUE)
+                axes.set_ylim(*ranges[i])
+                if np.isfinite(fitted[i]):
+                    axes.axhline(see[i](fitted[i]), color=VERMILLION, lw=0.9)
+                axes.yaxis.set_major_locator(MaxNLocator(3))
+                axes.yaxis.set_major_formatter(_ticks(log[i]))
+            if np.isfinite(fitted[j]):
+                axes.axvline(see[j](fitted[j]), color=VERMILLION, lw=0.9)
+            axes.xaxis.set_major_locator(MaxNLocator(3, integer=log[j]))
+            axes.xaxis.set_major_formatter(_ticks(log[j]))
+            axes.tick_params(labelbottom=i == n - 1, labelleft=0 == j < i)
+            if i == n - 1:
+                axes.set_xlabel(_short(labels[j], 24))
+                axes.tick_params("x", rotation=40)
+            if 0 == j < i:
+                axes.set_ylabel(_short(labels[i], 24))
+    figure.align_labels()
+    return figure
+
+
+@styled
+def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.ndarray | None,
+             x_label: str, y_label: str, bar_label: str) -> Figure:  # fmt: skip
+    """A map over (beta, alpha) with cell edges `x`, `y`; NaN where nothing is, hatched where `unexcited`."""
+    figure, axes = _one((4.8, 4.1))
+    axes.grid(False)
+    mesh = axes.pcolormesh(x, y, values, cmap="cividis_r", rasterized=True)
+    if unexcited is not None and unexcited.any():
+        # Blank the colour there and hatch: what nothing was learned about should not look learned.
+        veil = np.where(unexcited, 1.0, np.nan)
+        axes.pcolor(x, y, veil, cmap=ListedColormap(["#ffffff"]), alpha=0.0, hatch="////", lw=0)
+    axes.plot([x[0], x[-1]], [x[0], x[-1]], color="#666666", lw=0.8)
+    axes.set_aspect("equal")
+    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.85)
+    bar.set_label(_short(bar_label))
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    return figure
+
+
+def _one(size: tuple[float, float] = SIZE) -> tuple[Figure, Any]:
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots()
+
+
+def _legend(figure: Figure) -> None:
+    """Above the axes, where it hides nothing."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if labels:
+        figure.legend(handles, [_short(x, 36) for x in labels], loc="outside upper left",
+                      ncols=2 if len(labels) > 1 else 1, markerscale=1.6)  # fmt: skip
+
+
+def _widened(x: np.ndarray) -> tuple[float, float]:
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    margin = 0.04 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _corner_range(draws: np.ndarray, fitted: float, see: Callable[..., Any]) -> tuple[float, float]:
+    low, high = np.quantile(draws, [0.005, 0.995])
+    if np.isfinite(fitted):
+        low, high = min(low, see(fitted)), max(high, see(fitted))
+    return _widened(np.array([low, high]))
+
+
+def _ticks(log: bool) -> FuncFormatter:
+    power = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    if log:
+        return FuncFormatter(lambda x, _: "10" + f"{x:g}".translate(power))
+    return FuncFormatter(lambda x, _: f"{x:.4g}")
+
+
+def _short(text: str, most: int = 44) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= most else text[: most - 1] + "…"

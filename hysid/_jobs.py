@@ -1,0 +1,309 @@
+"""What the commands do, without the command line: each returns the object that --json prints."""
+
+import csv
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from compensate import Status, invert
+from hysteresis import InputError, Record, check_identifiable
+from hysteresis.rigs import SpongeRig
+
+from ._selection import Selection
+
+Say = Callable[[str], None]
+FLAGGED_BEYOND = "beyond the trained inputs"
+
+
+def check(file: Path, selection: Selection) -> dict[str, Any]:
+    """What is in a record, whether a model can be identified from it, and what to mind."""
+    records = {}
+    for value, record, _ in selection.without_hold_out().records(file):
+        warnings = check_identifiable(record)
+        records[value] = {"text": record.describe(), "warnings": warnings, **record.summary()}
+    return records.pop("") if list(records) == [""] else {"each": records}
+
+
+def fit(
+    file: Path,
+    selection: Selection,
+    out: Path,
+    *,
+    overwrite: bool = False,
+    say: Say = lambda _: None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Fit, and write the folder. With `each` every value gets a folder of its own below."""
+    identify.check_free(out, overwrite)
+    found: dict[str, identify.FitResult] = {}
+    failed: dict[str, str] = {}
+    extra = {"selection": selection.as_json()}
+    for value, train, test in selection.records(file):
+        if value:
+            say(f"{selection.each} = {value}")
+        folder = out / _folder_name(value) if value else out
+        try:
+            result = identify.fit(train, test=test, progress=say, **options)
+        except InputError as error:
+            if not value:
+                raise
+            failed[value] = str(error)
+            say(f"{value}: not fitted. {error}")
+            continue
+        identify.save(result, folder, overwrite=overwrite, extra=extra)
+        found[value] = result
+        say(_in_short(result))
+    if not found:
+        raise InputError("nothing-fits", " ".join(f"{v}: {e}" for v, e in failed.items()))
+    if "" in found:
+        return identify.read_document(out)
+    document = _together(found, failed) | extra | {"folders": {v: _folder_name(v) for v in found}}
+    identify.write_json(out / "fit.json", document)
+    return identify.read_document(out)
+
+
+def predict(
+    folder: Path, file: Path, *, inverse: bool = False, changes: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Run a fitted model, or its compensator, over a file; write the result beside the fit.
+
+    Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
+    the trained inputs, or, for the compensator, estimates whose status is not OK.
+    """
+    document = identify.read_document(folder)
+    selection = Selection.from_json(document["selection"] | (changes or {})).without_hold_out()
+    selection, compared = _without_missing_column(selection, file, inverse)
+    folders = document.get("folders", {"": "."})
+    table, measured_all, found_all, flagged = [], [], [], 0
+    for value, record, _ in selection.records(file):
+        if value not in folders:
+            continue
+        fitted = identify.load(folder / folders[value])
+        wanted = record.input if inverse else record.output
+        if inverse:
+            values, status = _run_backwards(fitted, record)
+            words = [Status(int(s)).name for s in status]
+        else:
+            values = fitted.predict(record)
+            seen = fitted.train.input[fitted.train.mask]
+            outside = (record.input < seen.min()) | (record.input > seen.max())
+            words = [FLAGGED_BEYOND if o else "OK" for o in outside]
+        flagged += sum(w != "OK" for w in words)
+        table += zip(
+            [value] * len(record),
+            record.line,
+            record.input,
+            record.output,
+            values,
+            words,
+            strict=True,
+        )
+        measured_all.append(wanted[record.mask])
+        found_all.append(np.asarray(values)[record.mask])
+    if not table:
+        raise InputError(
+            "no-match",
+            f"no value of {selection.each} in the file was fitted: {', '.join(folders)}.",
+            place=str(file),
+        )
+    figures = identify.metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
+    if not compared:
+        figures = dict.fromkeys(figures)
+    target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
+    asked = Selection.from_json(document["selection"])
+    result = f"estimated {asked.input}" if inverse else f"predicted {asked.output}"
+    header = [selection.each or "", "line", selection.input, selection.output, result, "status"]
+    keep = slice(None) if selection.each else slice(1, None)
+    with target.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle)
+        writer.writerows([header[keep], *([*row][keep] for row in table)])
+    return {**figures, "flagged": flagged, "rows": len(table), "file": str(target)}
+
+
+def sample(
+    folder: Path,
+    *,
+    steps: int,
+    ensembles: int,
+    seed: int,
+    resume: bool,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> dict[str, Any]:
+    """Sample the posterior of a fit, or of each of several, and keep it beside."""
+    folders = identify.read_document(folder).get("folders", {"": "."})
+    documents = {}
+    for value, name in folders.items():
+        place = folder / name
+        posterior = identify.sample(
+            identify.load(place), steps, ensembles, seed,
+            checkpoint=place / "chains.h5", resume=resume, progress=progress,
+        )  # fmt: skip
+        identify.save_posterior(posterior, place)
+        documents[value] = identify.posterior_json(posterior)
+    if "" in documents:
+        return documents[""]
+    named = [
+        p | {"name": f"{value}: {p['name']}"}
+        for value, d in documents.items()
+        for p in d["parameters"]
+    ]
+    return {
+        "parameters": named,
+        "draws": sum(d["draws"] for d in documents.values()),
+        "seconds": round(sum(d["seconds"] for d in documents.values()), 3),
+        "converged": all(d["converged"] for d in documents.values()),
+        "each": documents,
+    }
+
+
+def report(folder: Path) -> dict[str, Any]:
+    """Write the report of a fit; of several, one each and an overview."""
+    from ._report import write_overview, write_report
+
+    folders = identify.read_document(folder).get("folders")
+    if folders is None:
+        return {"file": str(write_report(folder))}
+    places = {value: folder / name for value, name in folders.items()}
+    for place in places.values():
+        write_report(place)
+    return {"file": str(write_overview(folder, places))}
+
+
+def demo(
+    out: Path, say: Say, progress: Callable[[int, int, str], None] | None = None
+) -> dict[str, Any]:
+    """The whole road on the shipped sponge record: fit, posterior, compensator, report."""
+    file = _demo_data(out)
+    selection = Selection(
+        input="force (N)", output="displacement (mm)", time="time (s)", test_cycles=1
+    )
+    if (out / "fit.json").exists():
+        before = identify.read_document(out).get("data", {}).get("source", "")
+        identify.check_free(out, overwrite=Path(before).name == file.name)
+    say(f"fitting {file.name}: a sponge pressed five times from 0 to 20 N, the fifth held out")
+    document = fit(file, selection, out, overwrite=True, say=say)
+    say("sampling the posterior")
+    sample(out, steps=1000, ensembles=4, seed=0, resume=False, progress=progress)
+    say("running the compensator: displacement in, force out")
+    backwards = predict(out, file, inverse=True)
+    say("writing the report")
+    return document | {"inverse": backwards, "report": report(out)["file"]}
+
+
+def _demo_data(out: Path) -> Path:
+    """The shipped record; where the package was installed without it, the rig makes it anew."""
+    name = "sponge-50mm-cycles.csv"
+    shipped = Path(__file__).resolve().parents[1] / "datasets" / name
+    if shipped.is_file():
+        return shipped
+    cycles = SpongeRig().five_cycles(noise=0.05, seed=0)
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / name
+    with file.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle)
+        writer.writerow(["time (s)", "force (N)", "displacement (mm)", "cycle"])
+        for t, force, d, cycle in zip(*cycles, strict=True):
+            writer.writerow([f"{t:g}", f"{force:g}", f"{d:.3f}", cycle])
+    return file
+
+
+def _without_missing_column(
+    selection: Selection, file: Path, inverse: bool
+) -> tuple[Selection, bool]:
+    """A file to predict on need not have the column that is predicted: then nothing is compared."""
+    driving, wanted = selection.input, selection.output
+    if inverse:
+        driving, wanted = wanted, driving
+    columns = selection.table(file).columns
+    if wanted in columns or driving not in columns:
+        return selection, True
+    return replace(
+        selection, input=driving, output=driving, input_unit=None, output_unit=None
+    ), False
+
+
+def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """The compensator over each sequence, from the virgin state."""
+    compensator = invert(fitted.model)
+    value, status = np.empty(len(record)), np.empty(len(record), int)
+    for _, rows in record.sequences():
+        t = None if record.time is None else record.time[rows]
+        estimate = compensator.simulate(t, record.output[rows])
+        value[rows], status[rows] = np.asarray(estimate.value), np.asarray(estimate.status)
+    return value, status
+
+
+def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
+    """One document for several fits: mean figures, the commonest model, the gravest verdict."""
+    documents = {value: identify.to_json(result) for value, result in found.items()}
+    all_of = list(documents.values())
+    model = Counter(d["model"] for d in all_of).most_common(1)[0][0]
+    same = [d for d in all_of if d["model"] == model]
+    levels = [d["verdict"]["level"] for d in all_of]
+    level = next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels)
+    reasons = [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()]
+    reasons += [f"{value}: not fitted. {why}" for value, why in failed.items()]
+    candidates = [
+        {
+            "model": name,
+            "metrics": _mean_metrics([c for c in tried if c]),
+            "score_percent": float(np.mean([c["score_percent"] for c in tried if c])),
+        }
+        for name in dict.fromkeys(c["model"] for d in all_of for c in d["candidates"])
+        for tried in [[_candidate(d, name) for d in all_of]]
+    ]
+    first = all_of[0]
+    return {
+        "schema": first["schema"],
+        "model": model,
+        "parameters": [
+            p | {"value": _mean([d["parameters"][k]["value"] for d in same]), "stderr": None,
+                 "status": f"mean of {len(same)}"}
+            for k, p in enumerate(same[0]["parameters"])
+        ],
+        "metrics": _mean_metrics(all_of),
+        "score_percent": _mean([d["score_percent"] for d in all_of]),
+        "success": all(d["success"] for d in all_of) and not failed,
+        "trusted": all(d["trusted"] for d in all_of) and not failed,
+        "candidates": candidates,
+        "verdict": {"level": "CAUTION" if failed and level == "PASS" else level, "reasons": reasons},
+        "data": first["data"]
+        | {k: sum(d["data"][k] for d in all_of) for k in ("rows", "rows_train", "rows_test", "sequences")},
+        "seed": first["seed"],
+        "seconds": sum(d["seconds"] for d in all_of),
+        "versions": first["versions"],
+        "failed": failed,
+        "each": documents,
+    }  # fmt: skip
+
+
+def _candidate(document: dict[str, Any], name: str) -> dict[str, Any] | None:
+    return next((c for c in document["candidates"] if c["model"] == name), None)
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _mean_metrics(documents: list[dict[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for part in ("train", "test"):
+        figures = [d["metrics"][part] for d in documents if d["metrics"][part] is not None]
+        found[part] = {k: _mean([f[k] for f in figures]) for k in figures[0]} if figures else None
+    return found
+
+
+def _in_short(result: identify.FitResult) -> str:
+    return f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}"
+
+
+def _folder_name(value: str) -> str:
+    """A value as a folder: letters, digits and .-_ stay, so no value leads out of the folder."""
+    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in value)
+    return name if name.strip(".") else f"_{name}"

@@ -1,0 +1,122 @@
+"""Which rows and columns of a file a command works on: options in, records out."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The selecting options of a command line, as fit.json remembers them.
+
+    `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`.
+    """
+
+    input: str
+    output: str
+    time: str | None = None
+    dt: float | None = None
+    group: tuple[str, ...] = ()
+    each: str | None = None
+    where: tuple[str, ...] = ()
+    nan: str = "raise"
+    segments: str | None = None
+    decimal: str = "."
+    units_row: int | None = None
+    na_values: tuple[str, ...] = ()
+    input_unit: str | None = None
+    output_unit: str | None = None
+    test_where: tuple[str, ...] = ()
+    test_cycles: int | None = None
+    test_tail: float | None = None
+
+    def __post_init__(self) -> None:
+        held_out = (self.test_where or None, self.test_cycles, self.test_tail)
+        if sum(h is not None for h in held_out) > 1:
+            raise InputError(
+                "two-hold-outs",
+                "give one of --test-where, --test-cycles and --test-tail.",
+            )
+        if self.time is not None and self.dt is not None:
+            raise InputError("two-clocks", "give --time COL or --dt SECONDS, not both.")
+
+    @classmethod
+    def from_json(cls, document: dict[str, Any]) -> "Selection":
+        """A selection that `as_json` wrote."""
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+    def without_hold_out(self) -> "Selection":
+        """The same rows with none held out."""
+        return replace(self, test_where=(), test_cycles=None, test_tail=None)
+
+    def table(self, file: Path) -> Table:
+        """The whole file."""
+        return read_table(
+            file, decimal=self.decimal, units_row=self.units_row, na_values=self.na_values
+        )
+
+    def records(self, file: Path) -> Iterator[tuple[str, Record, Record | None]]:
+        """(value, training record, test record) for every value of `each`; "" without it."""
+        table = self.table(file)
+        for condition in self.test_where:
+            parse_condition(condition)(table)  # a column that is not there is said now
+        where = dict(_equality(condition) for condition in self.where)
+        if self.each is None:
+            yield "", *self._split(self._read(table, where))
+            return
+        rows = np.ones(len(table.line), bool)
+        for condition in self.where:
+            rows &= parse_condition(condition)(table)
+        if self.each not in table.columns:
+            parse_condition(f"{self.each}=?")(table)  # says what columns there are
+        for value in dict.fromkeys(table.text[self.each][rows].tolist()):
+            yield value, *self._split(self._read(table, where | {self.each: [value]}))
+
+    def _read(self, table: Table, where: dict[str, list[str]]) -> Record:
+        held_out_by = {
+            condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
+        }
+        return read_csv(
+            table,
+            input=self.input,
+            output=self.output,
+            time=self.time,
+            dt=self.dt,
+            group=self.group or None,
+            where=where,
+            nan=self.nan,  # type: ignore[arg-type]
+            input_unit=self.input_unit,
+            output_unit=self.output_unit,
+            keep=tuple(sorted(held_out_by)),
+            segments=self.segments,  # type: ignore[arg-type]
+        )
+
+    def _split(self, record: Record) -> tuple[Record, Record | None]:
+        if self.test_cycles is not None:
+            return record.split_cycles(self.test_cycles)
+        if self.test_tail is not None:
+            return record.split_tail(self.test_tail)
+        if not self.test_where:
+            return record, None
+        held = np.ones(len(record), bool)
+        for condition in self.test_where:
+            held &= parse_condition(condition)(record)
+        share = {label: held[rows].mean() for label, rows in record.sequences()}
+        if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
+            return record.split_groups([label for label, part in share.items() if part])
+        return record.split_rows(held)
+
+
+def _equality(condition: str) -> tuple[str, list[str]]:
+    parse_condition(condition)  # raises where it is none
+    name, _, values = condition.partition("=")
+    return name.strip(), [value.strip() for value in values.split(",")]

@@ -1,0 +1,178 @@
+"""The memory tree against a stack kept sample by sample, and the laws of that memory."""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis.preisach import GridDensity, MemoryTree, Preisach, memory_tree
+from hysteresis.preisach._preisach import _traced_tree
+from tests.problems import SAMPLES, histories
+
+histories_here = histories(0.0, 1.0)
+
+
+class Stack(NamedTuple):
+    """What a stack says after every sample of a path: the reversal it hangs on and its direction."""
+
+    anchor: np.ndarray
+    rising: np.ndarray
+    output: np.ndarray
+
+
+def everett(a: Any, b: Any) -> Any:
+    """E of the density 1."""
+    return (a - b) ** 2 / 2
+
+
+def stack_loop(path: np.ndarray) -> Stack:
+    """The slow oracle: one stack of (reversal, output there), pushed and popped at every sample."""
+    stack, s, before, y = [(path[0], 0.0)], 1, path[0], 0.0
+    anchor, rising, output = [], [], []
+    for x in path:
+        if x != before and np.sign(x - before) != s:
+            stack.append((before, y))
+            s = -s
+        while len(stack) >= 3 and s * x >= s * stack[-2][0]:
+            del stack[-2:]
+        r, level = stack[-1]
+        y, before = level + 2 * s * everett(x, r), x
+        anchor.append(r)
+        rising.append(s)
+        output.append(y)
+    return Stack(*map(np.array, (anchor, rising, output)))
+
+
+def from_tree(path: np.ndarray, tree: MemoryTree) -> np.ndarray:
+    """The outputs, from sums over the events of the tree."""
+    at = path[tree.node]
+    rise = np.append(2 * tree.rising[tree.parent] * everett(at, at[tree.parent]), 0.0)
+    level = np.cumsum(rise[tree.pushed] - rise[tree.popped] - rise[tree.popped_too])[tree.position]
+    own = 2 * tree.rising[tree.anchor] * everett(path, at[tree.anchor])
+    return level[tree.anchor] + own
+
+
+def path_of(u: Any) -> np.ndarray:
+    """A path that starts where all relays are down."""
+    return np.concatenate([[0.0], u])
+
+
+# Sums of at most 41 rises of at most 1: rounding stays below 41 eps = 1e-14.
+ROUNDING = 1e-13
+
+
+@given(histories_here)
+def test_anchors_are_the_stack_s(u: np.ndarray):
+    path = path_of(u)
+    tree, stack = memory_tree(path), stack_loop(path)
+    # A plateau has many samples of one value; which of them the anchor is does not matter.
+    moved = path != path[tree.node[tree.anchor]]
+    np.testing.assert_array_equal(path[tree.node[tree.anchor]][moved], stack.anchor[moved])
+    np.testing.assert_array_equal(tree.rising[tree.anchor][moved], stack.rising[moved])
+    np.testing.assert_allclose(from_tree(path, tree), stack.output, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        [],
+        [0.0],
+        [0.7],
+        [0.0, 0.0, 0.0],
+        [0.7, 0.7, 0.7],
+        [0.5, 0.5, 0.2, 0.2, 0.5, 0.5, 0.8],
+        [0.8, 0.2, 0.8, 0.2, 0.8, 0.2],  # each extremum again and again
+        [0.8, 0.2, 0.6, 0.4, 0.5, 0.45, 0.9],  # all loops closed at once
+        [0.8, 0.2, 0.6, 0.4, 0.6, 0.2, 0.8],  # each closed exactly at its extremum
+        [0.8, 0.0, 0.5, 0.0, 0.9],  # back to where all relays are down
+        [1.0, 0.0, 1.0, 0.0],
+    ],
+)
+def test_by_hand(u: list[float]):
+    path = path_of(u)
+    stack = stack_loop(path)
+    np.testing.assert_allclose(
+        from_tree(path, memory_tree(path)), stack.output, rtol=0, atol=ROUNDING
+    )
+
+
+@given(histories_here)
+def test_a_tree_is_well_formed(u: np.ndarray):
+    tree = memory_tree(path_of(u))
+    anchors = np.arange(len(tree.node))
+    assert tree.parent[0] == 0
+    assert np.all(tree.parent[1:] < anchors[1:])
+    np.testing.assert_array_equal(tree.pushed[tree.position], anchors)
+    # Pushed once each, and popped at most once, after that.
+    popped = np.concatenate([tree.popped, tree.popped_too])
+    popped = popped[popped < len(anchors)]
+    assert len(np.unique(popped)) == len(popped)
+    np.testing.assert_array_equal(np.sort(tree.pushed[tree.pushed < len(anchors)]), anchors)
+    event = np.arange(len(tree.pushed))
+    for removed in (tree.popped, tree.popped_too):
+        is_pop = removed < len(anchors)
+        assert np.all(tree.position[removed[is_pop]] < event[is_pop])
+
+
+@given(histories_here, st.data())
+def test_a_closed_excursion_is_wiped_out(u: np.ndarray, data: st.DataObject):
+    """From a sample back towards the branch's anchor and up to the sample again: nothing is left."""
+    path = path_of(u)
+    k = data.draw(st.integers(1, len(path) - 1), "sample")
+    stack = stack_loop(path)
+    share = data.draw(st.floats(0, 1), "depth")
+    inside = path[k] + share * (stack.anchor[k] - path[k])
+    longer = np.concatenate([path[: k + 1], [inside, path[k]], path[k + 1 :]])
+    y = from_tree(longer, memory_tree(longer))
+    np.testing.assert_allclose(np.delete(y, [k + 1, k + 2]), stack.output, rtol=0, atol=ROUNDING)
+
+
+@given(histories_here, st.lists(st.integers(0, 3), min_size=SAMPLES + 1, max_size=SAMPLES + 1))
+def test_repeated_samples_add_no_memory(u: np.ndarray, repeats: list[int]):
+    path = path_of(u)
+    counts = np.array(repeats) + 1
+    longer = np.repeat(path, counts)
+    first = np.cumsum(counts) - counts
+    y, wanted = (from_tree(p, memory_tree(p)) for p in (longer, path))
+    np.testing.assert_allclose(y[first], wanted, rtol=0, atol=ROUNDING)
+
+
+DENSER = 100
+model = Preisach(GridDensity(0.0, 1.0, np.tril(np.random.default_rng(0).random((9, 9)))))
+simulate = jax.jit(lambda u: model.simulate(None, u))
+
+
+@given(histories(0.0, 1.0, 12))
+def test_denser_sampling_gives_the_same_output(u: np.ndarray):
+    """A hundred samples on every branch: the same at the common ones, to 1e-12 of the range."""
+    share = np.arange(DENSER) / DENSER
+    low, high = np.minimum(u[:-1], u[1:])[:, None], np.maximum(u[:-1], u[1:])[:, None]
+    between = np.clip(u[:-1, None] + share * np.diff(u)[:, None], low, high)  # rounding kept inside
+    dense = np.append(between.ravel(), u[-1])
+    spread = 2 * float(model.density.weights.sum())  # pyright: ignore[reportAttributeAccessIssue]
+    got = np.asarray(simulate(dense))[::DENSER]
+    np.testing.assert_allclose(got, np.asarray(simulate(u)), rtol=0, atol=1e-12 * spread)
+
+
+@given(histories_here)
+def test_traced_tree_is_the_host_s_tree(u: np.ndarray):
+    """The same entries, then padding that hangs on anchor 0 and moves nothing."""
+    path = path_of(u)
+    host, traced = memory_tree(path), traced_tree(path)
+    anchors, events = len(host.node), len(host.pushed)
+    np.testing.assert_array_equal(traced.anchor, host.anchor)
+    for name in ("node", "parent", "rising", "position"):
+        np.testing.assert_array_equal(getattr(traced, name)[:anchors], getattr(host, name))
+    for name in ("pushed", "popped", "popped_too"):
+        padded = np.asarray(getattr(traced, name))
+        wanted = getattr(host, name)
+        np.testing.assert_array_equal(
+            padded[:events], np.where(wanted == anchors, len(path), wanted)
+        )
+        assert np.all(padded[events:] == len(path))
+
+
+traced_tree = jax.jit(_traced_tree)

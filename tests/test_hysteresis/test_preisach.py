@@ -1,0 +1,331 @@
+"""The Preisach model against relays, an analytic density, and the laws that define it."""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hysteresis import InputError, Preisach
+from hysteresis.preisach import GridDensity
+from tests.problems import HIGH, LOW, SAMPLES, histories, weights
+
+seeds = st.integers(0, 2**32 - 1)
+EPS = np.finfo(float).eps
+
+
+@eqx.filter_jit
+def simulate(model: Preisach, u: jax.Array) -> jax.Array:
+    return model.simulate(None, u)
+
+
+def output(model: Preisach, u: np.ndarray) -> np.ndarray:
+    return np.asarray(simulate(model, jnp.asarray(u)))
+
+
+def rounding(model: Preisach) -> float:
+    """Sums over samples and cells of parts of the total mass, each rounded."""
+    assert isinstance(model.density, GridDensity)
+    parts = np.abs(np.asarray(model.density.weights)).sum()
+    if model.reversible is not None:
+        parts += float(model.reversible.sum())
+    return 4 * (SAMPLES + model.density.cells) * EPS * (parts + abs(float(model.offset)))
+
+
+def uniform(cells: int) -> GridDensity:
+    """mu = 1 on [0, 1]: a mass of 1/n^2 in every cell, half of it in half cells."""
+    w = np.tril(np.full((cells, cells), cells**-2.0))
+    w[np.diag_indices(cells)] /= 2
+    return GridDensity(0.0, 1.0, w)
+
+
+def refine(w: np.ndarray, m: int) -> np.ndarray:
+    """The same density on a grid m times finer."""
+    fine = np.kron(w, np.full((m, m), m**-2.0))
+    n = len(w)
+    for k in range(n):
+        # A half cell becomes m half cells and m (m - 1) / 2 whole ones of twice their mass.
+        part = np.tril(np.full((m, m), 2 * w[k, k] / m**2))
+        part[np.diag_indices(m)] /= 2
+        fine[k * m : (k + 1) * m, k * m : (k + 1) * m] = part
+    return fine
+
+
+def relay_loop(w: np.ndarray, nodes: np.ndarray, start: Literal[-1, 1] = -1) -> np.ndarray:
+    """The slow oracle: every relay, for inputs that are nodes of the grid, given as their numbers.
+
+    The relays of cell (i, j) switch up at inputs between nodes i and i+1, down between j and j+1.
+    From node to node a cell therefore switches as a whole: up at node i+1 and above, down at node j
+    and below. So do the half cells on the diagonal.
+    """
+    cells = len(w)
+    i, j = np.indices((cells, cells))
+    relay, y = np.full((cells, cells), start), []
+    for k in nodes:
+        relay[k >= i + 1] = 1
+        relay[k <= j] = -1
+        y.append((np.tril(w) * relay).sum())
+    return np.array(y)
+
+
+@settings(max_examples=100)
+@given(data=st.data(), seed=seeds, start=st.sampled_from(["negative", "positive"]))
+def test_equal_to_relays_at_every_third_of_a_cell(data: st.DataObject, seed: int, start: str):
+    """On a grid three times finer the inputs are nodes, so the relay loop is exact there."""
+    m, w = 3, np.tril(np.random.default_rng(seed).random((4, 4)))
+    node = st.integers(0, len(w) * m)
+    nodes = np.array(data.draw(st.lists(node, min_size=SAMPLES, max_size=SAMPLES), "nodes"))
+    model = Preisach(GridDensity(0.0, 4.0, w), initial=start)
+    wanted = relay_loop(refine(w, m), nodes, 1 if start == "positive" else -1)
+    np.testing.assert_allclose(output(model, nodes / m), wanted, rtol=0, atol=rounding(model))
+
+
+def test_equal_to_relays_on_every_path_of_four_nodes():
+    w = np.array([[1.0, 0.0], [4.0, 2.0]])
+    model = Preisach(GridDensity(0.0, 2.0, w))
+    for a in range(3):
+        for b in range(3):
+            for c in range(3):
+                path = np.array([a, b, c, 1])
+                np.testing.assert_allclose(
+                    output(model, path.astype(float)), relay_loop(w, path), rtol=0, atol=1e-14
+                )
+
+
+@pytest.mark.parametrize("cells", [1, 2, 7, 50])
+@settings(max_examples=20)
+@given(u=histories(0.0, 1.0))
+def test_uniform_density_is_analytic(cells: int, u: np.ndarray):
+    """Against E(a, b) = (a - b)^2 / 2 and a stack kept sample by sample; the range is 1."""
+    stack, s, before, wanted = [(0.0, -0.5)], 1, 0.0, []
+    for x in u:
+        if x != before and np.sign(x - before) != s:
+            stack.append((before, wanted[-1]))
+            s = -s
+        while len(stack) >= 3 and s * x >= s * stack[-2][0]:
+            del stack[-2:]
+        (r, level), before = stack[-1], x
+        wanted.append(level + s * (x - r) ** 2)
+    got = output(Preisach(uniform(cells)), u)
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12)
+
+
+@given(seed=seeds, u=histories(LOW, HIGH), stretch=seeds)
+@settings(max_examples=20)
+def test_rate_independent(seed: int, u: np.ndarray, stretch: int):
+    """Neither times nor how long the input rests at each value matter."""
+    rng = np.random.default_rng(seed)
+    model = Preisach(GridDensity(LOW, HIGH, weights(rng)))
+    repeats = np.random.default_rng(stretch).multinomial(SAMPLES, np.full(SAMPLES, 1 / SAMPLES))
+    slow = np.repeat(u, repeats + 1)
+    last = np.cumsum(repeats + 1) - 1
+    np.testing.assert_allclose(
+        output(model, slow)[last], output(model, u), rtol=0, atol=rounding(model)
+    )
+    t = np.cumsum(rng.random(SAMPLES))
+    np.testing.assert_array_equal(model.simulate(t, u), model.simulate(None, u))
+
+
+def triangle(a: float, b: float, samples: int) -> np.ndarray:
+    """From a to b and back to a."""
+    return np.concatenate([np.linspace(a, b, samples), np.linspace(b, a, samples)[1:]])
+
+
+limits = st.tuples(st.floats(LOW, HIGH), st.floats(LOW, HIGH)).map(sorted)
+
+
+@given(seed=seeds, one=histories(LOW, HIGH, 12), other=histories(LOW, HIGH, 12), between=limits)
+def test_minor_loops_between_the_same_limits_are_congruent(
+    seed: int, one: np.ndarray, other: np.ndarray, between: list[float]
+):
+    """They differ by a vertical shift alone, whatever happened before."""
+    model = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(seed))))
+    low, high = between
+    loop = triangle(low, high, 14)
+    shapes = []
+    for past in (one, other):
+        # The first way up still closes older loops; from the top on the loop is a loop.
+        y = output(model, np.concatenate([past, [low, high], loop]))[len(past) + 2 :]
+        shapes.append(y - y[0])
+    np.testing.assert_allclose(*shapes, rtol=0, atol=rounding(model))
+
+
+@given(seed=seeds, past=histories(LOW, HIGH, 20), excursion=histories(0.0, 1.0, 18))
+def test_return_point_memory(seed: int, past: np.ndarray, excursion: np.ndarray):
+    """However the input moves between its last reversal and itself, coming back restores y."""
+    model = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(seed))))
+    # Down to the bound and up to the last sample: the branch's anchor is the bound.
+    x = past[-1]
+    u = np.concatenate([past, [LOW, x], LOW + excursion * (x - LOW), [x]])
+    y = output(model, u)
+    np.testing.assert_allclose(y[-1], y[len(past) + 1], rtol=0, atol=rounding(model))
+
+
+@given(seed=seeds, a=st.floats(LOW, HIGH), b=st.floats(LOW, HIGH))
+def test_everett_function_vanishes_on_the_diagonal_and_is_symmetric(seed: int, a: float, b: float):
+    density = GridDensity(LOW, HIGH, weights(np.random.default_rng(seed)))
+    table = density.tabulate()
+
+    def everett(a: float, b: float) -> float:
+        return float(density.everett(table, density.pair(jnp.asarray(a), jnp.asarray(b))))
+
+    # Entries of up to the total mass cancel: a few roundings of it.
+    tolerance = 8 * EPS * float(density.mass(table))
+    assert abs(everett(a, a)) <= tolerance
+    assert abs(everett(a, b) - everett(b, a)) <= tolerance
+    assert everett(a, b) >= -tolerance
+
+
+@given(seed=seeds, past=histories(LOW, HIGH, 20), step=st.floats(1e-12, 1e-6))
+def test_no_jump_at_a_reversal(seed: int, past: np.ndarray, step: float):
+    """A turn by a small step moves the output by at most the step times the steepest slope."""
+    w = weights(np.random.default_rng(seed))
+    model = Preisach(GridDensity(LOW, HIGH, w))
+    inside = np.clip(past, LOW + step, HIGH - step)
+    y = output(model, np.append(inside, inside[-1] + np.array([0.0, step, 0.0, -step, 0.0])))
+    steepest = 2 * max(w.sum(0).max(), w.sum(1).max(), 2 * w.diagonal().max()) * len(w)
+    bound = 2 * steepest * step / (HIGH - LOW) + rounding(model)
+    assert np.abs(np.diff(y[-5:])).max() <= bound
+
+
+@given(seed=seeds, u=histories(LOW, HIGH))
+def test_output_rises_with_the_input_and_stays_in_its_range(seed: int, u: np.ndarray):
+    w = weights(np.random.default_rng(seed))
+    model = Preisach(GridDensity(LOW, HIGH, w))
+    y = output(model, u)
+    assert np.all(np.diff(y) * np.sign(np.diff(u)) >= -rounding(model))
+    assert np.all(np.abs(y) <= w.sum() + rounding(model))
+
+
+@given(seed=seeds, u=histories(LOW - 1, HIGH + 1))
+def test_leading_is_the_reversible_part_minus_the_lagging_relays(seed: int, u: np.ndarray):
+    rng = np.random.default_rng(seed)
+    density = GridDensity(LOW, HIGH, weights(rng))
+    increments, offset = rng.random(density.cells), 0.7
+    leading = Preisach(density, increments, offset, leading=True)
+    relays = output(Preisach(density), u)
+    nodes = np.linspace(LOW, HIGH, density.cells + 1)
+    R = np.interp(u, nodes, np.append(0.0, np.cumsum(increments)))
+    width = (HIGH - LOW) / density.cells
+    R += increments[0] * np.minimum(u - LOW, 0) / width
+    R += increments[-1] * np.maximum(u - HIGH, 0) / width
+    np.testing.assert_allclose(
+        output(leading, u), offset + R - relays, rtol=0, atol=2 * rounding(leading)
+    )
+
+
+def test_saturation_is_where_a_sequence_starts_and_ends():
+    w = weights(np.random.default_rng(5))
+    density = GridDensity(LOW, HIGH, w)
+    for initial, first in (("negative", -w.sum()), ("positive", w.sum())):
+        y = output(
+            Preisach(density, initial=initial), np.array([LOW if first < 0 else HIGH, 9, -9])
+        )
+        np.testing.assert_allclose(y, [first, w.sum(), -w.sum()], rtol=1e-14)
+
+
+def test_demagnetised_start_is_near_zero_for_a_symmetric_density():
+    """The alternation ends with a strip along the anti-diagonal, one step of it wide, undecided.
+
+    Its steps decay by 1/64 of the range, so no more than 2/64 of a uniform density's mass is in it.
+    """
+    for cells in (1, 6, 7):
+        model = Preisach(uniform(cells), initial="demagnetised")
+        y = float(output(model, np.array([0.5]))[0])
+        assert abs(y) <= 0.5 * 2 / (model.capacity // 2)
+        # And it is no saturated state: small loops around it move the output both ways.
+        up, down = output(model, np.array([0.8]))[0], output(model, np.array([0.2]))[0]
+        assert down < -0.05
+        assert up > 0.05
+
+
+def test_anhysteretic_values_of_the_demagnetised_start_are_odd():
+    model = Preisach(uniform(5), initial="demagnetised")
+    up, down = output(model, np.array([0.9]))[0], output(model, np.array([0.1]))[0]
+    assert abs(up + down) <= 0.5 * 2 / (model.capacity // 2)
+
+
+def test_a_full_stack_forgets_the_smallest_loop_and_counts_it():
+    """Ever smaller loops around the middle: beyond the capacity the youngest are forgotten.
+
+    Nothing older is touched: once the input has left the forgotten loops, every output is exact.
+    """
+    capacity, turns = 8, 21
+    amplitude = 0.5 * (1 - np.arange(turns) / turns)
+    small = 0.5 + amplitude * (-1.0) ** np.arange(turns)
+    after = np.array([0.9, 0.15, 0.6, 0.3, 0.45, 1.0, 0.2, 0.8])
+    u = np.concatenate([small, after])
+    density = uniform(5)
+    exact = output(Preisach(density), u)
+    state, y = Preisach(density, capacity=capacity).stream(None, u)
+    assert int(state.dropped) == 7
+    depth_ok = Preisach(density, capacity=turns + 2).stream(None, u)
+    assert int(depth_ok[0].dropped) == 0
+    np.testing.assert_allclose(depth_ok[1], exact, rtol=0, atol=1e-14)
+    y = np.asarray(y)
+    np.testing.assert_allclose(y[: capacity - 1], exact[: capacity - 1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(y[turns:], exact[turns:], rtol=0, atol=1e-14)
+    # In between it is wrong by no more than the widest forgotten loop holds.
+    widest = np.ptp(small[capacity - 2 :])
+    assert np.abs(y - exact).max() <= widest**2
+
+
+def refused(code: str, *words: str):
+    return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
+
+
+def test_densities_that_are_refused():
+    w = weights(np.random.default_rng(0))
+    wrong = w.copy()
+    wrong[4, 2] = -0.25
+    with refused("negative-weight", r"cell \(4, 2\) is -0.25", "leading=True", "signed=True"):
+        GridDensity(LOW, HIGH, wrong)
+    assert GridDensity(LOW, HIGH, wrong, signed=True).cells == len(w)
+    with refused("zero-range"):
+        GridDensity(1.0, 1.0, w)
+    with refused("weights-not-square"):
+        GridDensity(LOW, HIGH, w[:3])
+    with refused("weights-not-finite"):
+        GridDensity(LOW, HIGH, np.where(w > 0.9, np.nan, w))
+    # What is above the diagonal is no cell.
+    assert GridDensity(LOW, HIGH, w - 1 + np.tril(np.ones_like(w))).cells == len(w)
+
+
+def test_reversible_parts_that_are_refused():
+    density = uniform(4)
+    with refused("reversible-length", "3 increments for 4 cells"):
+        Preisach(density, np.ones(3))
+    with refused("reversible-decreases"):
+        Preisach(density, np.array([1.0, -0.1, 1.0, 1.0]))
+
+
+@given(seed=seeds)
+@settings(max_examples=25)
+def test_least_slope_is_the_least_slope(seed: int):
+    """No branch is flatter; on some branch it is met."""
+    rng = np.random.default_rng(seed)
+    w = np.tril(rng.normal(size=(3, 3)))
+    increments = rng.random(3)
+    model = Preisach(GridDensity(0.0, 3.0, w, signed=True), increments)
+    least = np.asarray(model.least_slope())
+    h, found = 1e-6, np.full(3, np.inf)
+    for r in np.arange(0, 3.001, 0.25):
+        inside = np.arange(0, 3, 0.25)[:, None] + np.array([1e-4, 1e-4 + h])
+        for way in (1, -1):
+            past = [0.0, r] if way > 0 else [3.0, r]
+            reach = (
+                inside[inside[:, 0] >= r] if way > 0 else inside[inside[:, 0] < r - 0.2][:, ::-1]
+            )
+            for pair in reach:
+                # Rising to r from 0 and on is no branch from r: turn there first.
+                turn = [3.0, r] if way > 0 else [0.0, r]
+                y = output(model, np.array([*past, *turn, *pair]))
+                k = int(pair.min())
+                found[k] = min(found[k], (y[-1] - y[-2]) / (pair[1] - pair[0]))
+    # Differences over h of outputs rounded at eps; slopes are linear in u, so met to 1e-4.
+    assert np.all(found >= least - 1e-7)
+    assert np.all(found <= least + 1e-2)
