@@ -72,6 +72,13 @@ def invert(model: AbstractModel) -> AbstractCompensator:
     )
 
 
+def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
+    """Which samples are finite, and for each the latest one that is: -1 before the first."""
+    valid = jnp.isfinite(y)
+    index = jnp.arange(y.shape[0])
+    return valid, jax.lax.cummax(jnp.where(valid, index, -1))
+
+
 @eqx.filter_jit
 def scan_steps(
     compensator: AbstractCompensator, t: Array | None, y: Array, state: Any

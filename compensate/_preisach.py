@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from hysteresis import InputError
+from hysteresis import InputError, is_concrete
 from hysteresis.preisach import EverettTable, GridDensity, Preisach, read
 
 from ._compensator import AbstractCompensator, Estimate, Status, invert, scan_steps
@@ -154,7 +154,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         first, last = way * grid.locate(state.u)[0], way * grid.locate(end)[0]
 
         # Bisect for the last cell, in the direction of travel, that is entered below the target.
-        def halve(_: int, interval: tuple[Array, Array]) -> tuple[Array, Array]:
+        def halve(_: Any, interval: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = interval
             middle = (low + high + 1) >> 1
             node = jnp.where(way > 0, middle, 1 - middle)
@@ -202,6 +202,8 @@ def _(model: Preisach) -> PreisachCompensator:
             "not-invertible",
             f"the inverse needs a GridDensity, not a {type(model.density).__name__}.",
         )
+    if not is_concrete(model.density.weights):
+        return PreisachCompensator(model)  # one of many under vmap: the fit has seen to its slopes
     slope = np.asarray(model.least_slope())
     scale = float(np.abs(np.asarray(model.density.weights)).max() * model.density.cells)
     if (slope < -1e-9 * scale / (model.density.high - model.density.low)).any():

@@ -4,25 +4,36 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from hysteresis import InputError, LinearSponge
 
-from ._compensator import AbstractCompensator, Estimate, Status, invert
+from ._compensator import AbstractCompensator, Estimate, Status, invert, last_valid
 
 
-class LinearSpongeCompensator(AbstractCompensator[tuple[()]]):
-    """F = (d - b) / K where the sponge is touched; below its threshold F is not known, and 0."""
+class LinearSpongeCompensator(AbstractCompensator[Array]):
+    """F = (d - b) / K where the sponge is touched; below its threshold F is not known, and 0.
+
+    The state is the last estimate, for samples that are not finite.
+    """
 
     model: LinearSponge
 
-    def init(self) -> tuple[()]:
-        return ()
+    def init(self) -> Array:
+        return jnp.zeros_like(self.model.K)
 
-    def step(self, state: tuple[()], t: Any, y: Any) -> tuple[tuple[()], Estimate]:
-        return (), self.simulate(t, y)
+    def step(self, state: Array, t: Any, y: Any) -> tuple[Array, Estimate]:
+        y = jnp.asarray(y, state.dtype)
+        estimate = self._line(y, state)
+        return estimate.value, estimate
 
-    def simulate(self, t: Any, y: Any, state: tuple[()] | None = None) -> Estimate:
+    def simulate(self, t: Any, y: Any, state: Array | None = None) -> Estimate:
         y = jnp.asarray(y, float)
+        state = self.init() if state is None else state
+        estimate, (_, latest) = self._line(y, state), last_valid(y)
+        return estimate._replace(value=jnp.where(latest < 0, state, estimate.value[latest]))
+
+    def _line(self, y: Array, held: Array) -> Estimate:
         K, b, threshold = self.model.K, self.model.b, self.model.threshold
         touched = (y - b) / K
         # A reading at the threshold itself must not fall below it by rounding.
@@ -33,7 +44,7 @@ class LinearSpongeCompensator(AbstractCompensator[tuple[()]]):
         )
         status = jnp.where(contact, Status.OK, Status.BELOW_THRESHOLD)
         valid = jnp.isfinite(y)
-        return Estimate(jnp.where(valid, value, 0.0), jnp.where(valid, status, Status.INVALID))
+        return Estimate(jnp.where(valid, value, held), jnp.where(valid, status, Status.INVALID))
 
 
 @invert.register

@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import Burgers, InputError, is_concrete
+from hysteresis import Burgers, BurgersState, InputError, is_concrete
 
-from ._compensator import AbstractCompensator, Estimate, Status, invert
+from ._compensator import AbstractCompensator, Estimate, Status, invert, last_valid
 
 
-class BurgersCompensator(AbstractCompensator[Any]):
+class BurgersCompensator(AbstractCompensator[BurgersState]):
     """Each step solves d = F / E1 + x1 + x2 for the side that was not measured: one division.
 
     `element` is the model with `leading` turned over and no offset.
@@ -20,23 +20,34 @@ class BurgersCompensator(AbstractCompensator[Any]):
     element: Burgers
     offset: jax.Array
 
-    def init(self) -> Any:
+    def init(self) -> BurgersState:
         return self.element.init()
 
-    def step(self, state: Any, t: Any, y: Any) -> tuple[Any, Estimate]:
+    def step(self, state: BurgersState, t: Any, y: Any) -> tuple[BurgersState, Estimate]:
         valid = jnp.isfinite(y)
         after, value = self.element.step(state, t, y - self.offset)
-        held = state.force if self.element.leading else self.element.displacement(state)
+        held = self._now(state)
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
         status = jnp.where(valid, Status.OK, Status.INVALID)
         return after, Estimate(jnp.where(valid, value, held), status)
 
-    def simulate(self, t: Any, y: Any, state: Any = None) -> Estimate:
+    def simulate(self, t: Any, y: Any, state: BurgersState | None = None) -> Estimate:
         y = jnp.asarray(y, float)
-        if self.element.leading and self.element.hold == "constant" and is_concrete(t):
-            self._check_steps(np.asarray(t))
+        state = self.init() if state is None else state
+        valid, latest = last_valid(y)
+        if t is not None:
+            # A sample that is not finite repeats the one before it, time included: no step at all.
+            held = jnp.where(latest < 0, jnp.argmax(valid), latest)
+            t, y = jnp.asarray(t, y.dtype)[held], y[held]
+            if self.element.leading and self.element.hold == "constant" and is_concrete(t):
+                self._check_steps(np.asarray(t))
         value = self.element.simulate(t, y - self.offset, state)
-        return Estimate(value, jnp.full(y.shape, Status.OK))
+        value = jnp.where(latest < 0, self._now(state), value)
+        return Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
+
+    def _now(self, state: BurgersState) -> jax.Array:
+        """The element's output in a state."""
+        return state.force if self.element.leading else self.element.displacement(state)
 
     def _check_steps(self, t: np.ndarray) -> None:
         limit, largest = self.element.largest_stable_step(), float(np.diff(t).max(initial=0.0))

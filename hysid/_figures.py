@@ -13,8 +13,9 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import matplotlib
 import numpy as np
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00", "#56B4E9"
@@ -79,13 +80,13 @@ def png(figure: Figure) -> tuple[str, int, int]:
 
 
 class Curve(NamedTuple):
-    """One curve of a chart: a thin line, a broad pale one to lie under it, or dots."""
+    """One curve of a chart: a thin line, a broad pale one to lie under it, pale dots, or a bold line."""
 
     label: str
     x: np.ndarray
     y: np.ndarray
     colour: str
-    kind: Literal["line", "under", "dots"] = "line"
+    kind: Literal["line", "under", "dots", "bold"] = "line"
 
 
 def thin(most: int, *series: np.ndarray) -> np.ndarray:
@@ -129,9 +130,9 @@ def chart(
     limits: tuple[np.ndarray, np.ndarray] | None = None,
     zero: bool = False,
     diagonal: bool = False,
-    breaks: Sequence[float] = (),
+    breaks: Sequence[float] | np.ndarray = (),
 ) -> Figure:
-    """Curves over one pair of axes. `limits`: all x and y they have to hold; `breaks`: ends of sequences."""
+    """Curves over one pair of axes that hold all of `limits` (x, y); `breaks` are ends of sequences."""
     figure, axes = _one()
     if zero:
         axes.axhline(0, color="#666666", lw=0.8)
@@ -139,14 +140,14 @@ def chart(
         axes.axvline(where, color="#cccccc", lw=0.8, ls=":")
     for label, x, y, colour, kind in curves:
         if kind == "dots":
-            axes.plot(x, y, ls="", marker="o", ms=2 if len(x) > 300 else 4, mew=0, alpha=0.5,
-                      color=colour, label=label)  # fmt: skip
+            axes.plot(x, y, ls="", marker="o", ms=1.8 if len(x) > 300 else 4, mew=0,
+                      color=_pale(colour), label=label)  # fmt: skip
         elif kind == "under":
             few = np.isfinite(y).sum() < 300
-            axes.plot(x, y, lw=2.8, alpha=0.5, color=colour, label=label,
+            axes.plot(x, y, lw=3, color=_pale(colour), label=label,
                       marker="o" if few else "", ms=4, mew=0)  # fmt: skip
         else:
-            axes.plot(x, y, lw=1.1, color=colour, label=label)
+            axes.plot(x, y, lw=2.2 if kind == "bold" else 1.1, color=colour, label=label)
     if diagonal:
         ends = [
             min(axes.get_xlim()[0], axes.get_ylim()[0]),
@@ -172,7 +173,7 @@ def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys:
         axes.bar([0], [0], color=colour, label=meaning)
     every = -(-len(at) // 24)
     long = max(map(len, names)) * len(at[::every]) > 40
-    axes.set_xticks(at[::every], [_short(names[k], 14) for k in at[::every]],
+    axes.set_xticks(at[::every], [_short(name, 14) for name in names[::every]],
                     rotation=90 if long else 0)  # fmt: skip
     axes.grid(axis="x", visible=False)
     axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
@@ -190,7 +191,7 @@ def autocorrelation(values: np.ndarray, band: float) -> Figure:
         axes.vlines(lag, 0, values, color=BLUE, lw=2)
     else:
         axes.fill_between(lag, 0, values, color=BLUE, alpha=0.35, lw=0)
-        axes.plot(lag, values, color=BLUE)
+        axes.plot(lag, values, color=BLUE, lw=0.8)
     axes.axhline(0, color="#666666", lw=0.8)
     axes.set(xlabel="lag (samples)", ylabel="autocorrelation (no unit)", xlim=(-0.5, lag[-1] + 0.5))
     axes.set_ylim(min(-0.25, 1.1 * values.min()), 1.05)
@@ -237,13 +238,13 @@ def band(x: np.ndarray, low: np.ndarray, high: np.ndarray, measured: np.ndarray,
 
 @styled
 def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) -> Figure:
-    """Every parameter's histogram and every pair's scatter of (draws, parameters); log axis over decades."""
+    """Histogram of every parameter, scatter of every pair; a log axis where one spans decades."""
     n = len(labels)
     size = 1.7 + 1.35 * n
     figure = Figure(figsize=(size, size), layout="constrained")
     grid = figure.subplots(n, n, squeeze=False)
     shown = draws[np.linspace(0, len(draws) - 1, min(len(draws), 1500)).astype(int)]
-    log = [bool((d > 0).all() and np.divide(*np.quantile(d, [0.95, 0.05])) > 30) for d in draws.T]
+    log = [bool((d > 0).all() and np.divide(*np.quantile(d, [0.995, 0.005])) > 30) for d in draws.T]
     see = [np.log10 if is_log else np.asarray for is_log in log]
     ranges = [_corner_range(see[k](draws[:, k]), fitted[k], see[k]) for k in range(n)]
     for i in range(n):
@@ -255,7 +256,7 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
             axes.grid(False)
             axes.set_xlim(*ranges[j])
             if i == j:
-                axes.hist(see[i](draws[:, i]), 40, ranges[i], color=SKY)
+                axes.hist(see[i](draws[:, i]), 40, range=ranges[i], color=SKY)
                 axes.set_yticks([])
             else:
                 axes.scatter(see[j](shown[:, j]), see[i](shown[:, i]), s=4, lw=0, alpha=0.3, c=BLUE)
@@ -281,18 +282,20 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
 @styled
 def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.ndarray | None,
              x_label: str, y_label: str, bar_label: str) -> Figure:  # fmt: skip
-    """A map over (beta, alpha) with cell edges `x`, `y`; NaN where nothing is, hatched where `unexcited`."""
+    """A map over (beta, alpha) with cell edges `x`, `y`; NaN outside, hatched where `unexcited`."""
     figure, axes = _one((4.8, 4.1))
     axes.grid(False)
-    mesh = axes.pcolormesh(x, y, values, cmap="cividis_r", rasterized=True)
+    top = float(np.nanquantile(values, 0.97))
+    beyond = bool(np.nanmax(values) > 3 * top > 0)
+    mesh = axes.pcolormesh(x, y, values, cmap="Blues", vmin=0, vmax=top if beyond else None)
+    mesh.set_clip_path(Path([(x[0], x[0]), (x[-1], x[-1]), (x[0], x[-1])]), axes.transData)
     if unexcited is not None and unexcited.any():
-        # Blank the colour there and hatch: what nothing was learned about should not look learned.
         veil = np.where(unexcited, 1.0, np.nan)
         axes.pcolor(x, y, veil, cmap=ListedColormap(["#ffffff"]), alpha=0.0, hatch="////", lw=0)
     axes.plot([x[0], x[-1]], [x[0], x[-1]], color="#666666", lw=0.8)
     axes.set_aspect("equal")
     axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
-    bar = figure.colorbar(mesh, ax=axes, shrink=0.85)
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.85, extend="max" if beyond else "neither")
     bar.set_label(_short(bar_label))
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
@@ -308,7 +311,13 @@ def _legend(figure: Figure) -> None:
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if labels:
         figure.legend(handles, [_short(x, 36) for x in labels], loc="outside upper left",
-                      ncols=2 if len(labels) > 1 else 1, markerscale=1.6)  # fmt: skip
+                      ncols=min(len(labels), 3 if sum(map(len, labels)) < 42 else 2),
+                      columnspacing=1.4, handlelength=1.6, markerscale=1.6)  # fmt: skip
+
+
+def _pale(colour: str) -> tuple[float, ...]:
+    """Half way to white: unlike transparency it does not darken where a line crosses itself."""
+    return tuple(0.5 + 0.5 * c for c in to_rgb(colour))
 
 
 def _widened(x: np.ndarray) -> tuple[float, float]:

@@ -5,36 +5,21 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
 import identify
-from compensate import Status, invert
-from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis import Burgers, InputError, LinearSponge, Preisach
 
-from ._evidence import (
-    RoundTrip,
-    autocorrelation,
-    by_part,
-    excited_cells,
-    predictive_band,
-    round_trip,
-)
+from ._report_case import Case, Link, Section, Table
+from ._report_fit import candidates, data, loops, parameters, residuals, starts
+from ._report_model import compensator, density, posterior
+from ._words import pretty, quantity
 
 TEMPLATE = "report.html.j2"
-MEANINGS = {
-    Status.OK: "exact",
-    Status.EXTRAPOLATED: "beyond the trained inputs, continued",
-    Status.SATURATED: "beyond the outputs the model can have, held at its end",
-    Status.FLAT: "where the model is flat, nearest input held",
-    Status.BELOW_THRESHOLD: "below the contact threshold",
-    Status.INVALID: "not a number",
-}
 HEADLINES = {
     "PASS": "It can be used inside the range it was trained on.",
     "CAUTION": "It can be used with care: read the reasons.",
@@ -42,45 +27,9 @@ HEADLINES = {
 }
 
 
-class Picture(NamedTuple):
-    """A figure on the page: base64 PNG, its size, words in its place, and what to look for."""
-
-    data: str
-    width: int
-    height: int
-    alt: str
-    caption: str
-
-
-class Link(NamedTuple):
-    """A cell that leads to another page."""
-
-    text: str
-    href: str
-
-
-class Table(NamedTuple):
-    """Rows of text under headers; `strong` is the row to stand out."""
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: list[tuple[str | Link, ...]]
-    strong: int | None = None
-
-
-@dataclass
-class Section:
-    """A heading and what is under it, in this order."""
-
-    title: str
-    text: list[str] = field(default_factory=list)
-    pictures: list[Picture] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def id(self) -> str:
-        return self.title.lower().replace(" ", "-")
+SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    loops, residuals, parameters, starts, posterior, density, compensator, candidates, data,
+)  # fmt: skip
 
 
 def write_report(folder: str | Path) -> Path:
@@ -109,7 +58,11 @@ def write_report(folder: str | Path) -> Path:
             cause="fit.json was edited, or written by another version.",
             fix="fit again.",
         ) from error
-    sections = [make(case) for make in SECTIONS if make is not _density or case.grid is not None]
+    sections = [
+        make(case)
+        for make in SECTIONS
+        if make is not density or isinstance(case.fit.model, Preisach)
+    ]
     data = document["data"]
     return _render(
         folder,
@@ -119,9 +72,9 @@ def write_report(folder: str | Path) -> Path:
         level=case.fit.verdict.level,
         headline=HEADLINES[case.fit.verdict.level],
         reasons=case.fit.verdict.reasons,
-        facts=_facts(case),
-        model=_in_words(case),
-        command=_next(case),
+        facts=facts(case),
+        model=in_words(case),
+        command=next_command(case),
         sections=sections,
     )
 
@@ -185,60 +138,85 @@ def _overview_table(
     return Table("The error is that of the held-out rows where there are any.", columns, rows)
 
 
-@dataclass(frozen=True)
-class Case:
-    """A loaded fit with what several sections need, computed once."""
-
-    folder: Path
-    document: dict[str, Any]
-    fit: identify.FitResult
-    posterior: identify.Posterior | None
-
-    @property
-    def input(self) -> str:
-        return _plain_name(self.fit.train.input_name, self.fit.train.input_unit)
-
-    @property
-    def output(self) -> str:
-        return _plain_name(self.fit.train.output_name, self.fit.train.output_unit)
-
-    @property
-    def input_label(self) -> str:
-        return _label(self.input, self.fit.train.input_unit)
-
-    @property
-    def output_label(self) -> str:
-        return _label(self.output, self.fit.train.output_unit)
-
-    @property
-    def units(self) -> tuple[str, str]:
-        """Of the input and the output, "" for none."""
-        units = (self.fit.train.input_unit, self.fit.train.output_unit)
-        return units[0].replace("1", "") if units[0] == "1" else units[0], (
-            "" if units[1] == "1" else units[1]
+def facts(case: Case) -> list[tuple[str, str]]:
+    unit = case.units[1]
+    word, _ = case.judged
+    metrics = case.fit.metrics
+    judged = metrics["test"] or metrics["train"]
+    assert judged is not None
+    assert metrics["train"] is not None
+    facts = [
+        (f"{word} error, rms", quantity(judged.rmse, unit)),
+        (f"{word} error, largest", quantity(judged.max_abs, unit)),
+        (f"{word} error, of the range", quantity(judged.nrmse_percent, "%")),
+    ]
+    if metrics["test"] is not None:
+        fitted = case.fit.internals["used"]
+        rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
+        share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
+        facts.append(("fitted rows, of the range", quantity(share, "%")))
+    if not isinstance(case.round_trip, InputError):
+        facts.append(
+            (f"compensator on {word} rows, rms", quantity(case.round_trip.rms, case.units[0]))
         )
+    return facts
 
-    @property
-    def judged(self) -> tuple[str, Record]:
-        """The held-out record where there is one, else the training one, and its rows in words."""
-        fit = self.fit
-        return ("training", fit.train) if fit.test is None else ("held-out", fit.test)
 
-    @property
-    def grid(self) -> Any:
-        """The grid density of a Preisach model, None for other models."""
-        return getattr(self.fit.model, "density", None)
+def in_words(case: Case) -> str:
+    model, (input_unit, output_unit) = case.fit.model, case.units
+    if isinstance(model, LinearSponge):
+        slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
+        text = f"A straight line, {slope} × {case.input} + {quantity(float(model.b), output_unit)}"
+        if math.isfinite(float(model.threshold)):
+            text += f", from {quantity(float(model.threshold), input_unit)} on and nothing below"
+        return f"{text}: no memory, so no loop."
+    if isinstance(model, Burgers):
+        return (
+            "A Burgers element, a spring and a dashpot in series with a spring beside a dashpot:"
+            f" its {case.output} creeps and depends on the rate."
+        )
+    assert isinstance(model, Preisach)
+    cells = model.density.weights.shape[0]  # type: ignore[attr-defined]
+    return (
+        f"A Preisach model of {cells * (cells + 1) // 2} relay cells beside a memoryless curve:"
+        f" its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
+        " remembers where that turned, and does not depend on the rate."
+    )
 
-    @cached_property
-    def predicted(self) -> dict[str, np.ndarray]:
-        """The model's output on each record, all rows."""
-        records = {"train": self.fit.train, "test": self.fit.test}
-        return {k: self.fit.predict(r) for k, r in records.items() if r is not None}
 
-    @cached_property
-    def round_trip(self) -> RoundTrip | InputError:
-        """What the compensator makes of the judged record, or why there is none."""
-        try:
-            return round_trip(self.fit.model, invert(self.fit.model), self.judged[1])
-        except InputError as error:
-            return error
+def next_command(case: Case) -> tuple[str, str]:
+    folder, fit = shlex.quote(str(case.folder)), case.fit
+    columns = " ".join(
+        f"--{role} {shlex.quote(name)}"
+        for role, name in (("input", fit.train.input_name), ("output", fit.train.output_name))
+    )
+    source = shlex.quote(fit.train.source or "FILE")
+    if not fit.trusted:
+        return "Look at the data, then fit again", f"hysid check {source} {columns}"
+    if fit.test is None:
+        return (
+            "Hold something out and fit again",
+            f"hysid fit {source} {columns} --test-cycles 1 --out DIR",
+        )
+    if case.posterior is None:
+        return "Find out how much the data leave open", f"hysid sample {folder}"
+    return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
+
+
+def _render(folder: Path, **words: Any) -> Path:
+    import jinja2
+
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    text = page.get_template(TEMPLATE).render(**words)
+    file = folder / "report.html"
+    try:
+        file.write_text(text, "utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(
+            "cannot-write",
+            f"report.html cannot be written: {error.strerror}.",
+            place=str(folder),
+            fix="make the folder writable, or copy it and report on the copy.",
+        ) from error
+    return file

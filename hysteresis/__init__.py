@@ -14,4 +14,5 @@ from ._parameter import parameters as parameters
 from ._record import Record as Record
 from ._sponge import LinearSponge as LinearSponge
 from ._viscoelastic import Burgers as Burgers
+from ._viscoelastic import BurgersState as BurgersState
 from .preisach import Preisach as Preisach

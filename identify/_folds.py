@@ -60,9 +60,11 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     numbers = np.unique(cycle[cycle > 0])
     if len(numbers) > 1:
         label = np.searchsorted(numbers, cycle)
-        label[cycle == 0] = -1
         last = len(numbers) - 1
-        fold = Fold(tuple(range(last)), (last,))
+        # Rows in no cycle, a hold after the last one say, are fitted and never held out.
+        label[cycle == 0] = last + 1
+        label[~record.mask] = -1
+        fold = Fold((*range(last), *((last + 1,) if (label > last).any() else ())), (last,))
         conditioning = 0 if last > 1 and not keep_conditioning else None
         return Parts(label, (fold,), conditioning, "the last training cycle held out")
     rows = np.flatnonzero(record.mask)

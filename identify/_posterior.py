@@ -128,6 +128,7 @@ def _sample_parameters(
         backend = None
         if checkpoint is not None:
             backend = emcee.backends.HDFBackend(str(checkpoint), name=f"ensemble_{k}")
+        done = 0 if backend is None else _steps_kept(backend, resume, (walkers, dimension))
         sampler = emcee.EnsembleSampler(
             walkers,
             dimension,
@@ -135,21 +136,10 @@ def _sample_parameters(
             vectorize=True,
             backend=backend,
         )
-        done = backend.iteration if backend is not None and resume and backend.initialized else 0
-        if done and backend is not None and backend.shape != (walkers, dimension):
-            raise InputError(
-                "other-checkpoint",
-                f"the checkpoint has {backend.shape} walkers and parameters, the fit {walkers, dimension}.",
-                place=str(checkpoint),
-                cause="it was made with another model.",
-                fix="name a new file, or sample without --resume.",
-            )
         random = np.random.RandomState(seed + 1000 * k)
-        if done:
-            state = sampler._previous_state = backend.get_last_sample()  # type: ignore[union-attr]
+        if done and backend is not None:
+            state = sampler._previous_state = backend.get_last_sample()
         else:
-            if backend is not None:
-                backend.reset(walkers, dimension)
             first = z0 + spread * random.normal(size=(walkers, dimension))
             state = emcee.State(first, random_state=random.get_state())
         for step, _ in enumerate(sampler.sample(state, iterations=max(steps - done, 0)), done + 1):
@@ -167,9 +157,9 @@ def _sample_parameters(
     kept = min(len(chain) for chain in chains)
     chain = np.stack([c[-kept:] for c in chains])
     tau = np.nan_to_num(np.mean(taus, axis=0), nan=float(kept))
-    values = np.concatenate(
-        [np.asarray(bounds.to_values(jnp.asarray(chain[..., :-1]))), np.exp(chain[..., -1:])], -1
-    )
+    free = jnp.asarray(chain[..., :-1].reshape(-1, dimension - 1))
+    values = np.asarray(jax.vmap(bounds.to_values)(free)).reshape(*chain.shape[:-1], -1)
+    values = np.concatenate([values, np.exp(chain[..., -1:])], -1)
     names = (*bounds.names, "sigma")
     summaries = tuple(
         _summarise(name, values[..., j], float(ensembles * walkers * kept / max(tau[j], 1.0)))
@@ -184,6 +174,23 @@ def _sample_parameters(
         names, flat, posterior_model, summaries, f"emcee, {ensembles} x {walkers} walkers",
         float(np.mean(accepted)), float(np.max(tau)), time.perf_counter() - begin,
     )  # fmt: skip
+
+
+def _steps_kept(backend: Any, resume: bool, shape: tuple[int, int]) -> int:
+    """Steps to go on from; without `resume` the file is emptied."""
+    if not (resume and backend.initialized):
+        backend.reset(*shape)
+        return 0
+    kept = tuple(int(n) for n in backend.shape)
+    if kept != shape:
+        raise InputError(
+            "other-checkpoint",
+            f"the checkpoint has {kept} walkers and parameters, the fit {shape}.",
+            place=str(backend.filename),
+            cause="it was made with another model.",
+            fix="name a new file, or sample without --resume.",
+        )
+    return int(backend.iteration)
 
 
 def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
@@ -206,7 +213,8 @@ def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
             z, log_sigma = point[:-1], point[-1]
             predicted = bounds.insert(model, bounds.to_values(z)).evaluate(prepared)
             squares = jnp.sum(jnp.where(mask, predicted - y, 0.0) ** 2)
-            likelihood = -squares / (2 * jnp.exp(2 * log_sigma)) - mask.sum() * log_sigma
+            rows = mask.sum().astype(point.dtype)
+            likelihood = -squares / (2 * jnp.exp(2 * log_sigma)) - rows * log_sigma
             likelihood = likelihood / noise.correlation_time
             inside = jnp.all(jnp.abs(z - z_fit) < wide)
             return jnp.where(inside & jnp.isfinite(likelihood), likelihood, -jnp.inf)

@@ -252,7 +252,7 @@ def describe_model(model: eqx.Module, prefix: str = "") -> tuple[dict[str, Any],
     return structure, arrays
 
 
-def rebuild_model(structure: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+def rebuild_model(structure: dict[str, Any], arrays: dict[str, Any]) -> Any:
     """The inverse of `describe_model`. Raises `InputError` for a class that is not one of ours."""
     if structure.get("class") not in _CLASSES:
         raise InputError(

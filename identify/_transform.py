@@ -39,7 +39,7 @@ class Transform(NamedTuple):
         bounded = np.where(has_low & has_high, both, one_sided)
         return np.where(has_low | has_high, bounded, x / self.scale)
 
-    def to_values(self, z: Float[Array, "*batch parameters"]) -> Float[Array, "*batch parameters"]:
+    def to_values(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
         """Parameters of a free vector."""
         low, high = np.isfinite(self.low), np.isfinite(self.high)
         floor, ceiling = np.where(low, self.low, 0.0), np.where(high, self.high, 1.0)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis.preisach import GridDensity, MemoryTree, Preisach, memory_tree
@@ -64,6 +64,7 @@ def path_of(u: Any) -> np.ndarray:
 ROUNDING = 1e-13
 
 
+@settings(max_examples=300)
 @given(histories_here)
 def test_anchors_are_the_stack_s(u: np.ndarray):
     path = path_of(u)

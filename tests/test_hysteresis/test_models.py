@@ -55,7 +55,7 @@ def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
 
 
 @every
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(data=st.data())
 def test_arrays_prepared_on_the_host_give_the_same(problem: Problem, data: st.DataObject):
     model, t, u = draw(problem, data)

@@ -19,8 +19,8 @@ EPS = np.finfo(float).eps
 
 
 @eqx.filter_jit
-def simulate(model: Preisach, u: jax.Array) -> jax.Array:
-    return model.simulate(None, u)
+def simulate(model: Preisach, u: jax.Array, t: jax.Array | None = None) -> jax.Array:
+    return model.simulate(t, u)
 
 
 def output(model: Preisach, u: np.ndarray) -> np.ndarray:
@@ -126,8 +126,8 @@ def test_rate_independent(seed: int, u: np.ndarray, stretch: int):
     np.testing.assert_allclose(
         output(model, slow)[last], output(model, u), rtol=0, atol=rounding(model)
     )
-    t = np.cumsum(rng.random(SAMPLES))
-    np.testing.assert_array_equal(model.simulate(t, u), model.simulate(None, u))
+    t = jnp.cumsum(jnp.asarray(rng.random(SAMPLES)))
+    np.testing.assert_array_equal(simulate(model, jnp.asarray(u), t), output(model, u))
 
 
 def triangle(a: float, b: float, samples: int) -> np.ndarray:
@@ -257,7 +257,7 @@ def test_a_full_stack_forgets_the_smallest_loop_and_counts_it():
     capacity, turns = 8, 21
     amplitude = 0.5 * (1 - np.arange(turns) / turns)
     small = 0.5 + amplitude * (-1.0) ** np.arange(turns)
-    after = np.array([0.9, 0.15, 0.6, 0.3, 0.45, 1.0, 0.2, 0.8])
+    after = np.array([0.97, 0.15, 0.6, 0.3, 0.45, 1.0, 0.2, 0.8])
     u = np.concatenate([small, after])
     density = uniform(5)
     exact = output(Preisach(density), u)
@@ -303,29 +303,23 @@ def test_reversible_parts_that_are_refused():
         Preisach(density, np.array([1.0, -0.1, 1.0, 1.0]))
 
 
-@given(seed=seeds)
-@settings(max_examples=25)
+@pytest.mark.parametrize("seed", range(4))
 def test_least_slope_is_the_least_slope(seed: int):
-    """No branch is flatter; on some branch it is met."""
+    """No branch is flatter, and some branch is as flat: rising and falling, from every quarter cell."""
     rng = np.random.default_rng(seed)
-    w = np.tril(rng.normal(size=(3, 3)))
-    increments = rng.random(3)
-    model = Preisach(GridDensity(0.0, 3.0, w, signed=True), increments)
-    least = np.asarray(model.least_slope())
-    h, found = 1e-6, np.full(3, np.inf)
-    for r in np.arange(0, 3.001, 0.25):
-        inside = np.arange(0, 3, 0.25)[:, None] + np.array([1e-4, 1e-4 + h])
-        for way in (1, -1):
-            past = [0.0, r] if way > 0 else [3.0, r]
-            reach = (
-                inside[inside[:, 0] >= r] if way > 0 else inside[inside[:, 0] < r - 0.2][:, ::-1]
-            )
-            for pair in reach:
-                # Rising to r from 0 and on is no branch from r: turn there first.
-                turn = [3.0, r] if way > 0 else [0.0, r]
-                y = output(model, np.array([*past, *turn, *pair]))
-                k = int(pair.min())
-                found[k] = min(found[k], (y[-1] - y[-2]) / (pair[1] - pair[0]))
-    # Differences over h of outputs rounded at eps; slopes are linear in u, so met to 1e-4.
+    model = Preisach(
+        GridDensity(0.0, 3.0, np.tril(rng.normal(size=(3, 3))), signed=True), rng.random(3)
+    )
+    least, h = np.asarray(model.least_slope()), 1e-6
+    quarters = np.arange(0, 3.01, 0.25)
+    places = np.concatenate([quarters[:-1] + 1e-4, quarters[1:] - 2e-4])
+    # Down to r and up, or up to r and down: r is a reversal, and the last two samples lie behind it.
+    paths = [[3.0, r, x, x + h] for r in quarters for x in places if x > r]
+    paths += [[0.0, r, x + h, x] for r in quarters for x in places if x + h < r]
+    y = np.asarray(jax.jit(jax.vmap(lambda u: model.simulate(None, u)))(jnp.asarray(paths)))
+    slope = (y[:, 3] - y[:, 2]) / (np.array(paths)[:, 3] - np.array(paths)[:, 2])
+    cell = np.array(paths)[:, 2].astype(int)
+    found = np.array([slope[cell == k].min() for k in range(3)])
+    # Outputs of size 10 rounded and divided by h; the last 2e-4 of a cell are not probed.
     assert np.all(found >= least - 1e-7)
     assert np.all(found <= least + 1e-2)

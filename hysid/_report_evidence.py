@@ -20,13 +20,67 @@ TRIP = 100_000
 """Rows sent through a compensator, at most; whole sequences."""
 
 
+class Rows(NamedTuple):
+    """Residuals of the rows of one or two records, in order.
+
+    - `word`: "training", "left out" (of the fit), "held-out", or "" for rows that do not count.
+    - `group`: the cycle, or the sequence where there are several.
+    """
+
+    input: Float[np.ndarray, " rows"]
+    residual: Float[np.ndarray, " rows"]
+    word: np.ndarray
+    branch: np.ndarray
+    starts: Int[np.ndarray, " sequences"]
+    group: np.ndarray
+
+    def groups(self) -> tuple[list[str], list[str], Float[np.ndarray, " groups"]]:
+        """Name, word and rms residual of every group, in order."""
+        found: dict[tuple[str, str], list[int]] = {}
+        for k in np.flatnonzero(self.word != ""):
+            found.setdefault((str(self.group[k]), str(self.word[k])), []).append(int(k))
+        rms = [np.sqrt(np.mean(self.residual[rows] ** 2)) for rows in found.values()]
+        return [name for name, _ in found], [word for _, word in found], np.array(rms)
+
+
+def residual_rows(
+    records: list[Record],
+    predicted: list[np.ndarray],
+    used: Bool[np.ndarray, " samples"],
+    held_out: Bool[np.ndarray, " samples"] | None,
+) -> Rows:
+    """Rows of the training record and, where that is another, of the held-out one.
+
+    `used` says which training rows were fitted, `held_out` which of that record's are the held-out ones.
+    """
+    train, *tests = records
+    words = [np.where(train.mask, np.where(used, "training", "left out"), "")]
+    if held_out is not None:
+        words[0] = np.where(held_out, "held-out", words[0])
+    words += [np.where(test.mask, "held-out", "") for test in tests]
+    offsets = np.cumsum([0, *map(len, records[:-1])])
+    groups = [train.cycle.astype(str)]
+    if sum(len(r.labels) for r in records) > 1:
+        groups = [np.repeat(r.labels, np.diff([*r.starts, len(r)])) for r in records]
+    residual = np.concatenate([p - r.output for p, r in zip(predicted, records, strict=False)])
+    word = np.where(np.isfinite(residual), np.concatenate(words), "")
+    return Rows(
+        np.concatenate([r.input for r in records]),
+        residual,
+        word,
+        np.concatenate([r.branch for r in records]),
+        np.concatenate([r.starts + k for r, k in zip(records, offsets, strict=True)]),
+        np.concatenate(groups),
+    )
+
+
 def autocorrelation(
     residuals: Float[np.ndarray, " samples"],
     used: Bool[np.ndarray, " samples"],
     starts: Int[np.ndarray, " sequences"],
     most: int,
 ) -> Float[np.ndarray, " lags"]:
-    """Of the used residuals up to lag `most`, over all sequences, the mean left in: an offset is an error."""
+    """Of the used residuals up to lag `most`, the mean left in: an offset is an error."""
     products = np.zeros(most + 1)
     for a, b in pairwise([*starts, len(residuals)]):
         r = residuals[a:b][used[a:b]]
@@ -58,11 +112,11 @@ def excited_cells(
     """
     n = model.density.weights.shape[0]  # type: ignore[attr-defined]
     alone = Preisach(
-        model.density, None, 0.0, leading=model.leading, initial=model.initial, capacity=model.capacity
+        model.density, leading=model.leading, initial=model.initial, capacity=model.capacity
     )  # fmt: skip
     # Relays move one way along a branch: its ends show all that it switched.
     rows = np.append(True, np.diff(np.sign(np.diff(record.input))) != 0)
-    rows = np.append(rows, True) & True
+    rows = np.append(rows, True)
     rows[record.starts] = rows[np.append(record.starts[1:], len(record)) - 1] = True
     edge = np.flatnonzero(np.diff(used.astype(int)))
     rows[edge] = rows[edge + 1] = True
@@ -131,9 +185,7 @@ class RoundTrip(NamedTuple):
     exactness: float
 
 
-def round_trip(
-    model: AbstractModel, compensator: AbstractCompensator, record: Record
-) -> RoundTrip:
+def round_trip(model: AbstractModel, compensator: AbstractCompensator, record: Record) -> RoundTrip:
     """Run the compensator over a record's measured output, and over the model's own."""
     ends = [*record.starts[1:], len(record)]
     pieces = [

@@ -1,0 +1,42 @@
+"""Numbers and names as a reader wants them."""
+
+import math
+
+
+def number(x: float, error: float | None = None) -> str:
+    """Three digits, or as many as leave two of the `error`; powers of ten written out."""
+    if not math.isfinite(x):
+        return "not finite"
+    digits = 3
+    if error is not None and math.isfinite(error) and error > 0 and x != 0:
+        digits = min(max(3, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
+    if x != 0 and not 1e-4 <= abs(x) < 1e5:
+        mantissa, power = f"{x:.{digits - 1}e}".split("e")
+        raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        return f"{mantissa.replace('-', '−')} × 10{raised}"
+    text = f"{x:#.{digits}g}" if abs(x) < 10 ** (digits - 1) else f"{float(f'{x:.{digits}g}'):,.0f}"
+    return (text.rstrip(".") if x else "0").replace("-", "−")
+
+
+def quantity(x: float, unit: str) -> str:
+    """A number with its unit."""
+    return number(x) if unit == "1" else f"{number(x)} {pretty(unit)}"
+
+
+def pretty(unit: str) -> str:
+    return "" if unit == "1" else unit.replace(" * ", "·").replace(" / ", "/")
+
+
+def plain_name(name: str, unit: str) -> str:
+    """A column's name without the unit in it: "force (N)" and "force_N" are force."""
+    for end in (f"({unit})", f"[{unit}]", f"_{unit}"):
+        if name.endswith(end) and (plain := name.removesuffix(end).strip()):
+            return plain
+    return name
+
+
+def label(name: str, unit: str) -> str:
+    """Of an axis: the name is shortened before the unit."""
+    unit = pretty(unit) or "no unit"
+    most = 40 - len(unit)
+    return f"{name if len(name) <= most else name[: most - 1] + '…'} ({unit})"

@@ -1,0 +1,279 @@
+"""Forward after inverse gives back the output, and every status says what is the case."""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compensate import AbstractCompensator, Estimate, Status, invert
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
+from hysteresis.preisach import GridDensity
+from tests.problems import (
+    CELLS,
+    HIGH,
+    LOW,
+    PROBLEMS,
+    SAMPLES,
+    Problem,
+    clock,
+    histories,
+    random_histories,
+    tagged,
+    weights,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+grids = pytest.mark.parametrize("problem", tagged("grid"), ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+HISTORIES = 1000
+
+
+def times(problem: Problem, model: AbstractModel, seed: int) -> jax.Array:
+    """Steps over four decades; for a held input none longer than its inverse stands."""
+    t = clock(seed)
+    if "rates" in problem.tags and isinstance(model, Burgers) and model.hold == "constant":
+        t = np.cumsum(np.minimum(np.diff(t, prepend=0.0), 0.9 * model.largest_stable_step()))
+    return jnp.asarray(t)
+
+
+@eqx.filter_jit
+def forward(model: AbstractModel, t: jax.Array, u: jax.Array) -> jax.Array:
+    """`simulate` of every row of u."""
+    return jax.vmap(lambda row: model.simulate(t, row))(u)
+
+
+@eqx.filter_jit
+def backward(compensator: AbstractCompensator, t: jax.Array, y: jax.Array) -> Estimate:
+    return jax.vmap(lambda row: compensator.simulate(t, row))(y)
+
+
+@eqx.filter_jit
+def streamed(compensator: AbstractCompensator, t: jax.Array, y: jax.Array) -> Estimate:
+    def scan(row: jax.Array) -> Estimate:
+        step = lambda state, sample: compensator.step(state, *sample)  # noqa: E731
+        return jax.lax.scan(step, compensator.init(), (t, row))[1]
+
+    return jax.vmap(scan)(y)
+
+
+class Reachable(NamedTuple):
+    """A model, times, 1,000 random inputs, the outputs they give, and what the inverse makes of those."""
+
+    model: AbstractModel
+    t: jax.Array
+    u: np.ndarray
+    y: np.ndarray
+    found: Estimate
+
+
+@cache
+def reachable(problem: Problem) -> Reachable:
+    model, rng = problem.model(), np.random.default_rng(0)
+    u = random_histories(rng, problem.low, problem.high, (HISTORIES, SAMPLES))
+    t = times(problem, model, 0)
+    y = forward(model, t, jnp.asarray(u))
+    return Reachable(model, t, u, np.asarray(y), backward(invert(model), t, y))
+
+
+@every
+def test_forward_of_inverse_is_the_identity(problem: Problem):
+    """To 1e-9 of the range of y, on 1,000 random histories."""
+    model, t, _, y, found = reachable(problem)
+    again = np.asarray(forward(model, t, found.value))
+    assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
+    known = {Status.OK, Status.FLAT} if "flat" in problem.tags else {Status.OK}
+    if "grid" in problem.tags:
+        known |= {Status.FLAT}  # a branch starts flat, and so does an output that stands still
+    if problem.name == "sponge-threshold":
+        known |= {Status.BELOW_THRESHOLD}
+    assert set(np.unique(found.status).tolist()) <= known
+
+
+@every
+def test_the_input_itself_is_found_where_the_slope_is_not_zero(problem: Problem):
+    _, _, u, y, estimate = reachable(problem)
+    found = np.asarray(estimate.value)
+    if "grid" not in problem.tags:
+        there = u >= 1.5 if problem.name == "sponge-threshold" else np.ones_like(u, bool)
+        assert np.abs(found - u)[there].max() <= 1e-7 * np.ptp(u)
+        return
+    if "flat" in problem.tags:
+        return
+    # Where the last step moved the output by a thousandth of its range per range of input.
+    du, dy = np.diff(u, axis=1, prepend=np.nan), np.diff(y, axis=1, prepend=np.nan)
+    steep = np.abs(dy) * np.ptp(u) > 1e-3 * np.abs(du) * np.ptp(y)
+    far = np.abs(du) > 1e-3 * np.ptp(u)
+    assert np.mean(steep & far) > 0.5
+    assert np.abs(found - u)[steep & far].max() <= 1e-7 * np.ptp(u)
+
+
+@every
+@settings(max_examples=15)
+@given(seed=seeds, data=st.data())
+def test_drawn_histories_with_ties_and_plateaus(problem: Problem, seed: int, data: st.DataObject):
+    u = data.draw(histories(problem.low, problem.high), "u")
+    model = problem.model(seed)
+    t = times(problem, model, seed)
+    y = np.asarray(forward(model, t, jnp.asarray(u[None])))
+    found = backward(invert(model), t, jnp.asarray(y))
+    again = np.asarray(forward(model, t, found.value))
+    # One history may span little; what is added up to give it is of the size of the parameters.
+    spread = max(np.ptp(y), np.abs(y).max(), 1e-3)
+    assert np.abs(again - y).max() <= 1e-9 * spread
+
+
+@every
+def test_nan_holds_the_last_value_and_the_next_sample_is_right(problem: Problem):
+    """In batch and in stream alike."""
+    model, t, u, y, _ = reachable(problem)
+    y, compensator = y[:20], invert(model)
+    rng = np.random.default_rng(2)
+    hole = rng.random(y.shape) < 0.2
+    hole[:, 5:8], hole[3] = True, True
+    hole[4, :2] = True
+    broken = np.where(hole, rng.choice([np.nan, np.inf, -np.inf], y.shape), y)
+    found = backward(compensator, t, jnp.asarray(broken))
+    value, status = map(np.asarray, found)
+    np.testing.assert_array_equal(status == Status.INVALID, hole)
+    assert np.isfinite(value).all()
+    assert np.all((value[:, 1:] == value[:, :-1]) | ~hole[:, 1:])
+    steps = streamed(compensator, t, jnp.asarray(broken))
+    # The same sums in another order, amplified by the steepest inverse slope.
+    np.testing.assert_allclose(steps.value, value, rtol=0, atol=1e-9 * np.ptp(u))
+    np.testing.assert_array_equal(steps.status, status)
+    # The good samples are those of a record that never had the others.
+    good = ~hole[5]
+    alone = compensator.simulate(t[good], y[5][good])
+    np.testing.assert_allclose(alone.value, value[5][good], rtol=0, atol=1e-9 * np.ptp(u))
+
+
+def preisach(reversible: float, sparse: bool = False, **options: Any) -> Preisach:
+    rng = np.random.default_rng(3)
+    increments = np.full(CELLS, reversible) if reversible else None
+    return Preisach(GridDensity(LOW, HIGH, weights(rng, sparse)), increments, **options)
+
+
+def test_beyond_saturation_the_reversible_part_goes_on():
+    model = preisach(0.5)
+    u = np.array([0.0, HIGH, HIGH + 0.7, 1.0, LOW, LOW - 0.4, 0.5])
+    found = invert(model).simulate(None, np.asarray(model.simulate(None, u)))
+    np.testing.assert_allclose(found.value, u, rtol=0, atol=1e-7)  # slopes vanish at a reversal
+    inside = found.status[jnp.array([0, 3, 6])]
+    np.testing.assert_array_equal(inside, Status.OK)
+    np.testing.assert_array_equal(found.status[jnp.array([2, 5])], Status.EXTRAPOLATED)
+
+
+def test_beyond_saturation_without_one_the_bound_is_held():
+    model = preisach(0.0)
+    top = float(np.asarray(model.simulate(None, [HIGH]))[0])
+    y = np.array([0.0, top + 1.0, np.nan, -top - 1.0, 0.0])
+    found = invert(model).simulate(None, y)
+    wanted = [Status.OK, Status.SATURATED, Status.INVALID, Status.SATURATED, Status.OK]
+    np.testing.assert_array_equal(found.status, wanted)
+    np.testing.assert_allclose(found.value[1:4], [HIGH, HIGH, LOW])
+    again = np.asarray(model.simulate(None, found.value))
+    np.testing.assert_allclose(again[[0, 4]], [0.0, 0.0], atol=1e-12)
+
+
+def test_an_invalid_sample_holds_an_extrapolated_value_too():
+    model = preisach(0.5)
+    u = np.array([0.0, HIGH + 0.7, HIGH + 0.7])
+    y = np.asarray(model.simulate(None, u))
+    found = invert(model).simulate(None, np.where([False, False, True], np.nan, y))
+    assert found.value[2] == found.value[1] > HIGH + 0.6
+
+
+def test_flat_places_hold_the_nearest_input():
+    """A model of one cell that switches between 1 and 2 of 0 to 3: nothing happens elsewhere."""
+    w = np.zeros((3, 3))
+    w[1, 1] = 1.0
+    model = Preisach(GridDensity(0.0, 3.0, w))
+    found = invert(model).simulate(None, [-1.0, 0.0, 1.0, 1.0, 0.5, -1.0])
+    # At the end of its range the output says only that u >= 2 (or u <= 1): the nearest is held.
+    np.testing.assert_allclose(found.value[jnp.array([2, 3, 5])], [2.0, 2.0, 1.0], atol=1e-7)
+    assert found.status[0] == Status.FLAT
+    assert found.status[1] == Status.OK
+    again = np.asarray(model.simulate(None, found.value))
+    np.testing.assert_allclose(again, [-1.0, 0.0, 1.0, 1.0, 0.5, -1.0], rtol=0, atol=1e-12)
+
+
+def test_below_the_threshold_the_force_is_unknown():
+    sponge = LinearSponge(K=2.0, b=3.0, threshold=1.5)
+    found = invert(sponge).simulate(None, [0.0, 5.9, 6.0, 23.0, np.nan])
+    below, ok = Status.BELOW_THRESHOLD, Status.OK
+    np.testing.assert_array_equal(found.status, [below, below, ok, ok, Status.INVALID])
+    np.testing.assert_allclose(found.value, [0.0, 0.0, 1.5, 10.0, 10.0], rtol=1e-15)
+
+
+def refused(code: str, *words: str):
+    return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
+
+
+def test_signed_densities_that_fall_are_refused():
+    w = np.tril(np.ones((3, 3)))
+    w[2, 1] = -3.0
+    with refused("not-invertible", "can fall"):
+        invert(Preisach(GridDensity(0.0, 3.0, w, signed=True)))
+    # With a reversible part as steep as the relays fall it is invertible.
+    model = Preisach(GridDensity(0.0, 3.0, w, signed=True), np.full(3, 6.0))
+    u = random_histories(np.random.default_rng(0), 0.0, 3.0, (50, SAMPLES))
+    y = forward(model, jnp.zeros(SAMPLES), jnp.asarray(u))
+    again = forward(model, jnp.zeros(SAMPLES), backward(invert(model), jnp.zeros(SAMPLES), y).value)
+    np.testing.assert_allclose(again, y, rtol=0, atol=1e-9 * float(jnp.ptp(y)))
+
+
+def test_leading_models_that_are_too_flat_are_refused():
+    with refused("not-invertible", "can fall"):
+        invert(preisach(0.01, leading=True))
+    with refused("not-invertible", "can fall"):
+        invert(preisach(0.0, leading=True))
+
+
+def test_a_line_without_slope_is_refused():
+    with refused("not-invertible", "slope K is 0"):
+        invert(LinearSponge(K=0.0, b=1.0))
+
+
+def test_steps_too_long_for_a_held_input_are_refused():
+    """With the largest step that works: below it the round trip holds, above it is 1e97 off."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0, hold="constant")
+    compensator = invert(model)
+    limit = compensator.element.largest_stable_step()  # pyright: ignore[reportAttributeAccessIssue]
+    k = np.arange(200)
+    u = np.random.default_rng(0).normal(size=200)
+    for t in (10.0 * k, 1.001 * limit * k):
+        with refused("unstable-step", f"{limit:.4g}"):
+            compensator.simulate(t, np.asarray(model.simulate(t, u)))
+    t = 0.95 * limit * k
+    y = np.asarray(model.simulate(t, u))
+    again = np.asarray(model.simulate(t, compensator.simulate(t, y).value))
+    assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
+    linear = Burgers(2.0, 40.0, 1.0, 5.0)
+    t = 10.0 * k
+    y = np.asarray(linear.simulate(t, u))
+    again = np.asarray(linear.simulate(t, invert(linear).simulate(t, y).value))
+    assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
+
+
+def test_time_is_needed_by_burgers():
+    with refused("no-time"):
+        invert(Burgers(1.0, 1.0, 1.0, 1.0)).simulate(None, np.ones(3))
+
+
+@grids
+def test_state_may_be_carried(problem: Problem):
+    model, _, _, y, whole = reachable(problem)
+    compensator = invert(model)
+    step, state = eqx.filter_jit(compensator.step), compensator.init()
+    for value in y[0][:13]:
+        state, _ = step(state, 0.0, jnp.asarray(value))
+    rest = compensator.simulate(None, y[0][13:], state)
+    # The same steps, compiled for other shapes.
+    np.testing.assert_allclose(rest.value, whole.value[0, 13:], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(rest.status, whole.status[0, 13:])

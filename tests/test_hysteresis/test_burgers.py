@@ -1,0 +1,238 @@
+"""The Burgers model against its closed forms, a stiff ODE solver, and thermodynamics."""
+
+from typing import Literal
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+
+from hysteresis import Burgers, InputError
+from tests.problems import SAMPLES, clock, histories
+
+modulus = st.floats(0.1, 10.0)
+viscosity = st.floats(0.5, 100.0)
+elements = st.tuples(modulus, viscosity, modulus, viscosity)
+Element = tuple[float, float, float, float]
+EPS = np.finfo(float).eps
+
+
+def rounding(model: Burgers, t: np.ndarray, u: np.ndarray) -> float:
+    """Each step rounds the creep displacements; the largest compliance bounds their size."""
+    span = float(model.creep_compliance(t[-1] - t[0])) * np.abs(u).max()
+    return 8 * len(t) * EPS * (span + 1e-300)
+
+
+@given(elements, st.integers(0, 99), st.sampled_from(["linear", "constant"]))
+def test_creep_under_a_step(p: Element, seed: int, hold: Literal["linear", "constant"]):
+    model, t = Burgers(*p, hold=hold), clock(seed)
+    E1, eta1, E2, eta2 = p
+    s = t - t[0]
+    J = 1 / E1 + s / eta1 + (1 - np.exp(-E2 * s / eta2)) / E2
+    y = np.asarray(model.simulate(t, np.ones_like(t)))
+    np.testing.assert_allclose(y, J, rtol=0, atol=rounding(model, t, np.ones(1)))
+    np.testing.assert_allclose(model.creep_compliance(s), J, rtol=1e-14)
+
+
+@given(elements, st.integers(0, 99))
+def test_ramp(p: Element, seed: int):
+    """Displacement under F = r t: r times the integral of J."""
+    model, t, r = Burgers(*p), clock(seed), 0.3
+    E1, eta1, E2, eta2 = p
+    s, tau = t - t[0], eta2 / E2
+    integral = s / E1 + s**2 / (2 * eta1) + (s + tau * np.expm1(-s / tau)) / E2
+    y = np.asarray(model.simulate(t, r * s))
+    np.testing.assert_allclose(y, r * integral, rtol=0, atol=rounding(model, t, r * s))
+
+
+@given(elements)
+@settings(max_examples=15)
+def test_relaxation_modulus_is_the_creep_compliance_inverted(p: Element):
+    """Both satisfy G(0) J(t) + integral of J(t - s) dG(s) = 1."""
+    model = Burgers(*p)
+    t = float(p[3] / p[2])
+    h = 1e-6
+
+    def slope(s: float) -> float:
+        near = model.relaxation_modulus(jnp.array([s + h, abs(s - h)]))
+        return float((near[0] - near[1]) / (s + h - abs(s - h)))
+
+    kernel = lambda s: float(model.creep_compliance(t - s)) * slope(s)  # noqa: E731
+    total, _ = quad(kernel, 0, t, epsabs=1e-9, epsrel=1e-7, limit=200)
+    at_once = float(model.relaxation_modulus(0.0) * model.creep_compliance(t))
+    # Central differences of G over 1e-6: h^2 times its third derivative, eps / h of rounding.
+    np.testing.assert_allclose(at_once + total, 1.0, atol=1e-6)
+
+
+@given(elements)
+@settings(max_examples=15)
+def test_relaxation_of_the_leading_element(p: Element):
+    """A step of displacement: the piecewise-linear force converges to G as the square of the step."""
+    model = Burgers(*p, leading=True)
+    end = 2 * p[3] / p[2]
+    errors = []
+    for steps in (500, 1000):
+        t = np.linspace(0.0, end, steps + 1)
+        y = np.asarray(model.simulate(t, np.ones_like(t)))
+        errors.append(np.abs(y - np.asarray(model.relaxation_modulus(t))).max() / p[0])
+    assert errors[0] < 1e-2
+    # Second order: halving the step quarters the error, give or take the next order.
+    assert errors[1] < 0.3 * errors[0] + 1e-12
+
+
+@given(elements, st.floats(-1.0, 1.0))
+@settings(max_examples=8)
+def test_complex_compliance_of_a_sinusoid(p: Element, decade: float):
+    """After the transient d = Re(J* F exp(i w t)), J* = 1/E1 + 1/(i w eta1) + 1/(E2 + i w eta2)."""
+    E1, eta1, E2, eta2 = p
+    omega, tau = 10.0**decade * E2 / eta2, eta2 / E2
+    complex_compliance = 1 / E1 + 1 / (1j * omega * eta1) + 1 / (E2 + 1j * omega * eta2)
+    # Thirty time constants leave exp(-30) = 1e-13 of the transient; then two periods.
+    settled = np.ceil(30 * tau * omega / (2 * np.pi))
+    phase = 2 * np.pi * np.linspace(0, settled + 2, int(settled + 2) * 2000 + 1)
+    force = np.exp(1j * phase)
+    model = Burgers(*p)
+    t = phase / omega
+    d = np.asarray(model.simulate(t, force.real)) + 1j * np.asarray(model.simulate(t, force.imag))
+    last = phase >= 2 * np.pi * (settled + 1)
+    # The dashpot keeps the displacement that the start gave it; one period's mean removes it.
+    got = np.mean((d * np.conj(force))[last][:-1])
+    # Chords of 2000 samples a period: (2 pi / 2000)^2 / 12 = 8e-7 too flat.
+    assert abs(got - complex_compliance) <= 2e-6 * abs(complex_compliance)
+
+
+@given(elements, histories(-1.0, 1.0, 8), st.integers(0, 99))
+@settings(max_examples=10)
+def test_against_a_stiff_solver(p: Element, u: np.ndarray, seed: int):
+    """The slow oracle: Radau from knot to knot of a piecewise-linear force, tolerances 1e-10."""
+    E1, eta1, E2, eta2 = p
+    t = np.cumsum(np.random.default_rng(seed).uniform(0.05, 3.0, len(u)))
+    x, wanted = np.zeros(2), [u[0] / E1]
+    for a, b, fa, fb in zip(t[:-1], t[1:], u[:-1], u[1:], strict=True):
+        force = lambda s, a=a, b=b, fa=fa, fb=fb: fa + (fb - fa) * (s - a) / (b - a)  # noqa: E731
+        rates = lambda s, x, F=force: [F(s) / eta1, (F(s) - E2 * x[1]) / eta2]  # noqa: E731
+        x = solve_ivp(rates, (a, b), x, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
+        wanted.append(fb / E1 + x.sum())
+    got = np.asarray(Burgers(*p).simulate(t, u))
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-8 * (1 / E1 + t[-1] / eta1 + 1 / E2))
+
+
+@given(elements, histories(-1.0, 1.0), st.integers(0, 99))
+def test_energy_is_never_made(p: Element, u: np.ndarray, seed: int):
+    """Work done on the element, less what its springs hold, is what its dashpots have lost: >= 0.
+
+    Along a straight step of force the work is exact: the trapezium misses what the creep curves
+    within the step, so the step is divided until that is below the tolerance.
+    """
+    E1, _, E2, _ = p
+    fine = 50
+    t, F = clock(seed), np.append(u, 0.0)  # ends unloaded: the first spring is empty
+    t = np.append(t, t[-1] + 1.0)
+    grid = np.arange(len(t)), np.linspace(0, len(t) - 1, fine * (len(t) - 1) + 1)
+    t, F = (np.interp(grid[1], grid[0], v) for v in (t, F))
+    model = Burgers(*p)
+    d = np.asarray(model.simulate(t, F))
+    state, _ = model.stream(t, F)
+    held = E2 * float(state.kelvin) ** 2 / 2
+    first = F[0] ** 2 / (2 * E1)
+    work = np.sum((F[1:] + F[:-1]) / 2 * np.diff(d)) + first
+    scale = np.sum(np.abs(np.diff(d))) * np.abs(F).max() + first
+    # The trapezium's error falls with the square of the division: 1/12/50^2 = 3e-5 of each step.
+    assert work - held >= -1e-4 * scale
+
+
+@given(elements)
+@settings(max_examples=20)
+def test_a_closed_cycle_dissipates(p: Element):
+    """The loop's area is positive, whatever the moduli: the output lags."""
+    phase = np.linspace(0, 6 * np.pi, 3001)
+    t = phase * p[3] / p[2]
+    F = np.sin(phase)
+    d = np.asarray(Burgers(*p).simulate(t, F))
+    last = phase >= 4 * np.pi
+    area = np.sum((F[last][1:] + F[last][:-1]) / 2 * np.diff(d[last]))
+    assert area > 0
+
+
+def step_matrix(model: Burgers, dt: float) -> np.ndarray:
+    """How a state (F, x1, x2) of the leading element moves at rest, by differences of its steps."""
+    state = model.init(0.0)
+    columns = []
+    for k in range(3):
+        unit = [jnp.asarray(float(j == k)) for j in range(3)]
+        # The input has to be the displacement for which the element stands still: none here.
+        after, _ = model.step(
+            state._replace(force=unit[0], dashpot=unit[1], kelvin=unit[2]), dt, 0.0
+        )
+        columns.append([float(after.force), float(after.dashpot), float(after.kelvin)])
+    return np.array(columns).T
+
+
+@given(elements)
+@settings(max_examples=20)
+def test_largest_stable_step_is_where_an_eigenvalue_passes_minus_one(p: Element):
+    model = Burgers(*p, leading=True, hold="constant")
+    limit = model.largest_stable_step()
+    for factor, stable in ((0.5, True), (1 - 1e-6, True), (1 + 1e-6, False), (2.0, False)):
+        radius = np.abs(np.linalg.eigvals(step_matrix(model, factor * limit))).max()
+        # One eigenvalue is at most 1 at any step; rounding may put it above by an eps or two.
+        assert (radius <= 1 + 1e-12) == stable
+
+
+@given(elements, st.floats(-2.0, 3.0))
+@settings(max_examples=20)
+def test_linear_hold_is_stable_at_any_step(p: Element, decade: float):
+    model = Burgers(*p, leading=True)
+    assert model.largest_stable_step() == np.inf
+    matrix = step_matrix(model, 10.0**decade * p[3] / p[2])
+    assert np.abs(np.linalg.eigvals(matrix)).max() <= 1 + 1e-12
+
+
+def test_growth_beyond_the_largest_step_and_none_below():
+    """The moduli and the step for which the round trip once was 1e97 off."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0, leading=True, hold="constant")
+    limit = model.largest_stable_step()
+    k = np.arange(400)
+    peaks = []
+    for dt in (0.9 * limit, 1.1 * limit, 10.0):
+        y = np.asarray(model.simulate(dt * k, np.where(k < 5, 1.0, 0.5)))
+        peaks.append(np.abs(y).max())
+    assert peaks[0] < 10.0
+    assert peaks[1] > 1e6
+    assert peaks[2] > 1e20
+
+
+@pytest.mark.parametrize("decade", [-8.0, -6.0, -5.1, -5.0, -4.0, -3.1, -3.0])
+@given(p=elements)
+@settings(max_examples=10)
+def test_steps_too_small_to_divide_by_are_exact(decade: float, p: Element):
+    """The series for small steps joins the formula: creep of a ramp at any step."""
+    dt = 10.0**decade * p[3] / p[2]
+    t = dt * np.arange(SAMPLES)
+    model = Burgers(*p)
+    E1, eta1, E2, eta2 = p
+    tau = eta2 / E2
+    x = t / tau
+    # x - 1 + exp(-x) by its series; x is below 0.04, what is left out below 1e-16 of it.
+    delayed = x**2 / 2 * (1 - x / 3 * (1 - x / 4 * (1 - x / 5 * (1 - x / 6 * (1 - x / 7)))))
+    wanted = t / E1 + t**2 / (2 * eta1) + tau * delayed / E2
+    y = np.asarray(model.simulate(t, t))
+    # (phi - a) and (1 - phi) are differences of numbers near 1: eps of it, over x, per step.
+    np.testing.assert_allclose(
+        y, wanted, rtol=0, atol=SAMPLES * EPS * (t[-1] / E1 + t[-1] / E2) * 8
+    )
+
+
+@pytest.mark.parametrize("name", ["E1", "eta1", "E2", "eta2"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_moduli_that_are_refused(name: str, value: float):
+    good = {"E1": 1.0, "eta1": 1.0, "E2": 1.0, "eta2": 1.0}
+    with pytest.raises(InputError, match=rf"{name} = .*\[not-positive\]"):
+        Burgers(**(good | {name: value}))
+
+
+def test_time_is_needed():
+    with pytest.raises(InputError, match=r"--time COL.*\[no-time\]"):
+        Burgers(1.0, 1.0, 1.0, 1.0).simulate(None, np.ones(3))

@@ -1,0 +1,236 @@
+"""Fits: recovery from far starts, against lmfit, ranking, verdicts, and what is kept."""
+
+import json
+
+import jax.numpy as jnp
+import lmfit
+import numpy as np
+import pytest
+
+from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis.rigs import SpongeRig
+from identify import FitResult, fit, load, save, to_json
+from identify._save import plain, read_document
+
+
+def creep_record(
+    noise: float = 0.0, seed: int = 0, leading: bool = False
+) -> tuple[Record, Burgers]:
+    """Uneven steps, loads and rests, three sequences' worth of cycles."""
+    random = np.random.default_rng(seed)
+    t = np.cumsum(random.uniform(0.1, 0.5, 400))
+    u = 5 * np.interp(t, np.linspace(0, t[-1], 13), np.tile([0.0, 1.0, 1.0, 0.3], 4)[:13])
+    truth = Burgers(2.0, 60.0, 1.0, 5.0, 0.2, leading=leading)
+    y = np.asarray(truth.simulate(t, u))
+    y = y + random.normal(0, noise * np.ptp(y), len(y))
+    units = {"input_unit": "N", "output_unit": "mm", "time_unit": "s"}
+    return Record.from_arrays(u, y, t, **units), truth  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("leading", [False, True])
+def test_burgers_is_recovered_from_a_decade_away(leading: bool) -> None:
+    record, truth = creep_record(leading=leading)
+    far = Burgers(20.0, 6.0, 10.0, 0.5, 1.0, leading=leading)
+    result = fit(record, far, seed=1)
+    assert result.success
+    for name in ("E1", "eta1", "E2", "eta2", "offset"):
+        # Noiseless: limited by the solver's tolerance of 1e-10 on the objective, its root on values.
+        assert float(getattr(result.model, name)) == pytest.approx(
+            float(getattr(truth, name)), rel=1e-4
+        )
+    assert isinstance(result.model, Burgers)
+    assert result.model.leading is leading
+
+
+def test_burgers_agrees_with_lmfit() -> None:
+    record, _ = creep_record(noise=0.01, seed=3)
+    ours = fit(record, "Burgers", seed=0)
+
+    def residual(p: lmfit.Parameters) -> np.ndarray:
+        model = Burgers(
+            p["E1"].value, p["eta1"].value, p["E2"].value, p["eta2"].value, p["d"].value
+        )
+        return np.asarray(model.simulate(record.time, record.input)) - record.output
+
+    start = lmfit.Parameters()
+    for name, value in (("E1", 1.0), ("eta1", 30.0), ("E2", 2.0), ("eta2", 8.0)):
+        start.add(name, value=value, min=1e-6)
+    start.add("d", value=0.0)
+    theirs = lmfit.minimize(residual, start, xtol=1e-12, ftol=1e-12)
+    for p in ours.parameters:
+        other = theirs.params[{"offset": "d"}.get(p.name, p.name)]
+        assert p.value == pytest.approx(other.value, rel=1e-5)
+        # White noise, so the widening for its correlation time is small; 400 samples.
+        assert p.stderr == pytest.approx(other.stderr, rel=0.35)
+
+
+def test_units_follow_the_orientation() -> None:
+    record, _ = creep_record()
+    units = {p.name: p.unit for p in fit(record, "Burgers", starts=4).parameters}
+    assert units["E1"] == "N / mm"
+    assert units["eta1"] == "N * s / mm"
+    assert units["offset"] == "mm"
+
+
+@pytest.fixture(scope="module")
+def sponge() -> Record:
+    cycles = SpongeRig().five_cycles(noise=0.05, seed=0)
+    return Record.from_arrays(
+        cycles.force, cycles.displacement, cycles.time,
+        input_unit="N", output_unit="mm", input_name="force (N)", output_name="displacement (mm)",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def sponge_fit(sponge: Record) -> FitResult:
+    return fit(sponge, test_cycles=1, seed=0)
+
+
+def test_auto_finds_the_hysteresis(sponge_fit: FitResult) -> None:
+    names = [c.name for c in sponge_fit.candidates]
+    assert names == ["Preisach", "Burgers", "LinearSponge"]
+    assert isinstance(sponge_fit.model, Preisach)
+    assert not sponge_fit.model.leading
+    assert sponge_fit.verdict.level == "PASS"
+    assert sponge_fit.trusted
+    test = sponge_fit.metrics["test"]
+    # Reading noise of 0.05 mm on a range of 27 mm is 0.19 %.
+    assert test is not None
+    assert test.nrmse_percent < 0.5
+
+
+def test_the_line_on_the_loading_branch_is_the_rigs() -> None:
+    """Tsuji 2014, approximation 1: a line through the loading branch from 2 to 20 N."""
+    cycles = SpongeRig().five_cycles()
+    record = Record.from_arrays(cycles.force, cycles.displacement, cycles.time, input_unit="N")
+    loading = record.select(branch="loading", range=(2.0, 20.0))
+    result = fit(loading, LinearSponge(1.0, 0.0, 1.5), conditioning="keep")
+    expected = cycles.statistics().loading
+    # Two ways to the same normal equations; ours iterates to 1e-10.
+    assert float(result.model.K) == pytest.approx(expected.K, rel=1e-6)  # type: ignore[attr-defined]
+    assert float(result.model.b) == pytest.approx(expected.b, rel=1e-6)  # type: ignore[attr-defined]
+
+
+def test_test_rows_change_no_fit(sponge: Record) -> None:
+    """Whatever stands in the held-out rows, the model is the same."""
+    train, test = sponge.split_cycles(1)
+    spoiled = Record.from_arrays(
+        train.input, np.where(train.mask, train.output, 99.0), train.time, mask=train.mask
+    )
+    one, other = fit(train, "Preisach", test=test), fit(spoiled, "Preisach")
+    np.testing.assert_array_equal(one.model.density.weights, other.model.density.weights)  # type: ignore[attr-defined]
+
+
+def test_a_seed_makes_a_fit_repeatable() -> None:
+    record, _ = creep_record(noise=0.02)
+    one, other = (fit(record, "Burgers", seed=5, starts=8) for _ in range(2))
+    assert [p.value for p in one.parameters] == [p.value for p in other.parameters]
+
+
+def test_an_unidentified_parameter_has_no_error_bar() -> None:
+    """A line through the origin is a spring: the delayed part and the flow cannot be told."""
+    t = np.linspace(0.0, 10.0, 200)
+    u = np.abs((t / 2.5 + 1) % 2 - 1)
+    y = 0.5 * u + np.random.default_rng(0).normal(0, 0.005, 200)
+    result = fit(Record.from_arrays(u, y, t), "Burgers", seed=0)
+    flow = next(p for p in result.parameters if p.name == "eta1")
+    assert flow.status == "unidentified"
+    assert flow.stderr is None
+    assert any("eta1" in reason for reason in result.verdict.reasons)
+
+
+def test_a_useless_fit_fails() -> None:
+    random = np.random.default_rng(0)
+    u = np.abs((np.arange(200) / 25 + 1) % 2 - 1)
+    result = fit(Record.from_arrays(u, random.normal(size=200)), "LinearSponge", test_cycles=1)
+    assert result.verdict.level == "FAIL"
+    assert not result.trusted
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "code"),
+    [
+        ("Presiach", {}, "unknown-model"),
+        ("Burgers", {}, "no-time"),
+        ("auto", {"test_cycles": 1, "test_tail": 0.1}, "two-hold-outs"),
+    ],
+)
+def test_faults_are_named(model: str, options: dict, code: str) -> None:
+    u = np.abs((np.arange(200) / 25 + 1) % 2 - 1)
+    with pytest.raises(InputError) as error:
+        fit(Record.from_arrays(u, u), model, **options)
+    assert error.value.code == code
+
+
+def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
+    text = json.dumps(to_json(sponge_fit), allow_nan=False)
+    document = json.loads(text)
+    for key in (
+        "schema",
+        "model",
+        "parameters",
+        "metrics",
+        "candidates",
+        "verdict",
+        "data",
+        "seed",
+    ):
+        assert key in document
+    for parameter in document["parameters"]:
+        assert set(parameter) == {"name", "value", "unit", "stderr", "status"}
+    assert set(document["metrics"]["test"]) == {"rmse", "nrmse_percent", "max_abs", "r2"}
+
+
+def test_a_saved_fit_comes_back(sponge_fit: FitResult, tmp_path) -> None:
+    save(sponge_fit, tmp_path / "fit")
+    again = load(tmp_path / "fit")
+    np.testing.assert_array_equal(again.predict(again.train), sponge_fit.predict(sponge_fit.train))
+    assert again.parameters == sponge_fit.parameters
+    assert again.verdict == sponge_fit.verdict
+    assert again.train.digest() == sponge_fit.train.digest()
+    with pytest.raises(InputError, match="left as they are"):
+        save(sponge_fit, tmp_path / "fit")
+
+
+def _cut(folder) -> None:
+    file = folder / "model.npz"
+    file.write_bytes(file.read_bytes()[:-20])
+
+
+def _newer(folder) -> None:
+    document = read_document(folder)
+    (folder / "fit.json").write_text(json.dumps(plain(document | {"schema": 99})))
+
+
+def _foreign(folder) -> None:
+    document = read_document(folder)
+    document["structure"]["class"] = "os.system"
+    (folder / "fit.json").write_text(json.dumps(plain(document)))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (_cut, "changed-checksum"),
+        (_newer, "newer-schema"),
+        (_foreign, "unknown-model"),
+        (lambda folder: (folder / "fit.json").write_text("{"), "damaged-file"),
+        (lambda folder: (folder / "fit.json").unlink(), "no-fit"),
+        (lambda folder: (folder / "data.npz").unlink(), "file-not-found"),
+    ],
+)
+def test_a_damaged_folder_is_refused(sponge_fit: FitResult, tmp_path, spoil, code: str) -> None:
+    save(sponge_fit, tmp_path / "fit")
+    spoil(tmp_path / "fit")
+    with pytest.raises(InputError) as error:
+        load(tmp_path / "fit")
+    assert error.value.code == code
+
+
+def test_residuals_are_predicted_minus_measured(sponge_fit: FitResult) -> None:
+    predicted = sponge_fit.predict(sponge_fit.train)
+    mask = sponge_fit.train.mask
+    expected = (predicted - sponge_fit.train.output)[mask]
+    np.testing.assert_array_equal(sponge_fit.residuals[mask], expected)
+    assert np.isnan(sponge_fit.residuals[~mask]).all()
+    assert jnp.isfinite(sponge_fit.covariance).all()

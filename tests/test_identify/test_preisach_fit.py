@@ -1,0 +1,128 @@
+"""The linear fit of a Preisach model: its design is the model, and it finds what made the data."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensate import invert
+from hysteresis import Preisach, Record
+from hysteresis.preisach import GridDensity
+from identify._folds import parts
+from identify._preisach import PreisachProblem, Unknowns, _slopes, fit_preisach
+from identify._preisach_design import NodeSpace, design_rows, normal_equations
+
+
+def history(seed: int, turns: int = 30, samples: int = 12) -> np.ndarray:
+    """A zigzag between random extrema in [0, 1], the whole range first."""
+    random = np.random.default_rng(seed)
+    corners = np.concatenate([[0.0, 1.0, 0.0], random.uniform(size=turns)])
+    return np.interp(np.arange(samples * len(corners)) / samples, np.arange(len(corners)), corners)
+
+
+def true_model(n: int, leading: bool, seed: int = 0, initial: str = "negative") -> Preisach:
+    """A smooth density below a reversible part that is steep enough to be inverted."""
+    middle = (np.arange(n) + 0.5) / n
+    alpha, beta = np.meshgrid(middle, middle, indexing="ij")
+    weights = np.tril(np.exp(-(((alpha - beta - 0.3) / 0.3) ** 2)))
+    weights /= weights.sum()
+    reversible = (3.0 if leading else 0.5) * (1 + middle) / n
+    return Preisach(GridDensity(0, 1, weights), reversible, 0.3, leading=leading, initial=initial)  # type: ignore[arg-type]
+
+
+@given(
+    st.sampled_from([1, 2, 7]), st.booleans(), st.sampled_from(["negative", "positive", "demagnetised"]),
+    st.integers(0, 1000),
+)  # fmt: skip
+def test_design_times_unknowns_is_the_model(n: int, leading: bool, initial: str, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    weights, reversible = np.tril(random.uniform(size=(n, n))), random.uniform(size=n)
+    model = Preisach(GridDensity(-1, 2, weights), reversible, 0.4, leading=leading, initial=initial)  # type: ignore[arg-type]
+    u = random.uniform(-1.2, 2.2, 40)
+    prepared = model.prepare(None, u, starts=(0, 13))
+    z = np.concatenate([[0.4], reversible, weights[np.tril_indices(n)]])
+    B, space = design_rows(model, prepared), NodeSpace(n)
+    y = np.asarray(model.evaluate(prepared))
+    # Sums of at most a few hundred terms of size one.
+    np.testing.assert_allclose(B @ space.from_unknowns(z), y, atol=1e-11)
+    A = space.to_unknowns(B.toarray())
+    np.testing.assert_allclose(A @ z, y, atol=1e-11)
+    normal = normal_equations(space, B, y)
+    np.testing.assert_allclose(normal.H, A.T @ A, atol=1e-9)
+    np.testing.assert_allclose(normal.b, A.T @ y, atol=1e-9)
+    assert normal.squared_error(z) <= 1e-9
+
+
+@pytest.mark.parametrize("leading", [False, True])
+def test_finds_the_model_that_made_the_data(leading: bool) -> None:
+    """Noise of 0.1 % of the range; judged on another history, against the truth without noise."""
+    truth, random = true_model(12, leading), np.random.default_rng(1)
+    u = history(0, turns=60)
+    y = np.asarray(truth.simulate(None, u))
+    noise = 1e-3 * np.ptp(y)
+    record = Record.from_arrays(u, y + random.normal(0, noise, len(y)))
+    found = fit_preisach(record, parts(record), (False, True), ("negative",), cells=(12,))
+    assert found.meaning.leading is leading
+    other = history(7)
+    error = np.asarray(found.model.simulate(None, other) - truth.simulate(None, other))
+    # Ten samples fix a weight: the error is a fraction of the noise, and never above it.
+    assert np.sqrt(np.mean(error**2)) < noise
+
+
+def test_a_leading_fit_can_always_be_inverted() -> None:
+    """Data whose true slope is zero after every reversal: without constraints it would go below."""
+    truth = true_model(10, True)
+    flat = np.maximum(-np.asarray(Preisach(truth.density, leading=True).least_slope()) / 10, 0)
+    truth = Preisach(truth.density, flat, 0.0, leading=True)
+    u, random = history(3), np.random.default_rng(0)
+    y = np.array(truth.simulate(None, u))
+    y += random.normal(0, 0.01 * np.ptp(y), len(y))
+    record = Record.from_arrays(u, y)
+    found = fit_preisach(record, parts(record), (True,), ("negative",), cells=(10,))
+    model = found.model
+    assert float(model.least_slope().min()) >= -1e-12
+    clean = model.simulate(None, u)
+    again = model.simulate(None, invert(model).simulate(None, clean).value)
+    assert float(jnp.abs(again - clean).max()) <= 1e-9 * float(np.ptp(clean))
+
+
+def test_orientation_and_initial_state_are_found_on_the_held_out_part() -> None:
+    truth = true_model(12, False, initial="positive")
+    u = 1 - history(2)[::-1]
+    u = np.concatenate([np.linspace(0.5, 0.2, 20), u])
+    groups = np.arange(len(u)) // 70
+    y = np.concatenate([truth.simulate(None, u[groups == g]) for g in np.unique(groups)])
+    record = Record.from_arrays(u, np.asarray(y), groups=groups)
+    found = fit_preisach(
+        record, parts(record), (False, True), ("negative", "positive", "demagnetised"), cells=(12,)
+    )
+    assert (found.meaning.leading, found.meaning.initial) == (False, "positive")
+
+
+def test_slopes_are_those_of_the_model() -> None:
+    """Slacks and constraints of the fit are least_slope's row and column sums."""
+    n, random = 6, np.random.default_rng(4)
+    meaning = Unknowns(n, 0.0, 1.0, True, "negative", 1.0)
+    z = random.uniform(size=meaning.count)
+    substitution, constraints = _slopes(n, True)
+    plain = substitution @ z
+    weights = np.zeros((n, n))
+    weights[np.tril_indices(n)] = plain[1 + n :]
+    model = Preisach(GridDensity(0, 1, weights), plain[1 : 1 + n], leading=True)
+    along_columns = constraints @ z
+    least = np.minimum(z[1 : 1 + n], along_columns) * n
+    np.testing.assert_allclose(np.asarray(model.least_slope()), least, atol=1e-12)
+
+
+def test_the_minimum_does_not_depend_on_the_way_of_summing() -> None:
+    """Parts fitted together are the whole."""
+    u = history(5)
+    record = Record.from_arrays(u, np.sin(3 * u), groups=np.arange(len(u)) // 120)
+    cut = parts(record)
+    problem = PreisachProblem(record, cut, 8, False, "negative")
+    H, b = problem.objective(cut.all, 1e-3)
+    one = parts(Record.from_arrays(u, np.sin(3 * u)))
+    assert H.shape == (problem.meaning.count,) * 2
+    assert np.linalg.eigvalsh(H).min() > 0
+    assert one.how != cut.how
