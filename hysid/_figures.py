@@ -58,7 +58,8 @@ def styled(function: Made) -> Made:
     def inside(*arguments: Any, **named: Any) -> Any:
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
-            matplotlib.rcParams.update(STYLE)
+            settings: Any = matplotlib.rcParams
+            settings.update(STYLE)
             return function(*arguments, **named)
 
     return inside  # type: ignore[return-value]
@@ -145,7 +146,7 @@ def chart(
         elif kind == "under":
             few = np.isfinite(y).sum() < 300
             axes.plot(x, y, lw=3, color=_pale(colour), label=label,
-                      marker="o" if few else "", ms=4, mew=0)  # fmt: skip
+                      marker="o" if few else "", ms=5.5, mew=0)  # fmt: skip
         else:
             axes.plot(x, y, lw=2.2 if kind == "bold" else 1.1, color=colour, label=label)
     if diagonal:

@@ -48,6 +48,8 @@ def write_report(folder: str | Path) -> Path:
         )
     try:
         case = Case(folder, document, identify.load(folder), identify.load_posterior(folder))
+        for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
+            document[key]
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, OSError) as error:

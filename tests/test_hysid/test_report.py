@@ -1,0 +1,192 @@
+"""The report: complete, self-contained, readable by a parser, and honest about what is missing."""
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysid._report import write_overview, write_report
+from hysid._report_evidence import excited_cells
+from hysid._words import number, plain_name
+from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
+from hysteresis.preisach import GridDensity
+from identify import fit, sample, save, save_posterior
+
+HEADINGS = [
+    "Loops",
+    "Residuals",
+    "Parameters",
+    "Starts",
+    "Posterior",
+    "Compensator",
+    "Candidates",
+    "Data",
+]
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(HTMLParser):
+    """What a page holds; complains about tags that do not close in order."""
+
+    def __init__(self, file: Path):
+        super().__init__()
+        self.html = file.read_text("utf-8")
+        self.open, self.tags, self.said = [], [], []
+        self.feed(self.html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.said.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.said).split())
+
+    def all(self, tag: str) -> list[dict]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def headings(self) -> list[str]:
+        return re.findall(r'<h2 id="[a-z]+">([A-Za-z]+)</h2>', self.html)
+
+
+def sponge() -> Record:
+    return read_csv(
+        Path(__file__).parents[2] / "datasets" / "sponge-50mm-cycles.csv",
+        input="force (N)", output="displacement (mm)", time="time (s)",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def preisach(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save(fit(sponge(), "Preisach", test_cycles=1), tmp_path_factory.mktemp("preisach"))
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nothing held out, a fixed parameter, a posterior."""
+    found = fit(sponge(), LinearSponge(K=1.0, b=0.0, threshold=1.5), starts=4)
+    folder = save(found, tmp_path_factory.mktemp("line"))
+    save_posterior(sample(found, steps=200, ensembles=2), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(preisach: Path) -> Page:
+    return Page(write_report(preisach))
+
+
+def test_a_report_stands_alone(preisach: Path, page: Page):
+    file = preisach / "report.html"
+    assert file.stat().st_size < 2_000_000
+    assert page.headings() == [*HEADINGS[:5], "Density", *HEADINGS[5:]]
+    assert not page.all("script")
+    assert not page.all("link")
+    assert "http" not in page.html
+    assert "url(" not in page.html
+    assert all(a["href"].startswith("#") for a in page.all("a"))
+    assert all(a["src"].startswith("data:image/png;base64,") for a in page.all("img"))
+    assert all(a["alt"].strip() for a in page.all("img"))
+    assert len(page.all("img")) >= 10
+    ids = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    assert {a["href"][1:] for a in page.all("a")} <= ids
+
+
+def test_it_says_what_a_rig_engineer_asks(preisach: Path, page: Page):
+    assert "PASS" in page.text
+    for reason in json.loads((preisach / "fit.json").read_text())["verdict"]["reasons"]:
+        assert reason in page.text
+    assert re.search(r"held-out error, rms 0\.0\d+ mm", page.text)
+    assert f"hysid sample {preisach}" in page.text  # what to do next
+    assert re.search(r"finds the force to [0-9.]+ N rms", page.text)
+    assert "of its range: exact." in page.text
+    assert "210 weights" in page.text  # summed up, and says so
+    assert "None needed" in page.text
+    assert json.loads((preisach / "fit.json").read_text())["data"]["sha256"] in page.text
+
+
+def test_without_a_test_part_and_with_a_posterior(line: Path):
+    page = Page(write_report(line))
+    assert page.headings() == HEADINGS
+    assert "Nothing was held out" in page.text
+    assert "--test-cycles 1" in page.text
+    assert re.search(r"\d+ % of \d+ training rows lie in the band; 90 % should", page.text)
+    assert re.search(r"\d of 4 starts came within 1 %", page.text)
+    assert "R-hat" in page.text
+    row = re.search(r"<tr>\s*<th scope=\"row\">threshold</th>.*?</tr>", page.html, re.DOTALL)
+    assert row is not None
+    assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == ["1.50", "N", "fixed", "fixed", "fixed"]
+
+
+def test_hostile_names_are_only_text(tmp_path: Path):
+    hostile = '<script>alert("$x^{2$")</script>'
+    u = np.tile(np.r_[0:10, 10:0:-1], 3).astype(float)
+    record = Record.from_arrays(
+        u, 2 * u + 1, np.arange(len(u)), input_name=hostile, output_name="力 & <b>", input_unit="N",
+        source="<img src=x onerror=alert(1)>.csv",
+    )  # fmt: skip
+    page = Page(write_report(save(fit(record, "LinearSponge", test_cycles=1), tmp_path)))
+    assert not page.all("script")
+    assert not page.all("b")
+    assert len(page.all("img")) == len([a for a in page.all("img") if a["src"].startswith("data:")])
+    assert hostile in page.text
+
+
+def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
+    with pytest.raises(InputError, match="no-fit"):
+        write_report(tmp_path)
+    broken = shutil.copytree(preisach, tmp_path / "broken")
+    document = json.loads((broken / "fit.json").read_text())
+    del document["structure"]
+    (broken / "fit.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match="damaged-file"):
+        write_report(broken)
+    (broken / "fit.json").write_text(json.dumps({"schema": 1, "each": {"a": {}, "b": {}}}))
+    with pytest.raises(InputError, match=r"a, b\. \[several-fits\]"):
+        write_report(broken)
+
+
+def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path: Path):
+    for value, source in {"a b": preisach, "<c>": line}.items():
+        shutil.copytree(source, tmp_path / value)
+    file = write_overview(tmp_path, {value: tmp_path / value for value in ("a b", "<c>")})
+    page = Page(file)
+    assert [a["href"] for a in page.all("a")] == ["a%20b/report.html", "%3Cc%3E/report.html"]
+    assert "1 PASS" in page.text
+    assert "LinearSponge" in page.text
+    assert file.stat().st_size < 50_000
+    with pytest.raises(InputError, match="no-fit"):
+        write_overview(tmp_path, {"gone": tmp_path / "gone"})
+
+
+def test_only_cells_that_switched_are_excited():
+    """Up to 0.5 of a range of 1 and back: the cells with alpha below it, and no others."""
+    model = Preisach(GridDensity(0.0, 1.0, np.tril(np.ones((10, 10)))))
+    u = np.concatenate([np.linspace(0, 0.5, 40), np.linspace(0.5, 0, 40)])
+    record = Record.from_arrays(u, u)
+    excited = excited_cells(model, record, record.mask)
+    i, j = np.mgrid[:10, :10]
+    assert np.array_equal(excited, (j <= i) & (i < 5))
+
+
+def test_numbers_and_names():
+    assert [number(x) for x in (0.0, 1.0, -12.345, 1234.5, 3.3e7, 2e-9)] == [
+        "0", "1.00", "−12.3", "1,230", "3.30 × 10⁷", "2.00 × 10⁻⁹"
+    ]  # fmt: skip
+    assert number(1.23456, 0.001) == "1.2346"
+    assert [plain_name(n, "N") for n in ("force (N)", "force_N", "force", "(N)")] == [
+        "force", "force", "force", "(N)"
+    ]  # fmt: skip
