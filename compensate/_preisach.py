@@ -66,7 +66,8 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         cells = model.density.cells
         self.model = model
         self.table = model.density.tabulate()
-        self.increment = jnp.zeros(cells) if model.reversible is None else model.reversible
+        none = model.reversible is None
+        self.increment = jnp.zeros(cells) if none else jnp.asarray(model.reversible)
         self.begin = jnp.append(0.0, jnp.cumsum(self.increment))
         mass = model.density.mass(self.table)
         self.floor = -model.orientation * mass

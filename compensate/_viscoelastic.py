@@ -65,4 +65,4 @@ def _(model: Burgers) -> BurgersCompensator:
     turned = Burgers(
         model.E1, model.eta1, model.E2, model.eta2, leading=not model.leading, hold=model.hold
     )
-    return BurgersCompensator(turned, model.offset)
+    return BurgersCompensator(turned, jnp.asarray(model.offset))

@@ -5,18 +5,28 @@ import os
 import sys
 import tempfile
 import traceback
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _one_of(*choices: str) -> Callable[[str | None], str | None]:
+    def check(value: str | None) -> str | None:
+        if value is not None and value not in choices:
+            raise typer.BadParameter(f"{value!r}; have {', '.join(choices)}")
+        return value
+
+    return check
+
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")]
@@ -29,10 +39,18 @@ Each = Annotated[str | None, typer.Option(help="COL: one fit for each of its val
 Where = Annotated[
     list[str] | None, typer.Option(help="COL=VALUE[,VALUE]: rows to use; repeatable.")
 ]
-Nan = Annotated[str, typer.Option(help="raise, omit (mask rows without output) or interpolate.")]
-Segments = Annotated[str | None, typer.Option(help="auto: a new sequence where time goes back.")]
-Decimal = Annotated[str, typer.Option(help="Decimal sign of the file, . or ,")]
-UnitsRow = Annotated[int | None, typer.Option(help="Line that holds units; 0 for none.")]
+_NAN = _one_of("raise", "omit", "interpolate")
+Nan = Annotated[
+    str, typer.Option(callback=_NAN, help="raise, omit (mask rows without output) or interpolate.")
+]
+Segments = Annotated[
+    str | None,
+    typer.Option(callback=_one_of("auto"), help="auto: a new sequence where time goes back."),
+]
+Decimal = Annotated[
+    str, typer.Option(callback=_one_of(".", ","), help="Decimal sign of the file, . or ,")
+]
+UnitsRow = Annotated[int | None, typer.Option(min=0, help="Line that holds units; 0 for none.")]
 NaValues = Annotated[
     str, typer.Option(help="Words that mean a missing value, with commas between.")
 ]
@@ -44,7 +62,7 @@ TestWhere = Annotated[
     list[str] | None, typer.Option(help="COL=VALUE[,VALUE] or COL%2=0: rows held out for testing.")
 ]
 TestCycles = Annotated[
-    int | None, typer.Option(help="Hold out the last N cycles of each sequence.")
+    int | None, typer.Option(min=1, help="Hold out the last N cycles of each sequence.")
 ]
 TestTail = Annotated[
     float | None, typer.Option(help="Hold out this last fraction of each sequence.")
@@ -52,7 +70,7 @@ TestTail = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write over results that are there.")]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 
 
 @app.command()
@@ -99,6 +117,7 @@ def check(
     for value, one in found.get("each", {"": found}).items():
         lines += [f"{each} = {value}"] if value else []
         lines += [one.pop("text"), *(f"Mind: {w}" for w in one["warnings"])]
+    lines += [f"{each} = {v}: cannot be used. {e}" for v, e in found.get("failed", {}).items()]
     _print(found, as_json, lines)
 
 
@@ -120,14 +139,20 @@ def fit(
     initial: Annotated[
         str,
         typer.Option(
-            help="Memory before the first sample: auto, negative, positive, demagnetised."
+            callback=_one_of("auto", "negative", "positive", "demagnetised"),
+            help="Memory before the first sample: auto, negative, positive, demagnetised.",
         ),
     ] = "auto",
     conditioning: Annotated[
         str,
-        typer.Option(help="auto: leave the first cycle out where that predicts better; or keep."),
+        typer.Option(
+            callback=_one_of("auto", "keep"),
+            help="auto: leave the first cycle out where that predicts better; or keep.",
+        ),
     ] = "auto",
-    starts: Annotated[int, typer.Option(help="Random starts for non-linear parameters.")] = 32,
+    starts: Annotated[
+        int, typer.Option(min=1, help="Random starts for non-linear parameters.")
+    ] = 32,
     nan: Nan = "raise",
     segments: Segments = None,
     decimal: Decimal = ".",
@@ -136,7 +161,10 @@ def fit(
     input_unit: InputUnit = None,
     output_unit: OutputUnit = None,
     seed: Seed = 0,
-    allow_float32: Annotated[bool, typer.Option("--allow-float32")] = False,
+    allow_float32: Annotated[
+        bool,
+        typer.Option("--allow-float32", help="Fit in single precision; errors come out rough."),
+    ] = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -160,7 +188,7 @@ def predict(
     ] = False,
     where: Where = None,
     nan: Annotated[
-        str | None, typer.Option(help="As in fit; by default what the fit used.")
+        str | None, typer.Option(callback=_NAN, help="As in fit; by default what the fit used.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -210,41 +238,38 @@ def report(folder: Folder, as_json: AsJson = False) -> None:
 
 def main() -> None:
     """Run the command line: exit 0 good, 2 the user's input is at fault, 1 a bug of ours."""
+    interrupted = 130  # what newer typers return then; older ones raise Abort
     try:
-        app(standalone_mode=False)
-    except SystemExit:
-        raise
-    except KeyboardInterrupt:
-        _fail("Interrupted. What was written so far is whole.", 130)
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        code = interrupted
     except Exception as error:
         _fail(*_explain(error))
+    if code == interrupted:
+        _fail("Interrupted. What was written so far is whole.", code)
 
 
 def _explain(error: Exception) -> tuple[str, int]:
-    import click
-
-    if isinstance(error, click.exceptions.Abort):
-        return "Interrupted.", 130
-    if isinstance(error, click.ClickException):
-        usage = getattr(error, "ctx", None)
-        hint = f" See: {usage.command_path} --help" if usage is not None else ""
-        return f"{error.format_message()}{hint}", 2
+    # Known by its method: newer typers bring their own click, older ones need the package.
+    if (usage := getattr(error, "format_message", None)) is not None:
+        context = getattr(error, "ctx", None)
+        hint = f" See: {context.command_path} --help" if context is not None else ""
+        return f"{usage().rstrip('.')}.{hint}", 2
     from hysteresis import InputError
 
     if isinstance(error, InputError):
         return str(error), 2
     if isinstance(error, OSError):
         return f"{error.filename or 'the disk'}: {error.strerror or error}.", 2
-    with tempfile.NamedTemporaryFile("w", suffix=".txt", prefix="hysid-", delete=False) as log:
+    with tempfile.NamedTemporaryFile(
+        "w", suffix=".txt", prefix="hysid-", delete=False, encoding="utf-8"
+    ) as log:
         traceback.print_exception(error, file=log)
-    said = str(error).splitlines()[0] if str(error) else ""
-    return (
-        f"This is a bug in hysid, not your doing: {type(error).__name__}: {said} Details: {log.name}",
-        1,
-    )
+    said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+    return f"This is a bug in hysid, not your doing ({said}). Details: {log.name}", 1
 
 
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int) -> NoReturn:
     print(f"hysid: {message}", file=sys.stderr)
     raise SystemExit(code)
 
@@ -295,9 +320,9 @@ def _print(document: dict[str, Any], as_json: bool, lines: list[str]) -> None:
     if as_json:
         from identify import plain
 
-        print(json.dumps(plain(document), ensure_ascii=False))
+        print(json.dumps(plain(document), ensure_ascii=False), flush=True)
     else:
-        print("\n".join(lines))
+        print("\n".join(lines), flush=True)
 
 
 def _say(line: str) -> None:

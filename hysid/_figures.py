@@ -264,7 +264,7 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
                 axes.set_ylim(*ranges[i])
                 if np.isfinite(fitted[i]):
                     axes.axhline(see[i](fitted[i]), color=VERMILLION, lw=0.9)
-                axes.yaxis.set_major_locator(MaxNLocator(3))
+                axes.yaxis.set_major_locator(MaxNLocator(3, integer=log[i]))
                 axes.yaxis.set_major_formatter(_ticks(log[i]))
             if np.isfinite(fitted[j]):
                 axes.axvline(see[j](fitted[j]), color=VERMILLION, lw=0.9)
@@ -289,10 +289,13 @@ def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.nda
     top = float(np.nanquantile(values, 0.97))
     beyond = bool(np.nanmax(values) > 3 * top > 0)
     mesh = axes.pcolormesh(x, y, values, cmap="Blues", vmin=0, vmax=top if beyond else None)
-    mesh.set_clip_path(Path([(x[0], x[0]), (x[-1], x[-1]), (x[0], x[-1])]), axes.transData)
+    inside = Path([(x[0], x[0]), (x[-1], x[-1]), (x[0], x[-1])])
+    mesh.set_clip_path(inside, axes.transData)
     if unexcited is not None and unexcited.any():
-        veil = np.where(unexcited, 1.0, np.nan)
-        axes.pcolor(x, y, veil, cmap=ListedColormap(["#ffffff"]), alpha=0.0, hatch="////", lw=0)
+        veil = np.ma.masked_array(np.ones(unexcited.shape), ~unexcited)
+        hatched = axes.pcolor(x, y, veil, cmap=ListedColormap([(1, 1, 1, 0)]), hatch="////",
+                              edgecolors="#7a7a7a", lw=0)  # fmt: skip
+        hatched.set_clip_path(inside, axes.transData)
     axes.plot([x[0], x[-1]], [x[0], x[-1]], color="#666666", lw=0.8)
     axes.set_aspect("equal")
     axes.set(xlabel=_short(x_label), ylabel=_short(y_label))

@@ -1,9 +1,11 @@
 """What the commands do, without the command line: each returns the object that --json prints."""
 
 import csv
+import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from compensate import Status, invert
 from hysteresis import InputError, Record, check_identifiable
 from hysteresis.rigs import SpongeRig
 
-from ._selection import Selection
+from ._selection import Selection, all_of
 
 Say = Callable[[str], None]
 FLAGGED_BEYOND = "beyond the trained inputs"
@@ -22,11 +24,20 @@ FLAGGED_BEYOND = "beyond the trained inputs"
 
 def check(file: Path, selection: Selection) -> dict[str, Any]:
     """What is in a record, whether a model can be identified from it, and what to mind."""
-    records = {}
-    for value, record, _ in selection.without_hold_out().records(file):
-        warnings = check_identifiable(record)
-        records[value] = {"text": record.describe(), "warnings": warnings, **record.summary()}
-    return records.pop("") if list(records) == [""] else {"each": records}
+    records, faults = selection.without_hold_out().records(file)
+    found: dict[str, Any] = {}
+    for value, (record, _) in records.items():
+        try:
+            warnings = check_identifiable(record)
+        except InputError as error:
+            faults[value] = error
+            continue
+        found[value] = {"text": record.describe(), "warnings": warnings, **record.summary()}
+    if not found:
+        raise all_of(faults)
+    if "" in found:
+        return found[""]
+    return {"each": found, "failed": {value: str(error) for value, error in faults.items()}}
 
 
 def fit(
@@ -39,30 +50,31 @@ def fit(
     **options: Any,
 ) -> dict[str, Any]:
     """Fit, and write the folder. With `each` every value gets a folder of its own below."""
-    identify.check_free(out, overwrite)
+    records, faults = selection.records(file)
+    folders = _folder_names(records)
+    for name in (".", *folders.values()):
+        identify.check_free(out / name, overwrite)
+    _check_writable(out)
     found: dict[str, identify.FitResult] = {}
-    failed: dict[str, str] = {}
     extra = {"selection": selection.as_json()}
-    for value, train, test in selection.records(file):
+    for value, (train, test) in records.items():
         if value:
             say(f"{selection.each} = {value}")
-        folder = out / _folder_name(value) if value else out
         try:
             result = identify.fit(train, test=test, progress=say, **options)
         except InputError as error:
-            if not value:
-                raise
-            failed[value] = str(error)
-            say(f"{value}: not fitted. {error}")
+            faults[value] = error
             continue
-        identify.save(result, folder, overwrite=overwrite, extra=extra)
+        identify.save(result, out / folders[value], overwrite=overwrite, extra=extra)
         found[value] = result
-        say(_in_short(result))
+        if value:
+            say(_in_short(result))
     if not found:
-        raise InputError("nothing-fits", " ".join(f"{v}: {e}" for v, e in failed.items()))
+        raise all_of(faults)
     if "" in found:
         return identify.read_document(out)
-    document = _together(found, failed) | extra | {"folders": {v: _folder_name(v) for v in found}}
+    failed = {value: str(error) for value, error in faults.items()}
+    document = _together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
     identify.write_json(out / "fit.json", document)
     return identify.read_document(out)
 
@@ -80,7 +92,10 @@ def predict(
     selection, compared = _without_missing_column(selection, file, inverse)
     folders = document.get("folders", {"": "."})
     table, measured_all, found_all, flagged = [], [], [], 0
-    for value, record, _ in selection.records(file):
+    records, faults = selection.records(file)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    for value, (record, _) in records.items():
         if value not in folders:
             continue
         fitted = identify.load(folder / folders[value])
@@ -118,10 +133,9 @@ def predict(
     asked = Selection.from_json(document["selection"])
     result = f"estimated {asked.input}" if inverse else f"predicted {asked.output}"
     header = [selection.each or "", "line", selection.input, selection.output, result, "status"]
-    keep = slice(None) if selection.each else slice(1, None)
+    keep = [selection.each is not None, True, True, compared, True, True]
     with target.open("w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle)
-        writer.writerows([header[keep], *([*row][keep] for row in table)])
+        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
     return {**figures, "flagged": flagged, "rows": len(table), "file": str(target)}
 
 
@@ -139,21 +153,26 @@ def sample(
     documents = {}
     for value, name in folders.items():
         place = folder / name
+
+        def named(done: int, total: int, text: str, value: str = value) -> None:
+            if progress is not None:
+                progress(done, total, f"{value}, {text}" if value else text)
+
         posterior = identify.sample(
             identify.load(place), steps, ensembles, seed,
-            checkpoint=place / "chains.h5", resume=resume, progress=progress,
+            checkpoint=place / "chains.h5", resume=resume, progress=named,
         )  # fmt: skip
         identify.save_posterior(posterior, place)
         documents[value] = identify.posterior_json(posterior)
     if "" in documents:
         return documents[""]
-    named = [
+    parameters = [
         p | {"name": f"{value}: {p['name']}"}
         for value, d in documents.items()
         for p in d["parameters"]
     ]
     return {
-        "parameters": named,
+        "parameters": parameters,
         "draws": sum(d["draws"] for d in documents.values()),
         "seconds": round(sum(d["seconds"] for d in documents.values()), 3),
         "converged": all(d["converged"] for d in documents.values()),
@@ -303,7 +322,24 @@ def _in_short(result: identify.FitResult) -> str:
     return f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}"
 
 
-def _folder_name(value: str) -> str:
-    """A value as a folder: letters, digits and .-_ stay, so no value leads out of the folder."""
-    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in value)
-    return name if name.strip(".") else f"_{name}"
+def _folder_names(values: Iterable[str]) -> dict[str, str]:
+    """A folder for each value: letters, digits and .-_ stay, so that no value leads out of `out`."""
+    names: dict[str, str] = {}
+    for value in values:
+        name = "".join(c if c.isalnum() or c in "-_." else "_" for c in value)
+        if value and not name.strip("."):
+            name = f"_{name}"
+        while name.casefold() in map(str.casefold, names.values()):
+            name += "_"
+        names[value] = name or "."
+    return names
+
+
+def _check_writable(out: Path) -> None:
+    """Said before the fit rather than after it."""
+    there = next(place for place in (out, *out.absolute().parents) if place.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        why = "you may not write there" if there.is_dir() else f"{there} is a file"
+        raise InputError(
+            "cannot-write", f"{why}.", place=str(out), fix="name another folder (--out)."
+        )

@@ -17,7 +17,7 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from ._report_case import Case, Link, Section, Table
 from ._report_fit import candidates, data, loops, parameters, residuals, starts
 from ._report_model import compensator, density, posterior
-from ._words import pretty, quantity
+from ._words import plain_name, pretty, quantity
 
 TEMPLATE = "report.html.j2"
 HEADLINES = {
@@ -95,6 +95,7 @@ def write_overview(folder: str | Path, each: dict[str, str | Path]) -> Path:
         levels = Counter(d["verdict"]["level"] for d in found.values())
         worst = next(level for level in ("FAIL", "CAUTION", "PASS") if levels[level])
         data = next(iter(found.values()))["data"]
+        names = [plain_name(data[k]["name"], data[k]["unit"]) for k in ("output", "input")]
     except (KeyError, TypeError, StopIteration) as error:
         raise InputError(
             "damaged-file",
@@ -105,7 +106,7 @@ def write_overview(folder: str | Path, each: dict[str, str | Path]) -> Path:
     counts = [f"{levels[level]} {level}" for level in ("PASS", "CAUTION", "FAIL") if levels[level]]
     return _render(
         folder,
-        title=f"{len(found)} fits of {data['output']['name']} from {data['input']['name']}",
+        title=f"{len(found)} fits of {names[0]} from {names[1]}",
         subtitle=data["source"] or "arrays",
         level=worst,
         headline=f"Of {len(found)} fits: {', '.join(counts)}.",

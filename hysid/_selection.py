@@ -1,6 +1,6 @@
 """Which rows and columns of a file a command works on: options in, records out."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
+
+Pair = tuple[Record, Record | None]
+"""What is fitted, and what is held out of it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,10 @@ class Selection:
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> "Selection":
         """A selection that `as_json` wrote."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
+        options: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in document.items()
+        }
+        return cls(**options)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -64,22 +70,40 @@ class Selection:
             file, decimal=self.decimal, units_row=self.units_row, na_values=self.na_values
         )
 
-    def records(self, file: Path) -> Iterator[tuple[str, Record, Record | None]]:
-        """(value, training record, test record) for every value of `each`; "" without it."""
+    def records(self, file: Path) -> tuple[dict[str, Pair], dict[str, InputError]]:
+        """Training and test record for every value of `each`, "" without it; the faults of others.
+
+        Raises `InputError` where no value can be read.
+        """
         table = self.table(file)
         for condition in self.test_where:
             parse_condition(condition)(table)  # a column that is not there is said now
         where = dict(_equality(condition) for condition in self.where)
         if self.each is None:
-            yield "", *self._split(self._read(table, where))
-            return
+            return {"": self._split(self._read(table, where))}, {}
         rows = np.ones(len(table.line), bool)
         for condition in self.where:
             rows &= parse_condition(condition)(table)
         if self.each not in table.columns:
             parse_condition(f"{self.each}=?")(table)  # says what columns there are
-        for value in dict.fromkeys(table.text[self.each][rows].tolist()):
-            yield value, *self._split(self._read(table, where | {self.each: [value]}))
+        cells = table.text[self.each][rows]
+        if (empty := np.flatnonzero(cells == "")).size:
+            raise InputError(
+                "no-value",
+                f"{empty.size} rows have no {self.each}.",
+                place=f"{table.path}, line {table.line[rows][empty[0]]}",
+                fix="fill them in, or choose other rows (--where).",
+            )
+        good: dict[str, Pair] = {}
+        faults: dict[str, InputError] = {}
+        for value in dict.fromkeys(cells.tolist()):
+            try:
+                good[value] = self._split(self._read(table, where | {self.each: [value]}))
+            except InputError as error:
+                faults[value] = error
+        if not good:
+            raise all_of(faults)
+        return good, faults
 
     def _read(self, table: Table, where: dict[str, list[str]]) -> Record:
         held_out_by = {
@@ -100,7 +124,7 @@ class Selection:
             segments=self.segments,  # type: ignore[arg-type]
         )
 
-    def _split(self, record: Record) -> tuple[Record, Record | None]:
+    def _split(self, record: Record) -> Pair:
         if self.test_cycles is not None:
             return record.split_cycles(self.test_cycles)
         if self.test_tail is not None:
@@ -114,6 +138,15 @@ class Selection:
         if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
             return record.split_groups([label for label, part in share.items() if part])
         return record.split_rows(held)
+
+
+def all_of(faults: Mapping[str, InputError]) -> InputError:
+    """One error for several values of `each`: the same fault once, of different ones the first."""
+    first, *others = dict.fromkeys(map(str, faults.values()))
+    if not others:
+        return next(iter(faults.values()))
+    value = next(iter(faults))
+    return InputError("nothing-fits", f"{value}: {first} {len(faults) - 1} more failed.")
 
 
 def _equality(condition: str) -> tuple[str, list[str]]:

@@ -18,7 +18,7 @@ from ._units import are_units, bare_unit, column_unit
 
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}([,.' ]\d{3})+([.,]\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -67,8 +67,11 @@ class Table:
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
             if all(_THOUSANDS.fullmatch(w) for w in words):
                 code, cause = "thousands-separator", "numbers written with thousands separators"
-                cause += ', or with a decimal comma: then decimal="," (--decimal ,).' * commas
-                fix = "export without thousands separators."
+                cause += " or with a decimal comma." if commas else "."
+                fix = "export without thousands separators"
+                fix += (
+                    '; where they are decimal commas, decimal="," (--decimal ,).' if commas else "."
+                )
             elif commas:
                 code, cause = "decimal-comma", "numbers written with a decimal comma."
                 fix = 'decimal="," (--decimal ,).'
@@ -143,6 +146,10 @@ def read_table(
         units, body, line = dict(zip(header, cells, strict=False)), body[1:], line[1:]
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
         notes.append(f"Row {at} is units ({', '.join(cells)}); using them.{confirm}")
+    full = next((k for k in range(len(body), 0, -1) if _trimmed(body[k - 1])), 0)
+    if blank := len(body) - full:
+        body, line = body[:full], line[: full + 1]
+        notes.append(f"Left out {blank} empty rows at the end.")
     if not body:
         raise _file("no-data", path, "a header and no rows.")
     line = np.array(line[1:])
@@ -217,10 +224,11 @@ def read_csv(
     rows = np.ones(len(table.line), bool)
     for name, values in (where or {}).items():
         rows &= _matching(table, name, [str(v) for v in values])
+    asked = " and ".join(f"{name}={','.join(map(str, v))}" for name, v in (where or {}).items())
     if not rows.any():
-        raise InputError("no-match", f"No row matches {dict(where or {})}.", place=table.path)
+        raise InputError("no-match", f"No row has {asked}.", place=table.path)
     if not rows.all():
-        notes.append(f"Used {rows.sum()} of {len(rows)} rows: {dict(where or {})}.")
+        notes.append(f"Used {rows.sum()} of {len(rows)} rows: {asked}.")
     names = [group] if isinstance(group, str) else list(group or ())
     for name in (*names, *keep):
         _column(table, name)
@@ -278,8 +286,11 @@ def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.nda
     for value, number in zip(values, _floats(values), strict=True):
         hit = (words.astype(str) == value) | (numbers == number)
         if not hit.any():
-            near = ", ".join(get_close_matches(value, words.astype(str).tolist(), 5, 0.0))
-            raise InputError("no-match", f"No row has {name}={value}; nearest: {near}.")
+            known = [f"{w:g}" if isinstance(w, float) else str(w) for w in words.tolist()]
+            near = ", ".join(get_close_matches(value, known, 5, 0.0))
+            problem = f"No row has {name}={value}; nearest: {near}."
+            place = table.path if isinstance(table, Table) else table.source
+            raise InputError("no-match", problem, place=place)
         found |= hit
     return found[inverse]
 
@@ -345,7 +356,13 @@ def _header(path: Path, cells: list[str]) -> list[str]:
     for k, name in enumerate(names):
         if (first := names.index(name)) < k:
             problem = f"Column {name!r} is there twice, as column {first + 1} and {k + 1}."
-            raise InputError("duplicate-column", problem, place=str(path), fix="rename one.")
+            raise InputError(
+                "duplicate-column",
+                problem,
+                place=str(path),
+                cause=_headless(names),
+                fix="rename one.",
+            )
     return names
 
 
@@ -358,9 +375,10 @@ def _square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep
             del row[width:]
             continue
         problem = f"{lengths[k]} cells, the header has {width}."
-        cause = f"a line cut short, another separator than {sep!r}, or a stray one."
+        cause = f"a line cut short, another separator than {sep!r}, a stray one, or an open quote."
         code, fix = "ragged-line", "mend that line, or start it with # to leave it out."
-        if sep == "," and lengths[k] == 2 * width:
+        longer = sum(len(_trimmed(r)) > width for r in rows)
+        if sep == "," and (lengths[k] == 2 * width or 2 * longer > len(rows)):
             code, cause = "decimal-comma", "numbers written with a decimal comma."
             fix = 'separate the cells by ";" and give decimal="," (--decimal ,).'
         raise InputError(code, problem, place=f"{path}, line {line[k]}", cause=cause, fix=fix)
@@ -409,11 +427,15 @@ def _column(table: Table | Record, name: str) -> np.ndarray:
     names = list(table.columns)
     alike = [x for x in names if name.lower() in x.lower()]
     have = dict.fromkeys([*alike, *get_close_matches(name, names, len(names), 0.4), *names])
-    numeric = bool(names) and not np.isnan(_floats(names)).any()
     raise InputError(
         "no-column",
         f"No column {name!r}; have {', '.join(map(repr, have))}.",
         place=getattr(table, "path", ""),
-        cause="the file has no header: its first line is numbers." if numeric else "",
-        fix="give the exact header, with its unit (--input, --output, --time, --group).",
+        cause=_headless(names),
+        fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
     )
+
+
+def _headless(names: Sequence[str]) -> str:
+    numeric = bool(names) and not np.isnan(_floats(names)).any()
+    return "the file has no header: its first line is numbers." if numeric else ""

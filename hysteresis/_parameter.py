@@ -5,8 +5,12 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""] | float
+"""A scalar parameter: given as a number, kept as an array."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def as_float(value: Any) -> Any:
 
 def is_concrete(value: Any) -> bool:
     """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`."""
-    return eqx.is_array_like(value) and not isinstance(value, jax.core.Tracer)
+    return eqx.is_array_like(value) and not isinstance(value, Tracer)
 
 
 def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:

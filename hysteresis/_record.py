@@ -106,7 +106,8 @@ class Record:
                 f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
                 place=self.source,
                 cause=f"{k.size + 1} runs in one file?",
-                fix='segments="auto" (--segments auto) makes each its own sequence.',
+                fix='segments="auto" (--segments auto) makes each its own sequence, and so does the'
+                " column that tells them apart (--group COL).",
             )
         if (k := np.flatnonzero(step == 0)).size:
             raise InputError(
@@ -166,6 +167,10 @@ class Record:
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
         _same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
+        if segments not in (None, "auto"):
+            raise InputError(
+                "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
+            )
         unique, first, member = np.unique(group, return_index=True, return_inverse=True)
         member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
         order = np.argsort(member, kind="stable")
@@ -316,7 +321,11 @@ class Record:
     def split_tail(self, fraction: float) -> "tuple[Record, Record]":
         """`(train, test)`: the last `fraction` of the rows of each sequence is held out."""
         if not 0 < fraction < 1:
-            raise InputError("bad-fraction", f"The tail must be in (0, 1), not {fraction:g}.")
+            raise InputError(
+                "bad-fraction",
+                f"A tail of {fraction:g} of the rows cannot be held out.",
+                fix="a fraction between 0 and 1 (--test-tail 0.2).",
+            )
         ends = np.append(self.starts[1:], len(self))
         first = ends - np.ceil(fraction * (ends - self.starts)).astype(int)
         test = np.arange(len(self)) >= np.repeat(first, ends - self.starts)

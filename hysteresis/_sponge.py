@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._model import AbstractModel, Series
-from ._parameter import parameter
+from ._parameter import Scalar, parameter
 
 
 class SpongeInput(NamedTuple):
@@ -26,9 +26,9 @@ class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
     Source: Tsuji 2014, equation (8); its threshold is 1.5 N.
     """
 
-    K: Float[Array, ""] = parameter(unit="output / input", meaning="compliance")
-    b: Float[Array, ""] = parameter(0.0, unit="output", meaning="displacement at no force")
-    threshold: Float[Array, ""] = parameter(
+    K: Scalar = parameter(unit="output / input", meaning="compliance")
+    b: Scalar = parameter(0.0, unit="output", meaning="displacement at no force")
+    threshold: Scalar = parameter(
         -float("inf"), unit="input", fixed=True, meaning="input of first contact"
     )
 

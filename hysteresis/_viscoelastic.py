@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ._errors import InputError
 from ._model import AbstractModel, Series, is_start, time_steps
-from ._parameter import is_concrete, parameter
+from ._parameter import Scalar, is_concrete, parameter
 from ._recurrence import linear_recurrence
 
 
@@ -63,21 +63,21 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
     Source: Kim 2018, section on the Burgers model; exact steps re-derived.
     """
 
-    E1: Float[Array, ""] = parameter(
+    E1: Scalar = parameter(
         unit="force / displacement", bounds=(0.0, float("inf")), meaning="instantaneous stiffness"
     )
-    eta1: Float[Array, ""] = parameter(
+    eta1: Scalar = parameter(
         unit="force * time / displacement", bounds=(0.0, float("inf")), meaning="viscosity of flow"
     )
-    E2: Float[Array, ""] = parameter(
+    E2: Scalar = parameter(
         unit="force / displacement", bounds=(0.0, float("inf")), meaning="stiffness of delayed part"
     )
-    eta2: Float[Array, ""] = parameter(
+    eta2: Scalar = parameter(
         unit="force * time / displacement",
         bounds=(0.0, float("inf")),
         meaning="viscosity of delayed part",
     )
-    offset: Float[Array, ""] = parameter(0.0, unit="output", meaning="output of the unloaded model")
+    offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=False, static=True)
     hold: Literal["linear", "constant"] = eqx.field(default="linear", static=True)
 
@@ -108,7 +108,9 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
         dashpot, kelvin = known + creep.now * force
         if not self.leading:
             y = force / self.E1 + dashpot + kelvin
-        return BurgersState(jnp.asarray(t, dt.dtype), force, dashpot, kelvin), y + self.offset
+        return BurgersState(jnp.asarray(t, dt.dtype), force, dashpot, kelvin), y + jnp.asarray(
+            self.offset
+        )
 
     def prepare(
         self,

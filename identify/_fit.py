@@ -8,11 +8,12 @@ import jax
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Preisach, Record, check_identifiable
+from hysteresis.preisach import GridDensity
 
 from ._folds import Parts, parts
 from ._guess import CANDIDATES, guess, initial_states, orientations, output_falls
 from ._metrics import metrics
-from ._noise import estimate_noise
+from ._noise import Noise, estimate_noise
 from ._parametric import fit_parametric
 from ._preisach import TOTALS, LinearFit, fit_preisach
 from ._result import FitResult, Parameter, predict
@@ -150,7 +151,8 @@ def _fit_preisach(
     initials = initial_states(record) if initial == "auto" else (initial,)
     if isinstance(template, Preisach):
         leadings, initials = (template.leading,), (template.initial,)
-        cells = (template.density.weights.shape[0],)
+        if isinstance(template.density, GridDensity):
+            cells = (template.density.cells,)
     linear = fit_preisach(record, cut, leadings, initials, cells)
     model = linear.model
     predicted = predict(model, record)
@@ -164,7 +166,7 @@ def _fit_preisach(
         notes.append(
             "The first cycle was left out of the fit: that predicts the later ones better."
         )
-    totals, covariance = _totals(linear, noise.sigma**2 * noise.correlation_time, record)
+    totals, covariance = _totals(linear, noise, record, seed)
     span = float(np.ptp(record.output[record.mask]))
     return FitResult(
         name="Preisach",
@@ -172,7 +174,7 @@ def _fit_preisach(
         parameters=totals,
         covariance=covariance,
         residuals=residuals,
-        metrics={"train": metrics(record.output, predicted, record.mask), "test": None},
+        metrics={"train": metrics(record.output, predicted, used), "test": None},
         success=True,
         score=100 * float(np.sqrt(linear.blocks.mean())) * linear.meaning.scale / span,
         noise=noise,
@@ -184,17 +186,18 @@ def _fit_preisach(
 
 
 def _totals(
-    linear: LinearFit, variance: float, record: Record
+    linear: LinearFit, noise: Noise, record: Record, seed: int
 ) -> tuple[tuple[Parameter, ...], np.ndarray]:
     """Offset, total rise of the reversible part and total mass of the relays, with their errors.
 
-    Laplace: the covariance of the unknowns that are not zero is variance H^-1 / rows.
+    The covariance is that of projected draws about the fit, not about their mean: where the data
+    leave much open the signs push the draws to one side, and the error has to reach there.
     """
-    sums = linear.meaning.totals
-    at = np.flatnonzero((linear.at != 0) | linear.meaning.free)
-    spread = np.linalg.solve(linear.H[np.ix_(at, at)], sums[:, at].T)
-    covariance = sums[:, at] @ spread * variance / linear.rows
-    values = sums @ linear.at * linear.meaning.scale
+    sums, scale = linear.meaning.totals, linear.meaning.scale
+    values = scale * sums @ linear.at
+    draws = scale * linear.draws(noise, 64, np.random.default_rng(seed)) @ sums.T
+    away = draws - values
+    covariance = away.T @ away / len(draws)
     errors = np.sqrt(np.diagonal(covariance))
     listed = tuple(
         Parameter(name, float(v), record.output_unit, float(e), "free")

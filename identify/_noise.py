@@ -31,9 +31,14 @@ class Noise(NamedTuple):
 def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0) -> Noise:
     """Noise of residuals, one array for each independent sequence; `parameters` were fitted.
 
-    The correlation time is 1 + 2 (sum of autocorrelations up to lag M), the smallest M >= 5 times
-    the sum so far (Sokal's window), with the mean left in: an offset is an error too. At most one
-    fact per fitted parameter is given up, so the errors stay finite.
+    The correlation time is the larger of two sums over the autocorrelations rho_k:
+
+    - 1 + 2 sum rho_k up to Sokal's window, the smallest lag >= 5 times the sum so far: what widens the
+      error of a mean. The mean is left in: an offset is an error too.
+    - 1 + 2 sum rho_k^2 over those beyond three of their standard errors, 3 / sqrt(samples): what
+      widens the error of parameters whose effect has the residuals' own rhythm, such as the cycle's.
+
+    At most one fact per fitted parameter is given up, so the errors stay finite.
     """
     samples = sum(len(r) for r in residuals)
     squares = sum(float(r @ r) for r in residuals)
@@ -44,10 +49,13 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
     for r in residuals:
         spectrum = np.fft.rfft(r, 2 * len(r))
         covariance[: len(r)] += np.fft.irfft(spectrum * spectrum.conj())[: len(r)]
-    # The sum of products over lag k is not divided by its shrinking count: that biases a noisy tail to 0.
-    time = 2 * np.cumsum(covariance / covariance[0]) - 1
+    # Not divided by the shrinking count of products, which biases the noisy tail to 0.
+    rho = covariance / covariance[0]
+    time = 2 * np.cumsum(rho) - 1
     window = np.flatnonzero(np.arange(longest) >= 5 * time)
-    tau = float(max(time[window[0]] if len(window) else time[-1], 1.0))
+    of_mean = time[window[0]] if len(window) else time[-1]
+    of_rhythm = 2 * np.sum(rho[rho**2 > 9 / samples] ** 2) - 1
+    tau = float(max(of_mean, of_rhythm))
     tau = min(tau, samples / (parameters + 1.0))
     sigma = np.sqrt(squares / max(samples - parameters, 1))
     return Noise(float(sigma), samples, max(tau, 1.0))

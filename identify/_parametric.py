@@ -74,7 +74,7 @@ def fit_parametric(
         parameters=_parameters(model, bounds, optimum.free, covariance, record),
         covariance=_scaled(covariance, bounds.slope(optimum.free)),
         residuals=residuals,
-        metrics={"train": metrics(record.output, predicted, record.mask), "test": None},
+        metrics={"train": metrics(record.output, predicted, used), "test": None},
         success=optimum.converged,
         score=100 * float(np.sqrt(blocks[dropped].mean())) / span,
         noise=noise,

@@ -10,7 +10,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
 import scipy.stats
 from jaxtyping import Array, Float
 
@@ -140,7 +139,9 @@ def _sample_parameters(
         if done and backend is not None:
             state = sampler._previous_state = backend.get_last_sample()
         else:
-            first = z0 + spread * random.normal(size=(walkers, dimension))
+            first = _first_walkers(
+                log_probability, z0, spread * random.normal(size=(walkers, dimension))
+            )
             state = emcee.State(first, random_state=random.get_state())
         for step, _ in enumerate(sampler.sample(state, iterations=max(steps - done, 0)), done + 1):
             if step % 50 == 0 or step == steps:
@@ -174,6 +175,20 @@ def _sample_parameters(
         names, flat, posterior_model, summaries, f"emcee, {ensembles} x {walkers} walkers",
         float(np.mean(accepted)), float(np.max(tau)), time.perf_counter() - begin,
     )  # fmt: skip
+
+
+def _first_walkers(log_probability: Any, z0: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """Start about the fit, each where the posterior is not hopeless, lest a walker stays there.
+
+    Whoever is more than 10 + 3 per dimension below the fit in log-probability comes halfway back.
+    """
+    floor = float(np.asarray(log_probability(jnp.asarray(z0[None])))[0]) - 10 - 3 * len(z0)
+    for _ in range(60):
+        low = np.asarray(log_probability(jnp.asarray(z0 + away))) < floor
+        if not low.any():
+            break
+        away = np.where(low[:, None], away / 2, away)
+    return z0 + away
 
 
 def _steps_kept(backend: Any, resume: bool, shape: tuple[int, int]) -> int:
@@ -236,29 +251,23 @@ def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
 def _sample_weights(
     fit: FitResult, steps: int, ensembles: int, seed: int, tell: Progress, begin: float
 ) -> Posterior:
-    """w = argmin over the models there can be of (w - z)'Q(w - z), z Gaussian with precision Q.
-
-    Q = rows H / (sigma^2 correlation_time): the right-hand side b moves by a Gaussian with
-    covariance H sigma^2 correlation_time / rows, and the same solver as for the fit projects.
-
-    Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J. Uncertain.
-    Quantif. 11 (2023).
-    """
+    """Independent draws of a grid's weights, see `LinearFit.draws`; sigma from its own posterior."""
     linear: LinearFit = fit.internals["linear"]
     draws = min(steps, 200)
-    variance = fit.noise.sigma**2 * fit.noise.correlation_time / linear.meaning.scale**2
-    factor = scipy.linalg.cholesky(linear.H, lower=True) * np.sqrt(variance / linear.rows)
-    found = []
-    for k in range(ensembles):
-        random = np.random.default_rng([seed, k])
-        for d in range(draws):
-            found.append(linear.project(linear.b + factor @ random.normal(size=len(linear.b))))
-            tell(k * draws + d + 1, ensembles * draws, f"ensemble {k + 1}")
-    unknowns = np.array(found)
+    found = [
+        linear.draws(
+            fit.noise,
+            draws,
+            np.random.default_rng([seed, k]),
+            lambda d, k=k: tell(k * draws + d, ensembles * draws, f"ensemble {k + 1}"),
+        )
+        for k in range(ensembles)
+    ]
+    unknowns = np.concatenate(found)
     totals = unknowns @ linear.meaning.totals.T * linear.meaning.scale
     effective = max(fit.noise.effective, 2.0)
     random = np.random.default_rng([seed, ensembles])
-    sigma = fit.noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(found), 1)))
+    sigma = fit.noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(unknowns), 1)))
     values = np.hstack([totals, sigma]).reshape(ensembles, draws, -1)
     names = (*TOTALS, "sigma")
     summaries = tuple(
@@ -294,8 +303,8 @@ def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
 
 
 def _rhat_of_ranks(chains: np.ndarray) -> float:
-    ranks = scipy.stats.rankdata(chains).reshape(chains.shape)
+    ranks: np.ndarray = scipy.stats.rankdata(chains).reshape(chains.shape)
     z = scipy.stats.norm.ppf((ranks - 0.375) / (chains.size + 0.25))
-    n = z.shape[1]
+    n = chains.shape[1]
     within, between = z.var(axis=1, ddof=1).mean(), n * z.mean(axis=1).var(ddof=1)
     return float(np.sqrt(((n - 1) / n * within + between / n) / within))

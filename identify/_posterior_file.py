@@ -62,7 +62,8 @@ def load_posterior(folder: str | Path) -> Posterior | None:
     try:
         with h5netcdf.File(folder / "posterior.nc", "r") as file:
             group = file["posterior"]
-            draws = np.stack([group[name][...] for name in document["names"]], -1)
+            columns: list[Any] = [group[name][...] for name in document["names"]]
+            draws = np.stack(columns, -1)
         with np.load(folder / "posterior_models.npz", allow_pickle=False) as arrays:
             # Under vmap each model has its own shapes; together their arrays keep the draw axis.
             rebuild = partial(rebuild_model, document["structure"])

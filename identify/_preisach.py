@@ -11,17 +11,20 @@ relays of its row can take away, c_k = s_k + 2 (row_k), s_k >= 0; the same for t
 s_k + 2 (row_k - column_k) >= 0, are constraints.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
 from hysteresis.preisach import GridDensity, Preisach
 
 from ._folds import Parts
+from ._noise import Noise
 from ._nonnegative import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design import NodeSpace, Normal, design_rows, normal_equations
 
@@ -101,11 +104,30 @@ class LinearFit(NamedTuple):
     def model(self) -> Preisach:
         return self.meaning.model(self.at)
 
-    def project(
-        self, b: Float[np.ndarray, " unknowns"] | None = None
-    ) -> Float[np.ndarray, " unknowns"]:
-        """The minimum of x'Hx/2 - b'x among the models there can be, near the one found."""
-        return _minimum(self.meaning, self.H, self.b if b is None else b, self.at != 0)
+    def draws(
+        self,
+        noise: Noise,
+        count: int,
+        random: np.random.Generator,
+        tell: Callable[[int], None] = lambda done: None,
+    ) -> Float[np.ndarray, "count unknowns"]:
+        """Draws from the projected Gaussian posterior: independent, and each a model there can be.
+
+        x = argmin over those models of (x - z)'Q(x - z), z Gaussian about the unconstrained minimum
+        with precision Q = rows H / (sigma^2 correlation_time). That moves b by a Gaussian with
+        covariance H sigma^2 correlation_time / rows, and the solver of the fit projects.
+
+        Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J.
+        Uncertainty Quantification 11 (2023).
+        """
+        variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
+        factor = scipy.linalg.cholesky(self.H, lower=True) * np.sqrt(variance)
+        found = np.empty((count, len(self.b)))
+        for k in range(count):
+            moved = self.b + factor @ random.normal(size=len(self.b))
+            found[k] = _minimum(self.meaning, self.H, moved, self.at != 0)
+            tell(k + 1)
+        return found
 
 
 def _minimum(

@@ -6,7 +6,7 @@ is a double cumulative sum S of the weights, so the normal matrix in the unknown
 forming the dense design matrix.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -24,7 +24,9 @@ class Normal(NamedTuple):
     rows: int
 
     def __add__(self, other: "Normal") -> "Normal":  # type: ignore[override]
-        return Normal(*(p + q for p, q in zip(self, other, strict=True)))
+        return Normal(
+            self.H + other.H, self.b + other.b, self.yy + other.yy, self.rows + other.rows
+        )
 
     def squared_error(self, z: Float[np.ndarray, " unknowns"]) -> float:
         """|A z - y|^2."""
@@ -95,7 +97,8 @@ def design_rows(model: Preisach, prepared: PreisachInput) -> sparse.csr_matrix:
     up = sparse.csr_matrix(
         (np.ones(anchors - 1), (np.arange(1, anchors), parent[1:])), shape=(anchors, anchors)
     )
-    level = step = edge
+    level: Any = edge
+    step: Any = edge
     while step.nnz:
         step = up @ step
         level = level + step

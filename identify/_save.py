@@ -106,6 +106,28 @@ def load(folder: str | Path) -> FitResult:
     """
     folder = Path(folder)
     document = read_document(folder)
+    if "folders" in document:
+        raise InputError(
+            "several-fits",
+            f"here are {len(document['folders'])} fits, one in each folder below.",
+            place=str(folder),
+            fix=f"name one of them: {', '.join(list(document['folders'].values())[:5])}.",
+        )
+    try:
+        return _load(folder, document)
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            "damaged-file",
+            f"fit.json does not fit its arrays: {type(error).__name__} {error}.",
+            place=str(folder),
+            cause="it was edited.",
+            fix="fit again.",
+        ) from error
+
+
+def _load(folder: Path, document: dict[str, Any]) -> FitResult:
     for name, digest in document["files"].items():
         file = folder / Path(name).name
         if not file.is_file():
@@ -330,7 +352,9 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
 
 
 def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:
-    return tuple(Parameter(**p) for p in listed)
+    # JSON knows no infinity: a threshold of -inf was written as null.
+    read = [Parameter(**p) for p in listed]
+    return tuple(p if p.value is not None else p._replace(value=float("nan")) for p in read)
 
 
 def _metrics(saved: dict[str, Any]) -> dict[str, Metrics | None]:

@@ -65,7 +65,7 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
 
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
-    weights: Float[Array, "cells cells"] = parameter(
+    weights: Float[Array, "cells cells"] | np.ndarray = parameter(
         unit="output", bounds=(0.0, float("inf")), meaning="mass of each cell"
     )
     signed: bool = eqx.field(default=False, static=True, kw_only=True)

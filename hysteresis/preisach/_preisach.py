@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series
-from .._parameter import is_concrete, parameter
+from .._parameter import Scalar, is_concrete, parameter
 from ._density import AbstractDensity, GridDensity
 from ._everett import materialise, read
 from ._memory import MemoryTree, memory_tree
@@ -43,9 +43,9 @@ class PreisachInput(NamedTuple):
 
     tree: MemoryTree
     sample: Any
-    sign: Array
+    sign: Any
     node: Any
-    node_sign: Array
+    node_sign: Any
     cell: Array | None
     within: Array | None
 
@@ -82,10 +82,10 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     """
 
     density: AbstractDensity
-    reversible: Float[Array, " cells"] | None = parameter(
+    reversible: Float[Array, " cells"] | np.ndarray | None = parameter(
         None, unit="output", bounds=(0.0, float("inf")), meaning="increments of the memoryless part"
     )
-    offset: Float[Array, ""] = parameter(0.0, unit="output", meaning="constant of the output")
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     leading: bool = eqx.field(default=False, static=True)
     initial: Initial = eqx.field(default="negative", static=True)
     capacity: int = eqx.field(default=128, static=True)
@@ -164,7 +164,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         pieces = [
             piece for a, b in zip(starts, ends, strict=True) for piece in (past, clipped[a:b])
         ]
-        path = xp.concatenate(pieces)
+        path: Any = xp.concatenate(pieces)
         kept = np.arange(len(u)) + np.repeat(
             np.arange(1, len(starts) + 1) * len(past), np.diff([*starts, len(u)])
         )
@@ -256,8 +256,9 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         y = self.offset + self.orientation * relays
         if self.reversible is None:
             return y
-        begin = jnp.cumsum(self.reversible) - self.reversible
-        return y + read(begin, cell) + within * read(self.reversible, cell)
+        increment = jnp.asarray(self.reversible)
+        begin = jnp.cumsum(increment) - increment
+        return y + read(begin, cell) + within * read(increment, cell)
 
 
 @eqx.filter_jit
@@ -287,12 +288,12 @@ def _traced_tree(path: Array) -> MemoryTree:
         events = (
             np.where(e == anchors, samples, e) for e in (tree.pushed, tree.popped, tree.popped_too)
         )
-        return MemoryTree(
+        return MemoryTree._make((
             tree.anchor.astype(np.int32),
             fill(tree.node, samples, 0), fill(tree.parent, samples, 0), fill(tree.rising, samples, 1),
             *(fill(e, 2 * samples, samples) for e in events),
             fill(tree.position, samples, 0),
-        )  # fmt: skip
+        ))  # fmt: skip
 
     result = MemoryTree._make(jax.ShapeDtypeStruct((size,), jnp.int32) for size in sizes)
     return jax.pure_callback(on_host, result, jax.lax.stop_gradient(path), vmap_method="sequential")

@@ -121,7 +121,7 @@ def test_the_minimum_does_not_depend_on_the_way_of_summing() -> None:
     record = Record.from_arrays(u, np.sin(3 * u), groups=np.arange(len(u)) // 120)
     cut = parts(record)
     problem = PreisachProblem(record, cut, 8, False, "negative")
-    H, b = problem.objective(cut.all, 1e-3)
+    H, _ = problem.objective(cut.all, 1e-3)
     one = parts(Record.from_arrays(u, np.sin(3 * u)))
     assert H.shape == (problem.meaning.count,) * 2
     assert np.linalg.eigvalsh(H).min() > 0
