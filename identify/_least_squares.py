@@ -42,9 +42,8 @@ def refine(
 ) -> Optimum:
     """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
     arguments = _arguments(model, prepared, y, mask)
-    z, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
-    jacobian = np.asarray(_jacobian(transform, arguments, z))
-    return Optimum(np.asarray(z), jacobian[mask], bool(converged), int(taken))
+    z, jacobian, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
+    return Optimum(np.asarray(z), np.asarray(jacobian)[mask], bool(converged), int(taken))
 
 
 def multi_start(
@@ -61,8 +60,9 @@ def multi_start(
     The steps are capped, since under `vmap` the slowest lane sets the pace.
     """
     arguments = _arguments(model, prepared, y, mask)
-    z = np.asarray(_run_all(transform, arguments, jnp.asarray(starts), steps))
-    objective = np.asarray(_objectives(transform, arguments, jnp.asarray(z)))
+    z, objective = (
+        np.asarray(a) for a in _run_all(transform, arguments, jnp.asarray(starts), steps)
+    )
     objective = np.where(np.isfinite(objective), objective, np.inf)
     order = np.argsort(objective, kind="stable")
     objective, z = objective[order], z[order]
@@ -106,25 +106,25 @@ def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance
 
 
 @eqx.filter_jit
-def _run(transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float) -> Any:
+def _run(
+    transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
+) -> tuple[Array, Array, Array, Array]:
+    """Minimum, the residuals' Jacobian there in the output's unit, convergence, steps taken."""
     solution = _solve(transform, arguments, z, steps, tolerance)
     converged = solution.result == optimistix.RESULTS.successful
-    return solution.value, converged, solution.stats["num_steps"]
-
-
-@eqx.filter_jit
-def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> Array:
-    return jax.vmap(lambda z: _solve(transform, arguments, z, steps, 1e-6).value)(z)
-
-
-@eqx.filter_jit
-def _objectives(transform: Transform, arguments: Any, z: Array) -> Array:
-    scale = arguments[-1]
-    return jax.vmap(lambda z: jnp.sum((scale * _residuals(transform, z, arguments)) ** 2))(z)
-
-
-@eqx.filter_jit
-def _jacobian(transform: Transform, arguments: Any, z: Array) -> Array:
     *_, mask, scale = arguments
     unit = scale * jnp.sqrt(mask.sum())
-    return jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(z)
+    jacobian = jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(solution.value)
+    return solution.value, jacobian, converged, solution.stats["num_steps"]
+
+
+@eqx.filter_jit
+def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> tuple[Array, Array]:
+    """Minimum and objective (mean squared error) from every start."""
+    scale = arguments[-1]
+
+    def one(z: Array) -> tuple[Array, Array]:
+        end = _solve(transform, arguments, z, steps, 1e-6).value
+        return end, jnp.sum((scale * _residuals(transform, end, arguments)) ** 2)
+
+    return jax.vmap(one)(z)

@@ -1,0 +1,64 @@
+"""The command line called in this process, and the record it is tried on."""
+
+import io
+import json
+import sys
+from collections.abc import Iterable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+from hysid._cli import main
+from hysteresis.rigs import SpongeRig
+
+T, F, X = "time (s)", "force (N)", "displacement (mm)"
+HEADER = (T, F, X, "cycle")
+COLUMNS = ("--input", F, "--output", X, "--time", T)
+
+Rows = list[list[str]]
+
+
+class Result(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+    def json(self) -> Any:
+        """The one object on stdout; NaN and Infinity are not JSON."""
+        assert self.code == 0, self.err
+
+        def refuse(word: str) -> None:
+            raise AssertionError(f"{word} in {self.out}")
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+def run(*arguments: object) -> Result:
+    """`hysid ARGUMENTS`."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    argv = patch.object(sys, "argv", ["hysid", *map(str, arguments)])
+    with argv, redirect_stdout(out), redirect_stderr(err):
+        try:
+            main()
+        except SystemExit as stop:
+            assert isinstance(stop.code, int)
+            code = stop.code
+    return Result(code, out.getvalue(), err.getvalue())
+
+
+def sponge(step: float = 2.0, thickness: float = 50.0, noise: float = 0.02) -> Rows:
+    """Cells of five cycles of a virtual sponge, as its file would hold them."""
+    cycles = SpongeRig(thickness_mm=thickness).five_cycles(step=step, noise=noise, seed=0)
+    return [[f"{t:g}", f"{f:g}", f"{x:.3f}", f"{c}"] for t, f, x, c in zip(*cycles, strict=True)]
+
+
+def text(rows: Rows, header: Iterable[str] = HEADER, separator: str = ",") -> str:
+    """A CSV file."""
+    return "".join(f"{separator.join(row)}\n" for row in [header, *rows])
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, byte for byte."""
+    files = (file for file in sorted(folder.rglob("*")) if file.is_file())
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}

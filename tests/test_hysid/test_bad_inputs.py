@@ -1,0 +1,360 @@
+"""Bad input through the command line: one message with place, cause and fix; nothing is written."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+import pytest
+
+import identify
+from hysteresis import InputError, Record
+from tests.test_hysid.command import COLUMNS, HEADER, F, Result, T, X, run, sponge, text, tree
+
+ROWS = sponge()
+CLEAN = text(ROWS)
+LINES = CLEAN.splitlines(keepends=True)
+FIT = ("--model", "LinearSponge", "--out", "out")
+ONE_WAY = text(sponge(step=0.5)[:41])
+
+
+def column(name: str, cells: list[str], first: int = 0) -> str:
+    """The clean file with other cells in a column, from row `first` on."""
+    rows = [list(row) for row in ROWS]
+    for row, cell in zip(rows[first:], cells, strict=False):
+        row[HEADER.index(name)] = cell
+    return text(rows)
+
+
+def cell(name: str, value: str, row: int = 12) -> str:
+    """The clean file with one other cell, in line `row` + 2."""
+    return column(name, [value], row)
+
+
+def line(number: int, content: str) -> str:
+    """The clean file with one other line."""
+    return "".join([*LINES[: number - 1], f"{content}\n", *LINES[number:]])
+
+
+def steady(spread: float) -> str:
+    """A force that is held, with noise on it."""
+    noise = np.random.default_rng(0).normal(0, spread, len(ROWS))
+    return column(F, [f"{x:.4f}" for x in 5 + noise])
+
+
+COMMA = text([[c.replace(".", ",") for c in row] for row in ROWS], separator=";")
+OVERLOAD = cell(F, "OVLD")
+NO_OUTPUT = column(X, ["NaN"] * 10, 20)
+NO_INPUT = cell(F, "", 30)
+RESET = text([*ROWS, *ROWS])
+SPECIMENS = text(
+    [[*row, "A"] for row in ROWS]
+    + [[*row[:2], "NaN" if k == 5 else row[2], row[3], "B"] for k, row in enumerate(ROWS)],
+    (*HEADER, "block"),
+)
+
+
+class Bad(NamedTuple):
+    """A file that is refused: the code of the fault and words its message must have."""
+
+    content: str | bytes
+    code: str
+    words: tuple[str, ...]
+    options: tuple[str, ...] = COLUMNS
+
+
+BAD = {
+    "decimal commas": Bad(COMMA, "decimal-comma", ("line 2", f"{X!r}", "'0,003'", "--decimal ,")),
+    "decimal commas between commas": Bad(
+        CLEAN.replace(".", ","), "decimal-comma", ("line 2", "5 cells", '";"', "--decimal ,")
+    ),
+    "ambiguous commas": Bad(
+        cell(F, '"1,234"'), "thousands-separator", ("line 14", "thousands", "--decimal ,")
+    ),
+    "a column that is not there": Bad(
+        CLEAN, "no-column", ("'Force'", f"{F!r}", f"{X!r}"), ("--input", "Force", "--output", X)
+    ),
+    "no header": Bad(text(ROWS[1:], ROWS[0]), "duplicate-column", ("no header", "'0'")),
+    "overload": Bad(
+        OVERLOAD, "text-cell", ("line 14", f"{F!r}", "'OVLD'", "sensor overload?", "--na-values OVLD")
+    ),
+    "words": Bad(cell(F, "see notes"), "text-cell", ("line 14", "'see notes'", "text among")),
+    "infinite": Bad(cell(F, "inf"), "infinite", ("line 14", "'inf'", "division by zero")),
+    "NaN in the output": Bad(
+        NO_OUTPUT,
+        "nan-output",
+        ("10 NaN", f"{X!r}", "lines 22 to 31 (54 s)", "--nan omit", "history still runs"),
+    ),
+    "NaN in the input": Bad(
+        NO_INPUT, "nan-input", ("1 NaN", f"{F!r}", "line 32", "complete input", "--nan interpolate")
+    ),
+    "NaN in the input, omitted": Bad(
+        NO_INPUT, "nan-input", ("line 32", "complete input"), (*COLUMNS, "--nan", "omit")
+    ),
+    "a cell too many": Bad(
+        line(51, "1,2,3,4,5"), "ragged-line", ("line 51", "5 cells, the header has 4", "mend")
+    ),
+    "a line cut short": Bad(CLEAN[:-9], "ragged-line", ("line 102", "2 cells", "cut short")),
+    "a line with another separator": Bad(
+        line(51, LINES[50].strip().replace(",", ";")), "ragged-line", ("line 51", "separator")
+    ),
+    "an open quote": Bad(cell(F, '"5'), "ragged-line", ("line 14", "open quote")),
+    "too short": Bad(text(ROWS[:9]), "too-short", ("9 samples, 0.5 cycle", "at least one loop")),
+    "a held input": Bad(
+        column(F, ["7"] * len(ROWS)), "constant-input", (f"{F!r}", "7 N in every row", "--input")
+    ),
+    "noise for an input": Bad(
+        steady(0.01), "no-excitation", ("range 0.0433 N", "nothing to identify", "drive the rig")
+    ),
+    "two runs": Bad(RESET, "time-backwards", ("line 103", "--segments auto", "--group")),
+    "an empty file": Bad("", "empty-file", ("empty",)),
+    "comments only": Bad("# rig 7\n\n", "empty-file", ("nothing but blank or comment lines",)),
+    "a header only": Bad(LINES[0], "no-data", ("a header and no rows",)),
+    "a header and empty rows": Bad(f"{LINES[0]},,,\n,,,\n", "no-data", ("a header and no rows",)),
+    "binary": Bad(bytes(range(256)), "binary-file", ("binary", "export it as text")),
+    "a spreadsheet": Bad(b"PK\3\4workbook", "binary-file", ("export the sheet as CSV",)),
+    "a column twice": Bad(
+        text(ROWS, (T, F, F, X)), "duplicate-column", (f"{F!r}", "column 2 and 3", "rename")
+    ),
+    "no such rows": Bad(CLEAN, "no-match", ("cycle=9", "5, 4"), (*COLUMNS, "--where", "cycle=9")),
+    "no condition": Bad(
+        CLEAN, "bad-condition", ("'cycle'", "COL=VALUE"), (*COLUMNS, "--test-where", "cycle")
+    ),
+    "too few cycles": Bad(
+        CLEAN, "too-few-cycles", ("5 complete cycles", "--test-tail"), (*COLUMNS, "--test-cycles", "5")
+    ),
+    "the whole tail": Bad(
+        CLEAN, "bad-fraction", ("1.5", "--test-tail 0.2"), (*COLUMNS, "--test-tail", "1.5")
+    ),
+    "two hold-outs": Bad(
+        CLEAN, "two-hold-outs", ("--test-where",), (*COLUMNS, "--test-tail", "0.2", "--test-cycles", "1")
+    ),
+    "two clocks": Bad(CLEAN, "two-clocks", ("--dt",), (*COLUMNS, "--dt", "1")),
+    "a specimen without a name": Bad(
+        SPECIMENS.replace("A\n", "\n", 1), "no-value", ("line 2", "block"), (*COLUMNS, "--each", "block")
+    ),
+    "no such model": Bad(
+        CLEAN, "unknown-model", ("'Voigt'", "Burgers"), (*COLUMNS, "--model", "Voigt")
+    ),
+}  # fmt: skip
+
+USAGE = {
+    "--bogus": ("--bogus",),
+    "'soon'": ("--test-cycles", "soon"),
+    "range": ("--starts", "0"),
+    "--seed": ("--seed", "-1"),
+    "demagnetised": ("--initial", "virgin"),
+    "auto, keep": ("--conditioning", "never"),
+    "have auto": ("--segments", "all"),
+    "omit, interpolate": ("--nan", "ignore"),
+    "have ., ,": ("--decimal", ";"),
+}
+
+DIALECTS: dict[str, str | bytes] = {
+    "byte-order mark": b"\xef\xbb\xbf" + CLEAN.encode(),
+    "Windows line ends": CLEAN.replace("\n", "\r\n"),
+    "old Macintosh line ends": CLEAN.replace("\n", "\r"),
+    "UTF-16": CLEAN.encode("utf-16"),
+    "a degree sign in Latin-1": text(ROWS, (T, F, X, "bath (°C)")).encode("latin-1"),
+    "quoted headers": text(ROWS, [f'"{name}"' for name in HEADER]),
+    "trailing separators": CLEAN.replace("\n", ",\n"),
+    "trailing separators below the header": LINES[0] + "".join(LINES[1:]).replace("\n", ",\n"),
+    "semicolons": text(ROWS, separator=";"),
+    "tabs": text(ROWS, separator="\t"),
+    "blanks around the cells": text(ROWS, separator=" , "),
+    "comments": f"# rig 7\n{CLEAN}",
+    "empty rows at the end": f"{CLEAN},,,\n\n , ,,\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clean")
+    (folder / "run.csv").write_text(CLEAN)
+    return run(
+        "fit", folder / "run.csv", *COLUMNS, *FIT[:2], "--out", folder / "out", "--json"
+    ).json()
+
+
+def put(content: str | bytes, name: str = "run.csv") -> Path:
+    file = Path(name)
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return file
+
+
+def refused(result: Result, *words: str) -> None:
+    assert result.code == 2, result.err
+    assert result.out == ""
+    assert result.err.startswith("hysid: ")
+    assert result.err.count("\n") == 1
+    assert "Traceback" not in result.err
+    for word in words:
+        assert word in result.err
+
+
+@pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())
+def test_a_bad_file_is_refused_in_one_message_and_nothing_is_written(bad):
+    put(bad.content)
+    before = tree(Path())
+    options = bad.options if "--model" in bad.options else (*bad.options, *FIT[:2])
+    refused(run("fit", "run.csv", *options, *FIT[2:]), *bad.words, f"[{bad.code}]\n")
+    assert tree(Path()) == before
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(("word", "options"), USAGE.items(), ids=[v[0] for v in USAGE.values()])
+def test_a_bad_option_is_refused(word, options):
+    put(CLEAN)
+    refused(run("fit", "run.csv", *COLUMNS, *FIT, *options), word, "See: hysid fit --help")
+    assert not Path("out").exists()
+
+
+def test_a_missing_file_names_the_nearest():
+    put(CLEAN, "run_07.csv")
+    refused(run("fit", "run_7.csv", *COLUMNS, *FIT), "run_7.csv: not found", "nearest: run_07.csv")
+    refused(run("check", "day/run.csv", *COLUMNS), "its folder does not exist", "[file-not-found]")
+    refused(run("check", ".", *COLUMNS), "this is a folder", "[is-directory]")
+    assert list(tree(Path())) == ["run_07.csv"]
+
+
+def test_a_file_that_may_not_be_read(monkeypatch):
+    def denied(_: Path) -> bytes:
+        raise PermissionError
+
+    put(CLEAN)
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    refused(run("fit", "run.csv", *COLUMNS, *FIT), "run.csv", "may not read", "[permission-denied]")
+
+
+@pytest.mark.parametrize("content", DIALECTS.values(), ids=DIALECTS.keys())
+def test_every_dialect_gives_the_same_fit(content, clean):
+    put(content)
+    found = run("fit", "run.csv", *COLUMNS, *FIT, "--json").json()
+    for key in ("parameters", "metrics", "verdict"):
+        assert found[key] == clean[key]
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "rows"),
+    [
+        (COMMA, ("--decimal", ","), 101),
+        (OVERLOAD, ("--na-values", "OVLD", "--nan", "interpolate"), 101),
+        (NO_OUTPUT, ("--nan", "omit"), 91),
+        (NO_OUTPUT, ("--nan", "interpolate"), 101),
+        (NO_INPUT, ("--nan", "interpolate"), 101),
+        (RESET, ("--segments", "auto"), 202),
+    ],
+)
+def test_the_fix_that_the_message_names_works(content, options, rows):
+    put(content)
+    found = run("fit", "run.csv", *COLUMNS, *FIT, *options, "--json").json()
+    assert found["data"]["rows_train"] == rows
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            column(T, [f"{k + 0.4 * (k % 3):g}" for k in range(len(ROWS))]),
+            ("dt 200 ms to 1.4 s; resample, or use a continuous model.",),
+        ),
+        (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
+    ],
+    ids=["jitter", "one way"],
+)
+def test_what_may_be_meant_is_said_and_fitted(content, words):
+    put(content)
+    fitted = run("fit", "run.csv", *COLUMNS, *FIT, "--json")
+    said = run("check", "run.csv", *COLUMNS)
+    assert (fitted.code, said.code) == (0, 0), fitted.err + said.err
+    for word in words:
+        assert any(word in reason for reason in fitted.json()["verdict"]["reasons"])
+        assert word in said.out
+
+
+def test_results_are_not_written_over_unless_asked():
+    put(CLEAN)
+    assert run("fit", "run.csv", *COLUMNS, *FIT).code == 0
+    before = tree(Path("out"))
+    put(ONE_WAY)
+    refused(run("fit", "run.csv", *COLUMNS, *FIT), "out: ", "--overwrite", "[would-overwrite]")
+    assert tree(Path("out")) == before
+    found = run("fit", "run.csv", *COLUMNS, *FIT, "--overwrite", "--json").json()
+    assert found["data"]["rows"] == 41
+    assert tree(Path("out"))["fit.json"] != before["fit.json"]
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_the_fit():
+    put(CLEAN)
+    before = tree(Path())
+    for folder, code in (("run.csv", "not-a-folder"), ("run.csv/deep/down", "cannot-write")):
+        refused(run("fit", "run.csv", *COLUMNS, *FIT[:2], "--out", folder), "run.csv", f"[{code}]")
+    assert tree(Path()) == before
+
+
+def test_one_bad_specimen_is_named_and_the_others_are_fitted():
+    put(SPECIMENS)
+    found = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT, "--json").json()
+    assert list(found["each"]) == ["A"]
+    assert "line 108" in found["failed"]["B"]
+    assert any("B: not fitted" in reason for reason in found["verdict"]["reasons"])
+    assert "B: cannot be used" in run("check", "run.csv", *COLUMNS, "--each", "block").out
+
+
+def test_a_fault_of_the_whole_file_is_said_once_not_per_specimen():
+    put(SPECIMENS)
+    options = ("--input", "Force", "--output", X, "--each", "block")
+    refused(run("fit", "run.csv", *options, *FIT), "No column 'Force'", "[no-column]")
+    assert not Path("out").exists()
+
+
+def test_lengths_that_differ_are_named():
+    with pytest.raises(InputError, match="input has 200 values, output 199") as caught:
+        Record.from_arrays(np.zeros(200), np.zeros(199))
+    assert caught.value.code == "length-mismatch"
+
+
+@pytest.fixture
+def _single_precision():
+    jax.config.update("jax_enable_x64", False)
+    yield
+    jax.config.update("jax_enable_x64", True)
+
+
+@pytest.mark.usefixtures("_single_precision")
+def test_single_precision_is_refused_by_the_fit():
+    force, displacement = np.array([row[1:3] for row in ROWS], float).T
+    record = Record.from_arrays(force, displacement)
+    with pytest.raises(InputError) as caught:
+        identify.fit(record, "LinearSponge")
+    assert caught.value.code == "float32"
+    assert "jax_enable_x64" in str(caught.value)
+    assert "allow_float32=True" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("fit", "nix.csv", *COLUMNS, *FIT), "not found"),
+        (("check", "run.csv", *COLUMNS), "--decimal ,"),
+        (("fit", "run.csv"), "Missing option"),
+    ],
+)
+def test_a_process_exits_with_two_and_one_line(arguments, word):
+    put(COMMA)
+    done = subprocess.run(
+        [sys.executable, "-m", "hysid", *arguments],
+        capture_output=True,
+        text=True,
+        env=None,
+        timeout=120,
+    )
+    refused(Result(done.returncode, done.stdout, done.stderr), word)
+    assert list(tree(Path())) == ["run.csv"]
