@@ -22,7 +22,7 @@ app = typer.Typer(
 def _one_of(*choices: str) -> Callable[[str | None], str | None]:
     def check(value: str | None) -> str | None:
         if value is not None and value not in choices:
-            raise typer.BadParameter(f"{value!r}; have {', '.join(choices)}")
+            raise typer.BadParameter(f"{value!r}; it is {' or '.join(choices)}")
         return value
 
     return check
@@ -240,7 +240,7 @@ def main() -> None:
     """Run the command line: exit 0 good, 2 the user's input is at fault, 1 a bug of ours."""
     interrupted = 130  # what newer typers return then; older ones raise Abort
     try:
-        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        code = app(sys.argv[1:] or ["--help"], prog_name="hysid", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = interrupted
     except Exception as error:

@@ -261,44 +261,58 @@ def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> d
     """One document for several fits: mean figures, the commonest model, the gravest verdict."""
     documents = {value: identify.to_json(result) for value, result in found.items()}
     all_of = list(documents.values())
+    first, whole = all_of[0], _in_common(documents)
     model = Counter(d["model"] for d in all_of).most_common(1)[0][0]
-    same = [d for d in all_of if d["model"] == model]
-    levels = [d["verdict"]["level"] for d in all_of]
-    level = next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels)
-    reasons = [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()]
-    reasons += [f"{value}: not fitted. {why}" for value, why in failed.items()]
-    candidates = [
-        {
-            "model": name,
-            "metrics": _mean_metrics([c for c in tried if c]),
-            "score_percent": float(np.mean([c["score_percent"] for c in tried if c])),
-        }
-        for name in dict.fromkeys(c["model"] for d in all_of for c in d["candidates"])
-        for tried in [[_candidate(d, name) for d in all_of]]
-    ]
-    first = all_of[0]
+    candidates = []
+    for name in dict.fromkeys(c["model"] for d in all_of for c in d["candidates"]):
+        tried = {value: c for value, d in documents.items() if (c := _candidate(d, name))}
+        candidates.append(
+            {"model": name, "parameters": _mean_parameters([*tried.values()]), **_in_common(tried)}
+        )
+    if failed:
+        verdict = whole["verdict"]
+        level = "CAUTION" if verdict["level"] == "PASS" else verdict["level"]
+        reasons = verdict["reasons"] + [f"{v}: not fitted. {why}" for v, why in failed.items()]
+        whole |= {"success": False, "trusted": False}
+        whole["verdict"] = {"level": level, "reasons": reasons}
+    counts = ("rows", "rows_train", "rows_test", "sequences")
     return {
         "schema": first["schema"],
         "model": model,
-        "parameters": [
-            p | {"value": _mean([d["parameters"][k]["value"] for d in same]), "stderr": None,
-                 "status": f"mean of {len(same)}"}
-            for k, p in enumerate(same[0]["parameters"])
-        ],
-        "metrics": _mean_metrics(all_of),
-        "score_percent": _mean([d["score_percent"] for d in all_of]),
-        "success": all(d["success"] for d in all_of) and not failed,
-        "trusted": all(d["trusted"] for d in all_of) and not failed,
+        "parameters": _mean_parameters([d for d in all_of if d["model"] == model]),
+        **whole,
         "candidates": candidates,
-        "verdict": {"level": "CAUTION" if failed and level == "PASS" else level, "reasons": reasons},
-        "data": first["data"]
-        | {k: sum(d["data"][k] for d in all_of) for k in ("rows", "rows_train", "rows_test", "sequences")},
+        "data": first["data"] | {k: sum(d["data"][k] for d in all_of) for k in counts},
         "seed": first["seed"],
         "seconds": sum(d["seconds"] for d in all_of),
         "versions": first["versions"],
         "failed": failed,
         "each": documents,
-    }  # fmt: skip
+    }
+
+
+def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Mean figures and gravest verdict of fits or of candidates."""
+    all_of = list(documents.values())
+    levels = [d["verdict"]["level"] for d in all_of]
+    return {
+        "metrics": _mean_metrics(all_of),
+        "score_percent": _mean([d["score_percent"] for d in all_of]),
+        "success": all(d["success"] for d in all_of),
+        "trusted": all(d["trusted"] for d in all_of),
+        "verdict": {
+            "level": next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels),
+            "reasons": [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()],
+        },
+    }
+
+
+def _mean_parameters(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    status = {"stderr": None, "status": f"mean of {len(documents)}"}
+    columns = zip(*(d["parameters"] for d in documents), strict=True)
+    return [
+        column[0] | {"value": _mean([p["value"] for p in column])} | status for column in columns
+    ]
 
 
 def _candidate(document: dict[str, Any], name: str) -> dict[str, Any] | None:

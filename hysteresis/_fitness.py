@@ -99,7 +99,7 @@ def describe(record: Record) -> str:
     turn += ": the output lags" if (way > 0) != falls else ": the output leads"
     lines = [
         f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
-        f"{s['sequences']} sequences, {s['cycles']} complete cycles"
+        f"{_count(s['sequences'], 'sequence')}, {_count(s['cycles'], 'complete cycle')}"
     ]
     for role in ("input", "output"):
         x, unit = s[role], s[role]["unit"]
@@ -114,6 +114,10 @@ def describe(record: Record) -> str:
         lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
     lines.append(f"loop   {way:+.2f} ({turn})" if way else "loop   none closed")
     return "\n".join([*lines, *record.history])
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def _turns(u: np.ndarray) -> float:

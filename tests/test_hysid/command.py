@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import sys
 from collections.abc import Iterable
 from contextlib import redirect_stderr, redirect_stdout
@@ -9,12 +10,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+import hysid
 from hysid._cli import main
 from hysteresis.rigs import SpongeRig
 
 T, F, X = "time (s)", "force (N)", "displacement (mm)"
 HEADER = (T, F, X, "cycle")
 COLUMNS = ("--input", F, "--output", X, "--time", T)
+
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(hysid.__file__).parents[1])}
+"""In which another process finds this hysid from any folder."""
 
 Rows = list[list[str]]
 
@@ -42,8 +47,8 @@ def run(*arguments: object) -> Result:
         try:
             main()
         except SystemExit as stop:
-            assert isinstance(stop.code, int)
             code = stop.code
+    assert isinstance(code, int)
     return Result(code, out.getvalue(), err.getvalue())
 
 

@@ -1,0 +1,276 @@
+"""The commands on good input: what --json promises, what lies in the folder, how a run ends."""
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hysid._cli import app
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
+
+METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
+PARAMETER = {
+    "name": str,
+    "value": float,
+    "unit": str,
+    "stderr": float | NoneType,
+    "status": str,
+}
+CANDIDATE = {
+    "model": str,
+    "parameters": [PARAMETER],
+    "metrics": {"train": METRICS, "test": METRICS},
+    "verdict": {"level": str, "reasons": [str]},
+}
+FIT = CANDIDATE | {
+    "schema": int,
+    "candidates": [CANDIDATE],
+    "data": {"sha256": str, "rows": int},
+    "seed": int,
+    "versions": {"python": str, "jax": str},
+}
+DRAWN = {"name": str} | dict.fromkeys(("mean", "sd", "q05", "q95", "rhat", "ess"), float)
+POSTERIOR = {"parameters": [DRAWN], "draws": int, "seconds": float}
+PREDICTED = METRICS | {"flagged": int, "file": str}
+
+
+def fits(value: Any, shape: Any) -> bool:
+    """Has a JSON value at least these keys, with these types?"""
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and all(
+            k in value and fits(value[k], s) for k, s in shape.items()
+        )
+    if isinstance(shape, list):
+        return isinstance(value, list) and value and all(fits(v, shape[0]) for v in value)
+    return isinstance(value, shape) and not isinstance(value, bool)
+
+
+def read(file: str | Path) -> list[dict[str, str]]:
+    with open(file, newline="", encoding="utf-8") as handle:
+        return list(csv.DictReader(handle))
+
+
+def numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
+    return np.array([float(row[name]) for row in rows])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """One block in fine steps; two blocks in coarse ones; half of the columns."""
+    place = tmp_path_factory.mktemp("cli")
+    rows = sponge(step=0.5)
+    (place / "run.csv").write_text(text(rows))
+    blocks = {"soft": sponge(), "thin": sponge(thickness=30.0)}
+    named = [[*row, block] for block, cells in blocks.items() for row in cells]
+    (place / "blocks.csv").write_text(text(named, (*HEADER, "block")))
+    (place / "forces.csv").write_text(text([row[:2] for row in rows], (T, F)))
+    (place / "depths.csv").write_text(text([[row[0], row[2]] for row in rows], (T, X)))
+    return place
+
+
+@pytest.fixture(scope="module")
+def fitted(folder) -> dict[str, Any]:
+    models = ("--model", "LinearSponge,Preisach", "--test-cycles", 1, "--out", folder / "out")
+    return run("fit", folder / "run.csv", *COLUMNS, *models, "--json").json()
+
+
+@pytest.fixture(scope="module")
+def each(folder) -> dict[str, Any]:
+    options = ("--each", "block", "--test-tail", 0.2, "--model", "LinearSponge")
+    out = ("--out", folder / "each")
+    return run("fit", folder / "blocks.csv", *COLUMNS, *options, *out, "--json").json()
+
+
+def test_check_says_what_is_in_a_record(folder):
+    said = run("check", folder / "run.csv", *COLUMNS)
+    assert said.code == 0
+    assert said.err == ""
+    for word in ("401 rows", "5 complete cycles", "0 to 20 N", "counter-clockwise"):
+        assert word in said.out
+    found = run("check", folder / "run.csv", *COLUMNS, "--json").json()
+    assert (found["rows"], found["cycles"], found["warnings"]) == (401, 5, [])
+
+
+def test_fit_prints_what_it_wrote(fitted, folder):
+    assert fits(fitted, FIT)
+    assert fitted["schema"] == 1
+    assert fitted["model"] == "Preisach"
+    assert [c["model"] for c in fitted["candidates"]] == ["Preisach", "LinearSponge"]
+    assert fitted["verdict"]["level"] == "PASS"
+    assert fitted["metrics"]["test"]["nrmse_percent"] < 1
+    assert fitted["data"]["rows"] == 401
+    written = {file.name for file in (folder / "out").iterdir()}
+    assert written == {"fit.json", "model.npz", "data.npz", "fit.npz"}
+
+
+@pytest.mark.parametrize("inverse", [False, True])
+def test_predict_writes_a_row_for_every_row(fitted, folder, inverse):
+    option = ("--inverse",) * inverse
+    found = run("predict", folder / "out", folder / "run.csv", *option, "--json").json()
+    assert fits(found, PREDICTED)
+    rows = read(found["file"])
+    name, result = (F, f"estimated {F}") if inverse else (X, f"predicted {X}")
+    measured, error = numbers(rows, name), numbers(rows, result) - numbers(rows, name)
+    assert [int(row["line"]) for row in rows] == list(range(2, 403))
+    assert np.array_equal(measured, numbers(read(folder / "run.csv"), name))
+    assert found["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert found["max_abs"] == pytest.approx(np.abs(error).max())
+    assert found["nrmse_percent"] == pytest.approx(100 * found["rmse"] / np.ptp(measured))
+    assert found["nrmse_percent"] < 3
+    assert found["flagged"] == sum(row["status"] != "OK" for row in rows)
+    alone = run("predict", folder / "out", folder / f"{'depths' if inverse else 'forces'}.csv",
+                *option, "--json").json()  # fmt: skip
+    assert dict.fromkeys(METRICS) == {key: alone[key] for key in METRICS}
+    assert np.array_equal(numbers(read(alone["file"]), result), numbers(rows, result))
+    assert list(read(alone["file"])[0]) == ["line", X if inverse else F, result, "status"]
+
+
+def test_predict_without_the_driving_column_says_so(fitted, folder):
+    said = run("predict", folder / "out", folder / "depths.csv")
+    assert (said.code, said.out) == (2, "")
+    assert f"No column {F!r}" in said.err
+
+
+def test_sample_prints_the_posterior(fitted, folder):
+    found = run("sample", folder / "out", "--steps", 20, "--ensembles", 2, "--json")
+    assert fits(found.json(), POSTERIOR)
+    assert "sampling: " in found.err
+    assert (folder / "out" / "posterior.nc").is_file()
+
+
+def test_each_value_gets_its_own_fit(each, folder):
+    assert fits(each, FIT)
+    assert list(each["each"]) == ["soft", "thin"]
+    assert all(fits(one, FIT) for one in each["each"].values())
+    assert each["model"] == "LinearSponge"
+    for part in ("train", "test"):
+        rmse = [one["metrics"][part]["rmse"] for one in each["each"].values()]
+        assert each["metrics"][part]["rmse"] == pytest.approx(np.mean(rmse))
+    assert {file.parent.name for file in (folder / "each").rglob("fit.npz")} == {"soft", "thin"}
+
+
+def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
+    found = run("predict", folder / "each", folder / "blocks.csv", "--json").json()
+    assert fits(found, PREDICTED)
+    rows = read(found["file"])
+    assert [row["block"] for row in rows] == ["soft"] * 101 + ["thin"] * 101
+    drawn = run("sample", folder / "each", "--steps", 40, "--ensembles", 2, "--json").json()
+    assert fits(drawn, POSTERIOR)
+    assert {"soft: K", "thin: K"} <= {p["name"] for p in drawn["parameters"]}
+    said = run("sample", folder / "each", "--steps", 40, "--ensembles", 2)
+    assert "\nthin: K  " in said.out
+    assert "Not converged" in said.out
+    assert ", thin, ensemble 2" in said.err
+
+
+@pytest.mark.parametrize(
+    ("options", "train", "test"),
+    [
+        (("--group", "block", "--test-where", "block=thin"), 101, 101),
+        (("--group", "block", "--test-where", "cycle%2=0"), 122, 80),
+        (("--where", "block=thin", "--test-tail", "0.2"), 80, 21),
+        (("--where", "block=soft", "--where", "cycle=1,2"), 41, 0),
+    ],
+    ids=["a group", "cycles", "a tail", "two conditions"],
+)
+def test_rows_are_used_and_held_out_as_asked(folder, tmp_path, options, train, test):
+    model = ("--model", "LinearSponge", "--out", tmp_path / "out")
+    data = run("fit", folder / "blocks.csv", *COLUMNS, *options, *model, "--json").json()["data"]
+    assert (data["rows_train"], data["rows_test"]) == (train, test)
+
+
+def test_where_there_is_no_json_people_can_read_it(folder, tmp_path):
+    model = ("--model", "LinearSponge", "--out", tmp_path / "out")
+    said = run("fit", folder / "run.csv", *COLUMNS, *model)
+    assert said.out.startswith("CAUTION: LinearSponge\n  ")
+    assert said.out.endswith(f"Results: {tmp_path / 'out'}\n")
+    assert "LinearSponge: held-out" in said.err
+    for line in (said.out + said.err).splitlines():
+        assert line.strip()
+
+
+COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback]
+
+
+@pytest.mark.parametrize("arguments", [(), ("--help",), *((name, "--help") for name in COMMANDS)])
+def test_help(arguments):
+    said = run(*arguments)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.startswith("Usage: hysid")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_unknown_option_is_no_bug_of_ours(command):
+    said = run(command, "--frobnicate")
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith("hysid: No such option: --frobnicate")
+    assert said.err.count("\n") == 1
+
+
+def stop(error: BaseException) -> Any:
+    def job(*_: object, **__: object) -> None:
+        raise error
+
+    return job
+
+
+def test_an_interruption_exits_with_130(folder, monkeypatch):
+    monkeypatch.setattr("hysid._jobs.check", stop(KeyboardInterrupt()))
+    said = run("check", folder / "run.csv", *COLUMNS)
+    assert said == (130, "", "hysid: Interrupted. What was written so far is whole.\n")
+
+
+@pytest.mark.parametrize("error", [RuntimeError("the sponge bit\nback"), AssertionError()])
+def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tmp_path, error):
+    monkeypatch.setattr("hysid._jobs.check", stop(error))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    said = run("check", folder / "run.csv", *COLUMNS)
+    assert (said.code, said.out) == (1, "")
+    assert said.err.startswith("hysid: This is a bug in hysid, not your doing (")
+    assert type(error).__name__ in said.err
+    assert said.err.count("\n") == 1
+    (details,) = tmp_path.iterdir()
+    assert said.err.endswith(f"Details: {details}\n")
+    assert "Traceback" in details.read_text()
+
+
+def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
+    monkeypatch.setattr(
+        "hysid._jobs.check", stop(OSError(28, "No space left on device", "fit.npz"))
+    )
+    said = run("check", folder / "run.csv", *COLUMNS)
+    assert said == (2, "", "hysid: fit.npz: No space left on device.\n")
+
+
+def test_demo_speaks_before_it_loads_jax(tmp_path):
+    # -X importtime names each module on stderr as soon as it is imported.
+    command = [sys.executable, "-X", "importtime", "-m", "hysid", "demo", "--out", "demo"]
+    imported = []
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith("hysid demo"):
+                break
+            imported.append(line.split("|")[-1].strip())
+        process.kill()
+    assert "hysid._cli" in imported
+    assert not {name.split(".")[0] for name in imported} & {"jax", "jaxlib", "numpy", "scipy"}
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(folder):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as closed:
+        command = [sys.executable, "-m", "hysid", "check", str(folder / "run.csv"), *COLUMNS]
+        done = subprocess.run(
+            command, stdout=closed, stderr=subprocess.PIPE, env=ENVIRONMENT, text=True
+        )
+    assert done.stderr == ""
