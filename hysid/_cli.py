@@ -200,7 +200,7 @@ def predict(
     if found["rmse"] is not None:
         compared = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"
     lines = [f"{compared}; {found['flagged']} of {found['rows']} rows flagged", found["file"]]
-    _print(found, as_json, lines)
+    _print(found, as_json, [*(f"Mind: {note}" for note in found["notes"]), *lines])
 
 
 @app.command()

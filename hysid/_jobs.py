@@ -89,7 +89,7 @@ def predict(
     """
     document = identify.read_document(folder)
     selection = Selection.from_json(document["selection"] | (changes or {})).without_hold_out()
-    selection, compared = _without_missing_column(selection, file, inverse)
+    selection, compared, said = _for_new_file(selection, file, inverse)
     folders = document.get("folders", {"": "."})
     table, measured_all, found_all, flagged = [], [], [], 0
     records, faults = selection.records(file)
@@ -136,7 +136,7 @@ def predict(
     keep = [selection.each is not None, True, True, compared, True, True]
     with target.open("w", newline="", encoding="utf-8") as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
-    return {**figures, "flagged": flagged, "rows": len(table), "file": str(target)}
+    return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
 
 
 def sample(
@@ -231,19 +231,28 @@ def _demo_data(out: Path) -> Path:
     return file
 
 
-def _without_missing_column(
+def _for_new_file(
     selection: Selection, file: Path, inverse: bool
-) -> tuple[Selection, bool]:
-    """A file to predict on need not have the column that is predicted: then nothing is compared."""
+) -> tuple[Selection, bool, list[str]]:
+    """The fit's selection on a file that may lack columns: (selection, comparable, what was said).
+
+    Without the column that is predicted nothing is compared; conditions and groups of columns that
+    are not there are let go. The driving column, the clock and `each` have to be there.
+    """
     driving, wanted = selection.input, selection.output
     if inverse:
         driving, wanted = wanted, driving
     columns = selection.table(file).columns
+    where = tuple(c for c in selection.where if c.partition("=")[0].strip() in columns)
+    group = tuple(column for column in selection.group if column in columns)
+    said = [f"no column for {c!r}: every row is used." for c in selection.where if c not in where]
+    if lost := [column for column in selection.group if column not in group]:
+        said.append(f"no column {', '.join(lost)}: sequences are told apart without it.")
+    selection = replace(selection, where=where, group=group)
     if wanted in columns or driving not in columns:
-        return selection, True
-    return replace(
-        selection, input=driving, output=driving, input_unit=None, output_unit=None
-    ), False
+        return selection, True, said
+    alone = replace(selection, input=driving, output=driving, input_unit=None, output_unit=None)
+    return alone, False, said
 
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:

@@ -39,7 +39,7 @@ def check_identifiable(record: Record, n_parameters: int | None = None) -> list[
         raise InputError("too-short", problem, place=place, fix="use more rows, or fix parameters.")
     if span == 0:
         problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
-        mend = "choose another --input; for creep or relaxation under a constant input give --step."
+        mend = "choose another column (--input COL), or drive the rig."
         raise InputError("constant-input", problem, place=place, fix=mend)
     # Steps drawn anew at every row look like noise, but the output follows them.
     if span < 10 * noise and abs(_correlation(record)) < 0.5:

@@ -7,7 +7,14 @@ from dataclasses import replace
 import jax
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Preisach, Record, check_identifiable
+from hysteresis import (
+    AbstractModel,
+    InputError,
+    Preisach,
+    Record,
+    check_identifiable,
+    parameters,
+)
 from hysteresis.preisach import GridDensity
 
 from ._folds import Parts, parts
@@ -71,6 +78,7 @@ def fit(
         record, test = record.split_cycles(test_cycles)
     elif test_tail is not None:
         record, test = record.split_tail(test_tail)
+    _check_choices(initial, conditioning, starts, seed)
     names, template = _names(model)
     warnings = tuple(check_identifiable(record))
     cut = parts(record, keep_conditioning=conditioning == "keep")
@@ -78,9 +86,12 @@ def fit(
 
     found: list[FitResult] = []
     skipped: dict[str, str] = {}
+    one_way = any("[one-way-input]" in warning for warning in warnings)
     for name in names:
         since = time.perf_counter()
         try:
+            if one_way and name == "Preisach" and len(names) > 1:
+                raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
             candidate = _fit_one(name, template, record, cut, initial, starts, seed)
         except InputError as error:
             if len(names) == 1:
@@ -134,7 +145,10 @@ def _fit_one(
 ) -> FitResult:
     if name == "Preisach":
         return _fit_preisach(template, record, cut, initial, seed)
-    return fit_parametric(name, template or guess(name, record), record, cut, starts, seed)
+    start = template or guess(name, record)
+    free = sum(not info.fixed for _, info, _ in parameters(start))
+    check_identifiable(record, n_parameters=free)
+    return fit_parametric(name, start, record, cut, starts, seed)
 
 
 def _fit_preisach(
@@ -204,6 +218,17 @@ def _totals(
         for name, v, e in zip(TOTALS, values, errors, strict=True)
     )
     return listed, covariance
+
+
+def _check_choices(initial: str, conditioning: str, starts: int, seed: int) -> None:
+    for name, value, choices in (
+        ("initial", initial, ("auto", "negative", "positive", "demagnetised")),
+        ("conditioning", conditioning, ("auto", "keep")),
+    ):
+        if value not in choices:
+            raise InputError("bad-option", f"{name}={value!r}; have {', '.join(choices)}.")
+    if starts < 1 or seed < 0:
+        raise InputError("bad-option", f"starts={starts}, seed={seed}: at least 1, and 0.")
 
 
 def _require_double(allow_float32: bool) -> None:

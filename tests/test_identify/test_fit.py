@@ -153,6 +153,9 @@ def test_a_useless_fit_fails() -> None:
         ("Presiach", {}, "unknown-model"),
         ("Burgers", {}, "no-time"),
         ("auto", {"test_cycles": 1, "test_tail": 0.1}, "two-hold-outs"),
+        ("Preisach", {"initial": "demagnetized"}, "bad-option"),
+        ("Preisach", {"conditioning": "drop"}, "bad-option"),
+        ("LinearSponge", {"starts": 0}, "bad-option"),
     ],
 )
 def test_faults_are_named(model: str, options: dict, code: str) -> None:
@@ -160,6 +163,21 @@ def test_faults_are_named(model: str, options: dict, code: str) -> None:
     with pytest.raises(InputError) as error:
         fit(Record.from_arrays(u, u), model, **options)
     assert error.value.code == code
+
+
+def test_a_few_rows_of_half_a_cycle_are_too_few_for_burgers() -> None:
+    t = np.arange(20) * 0.1
+    with pytest.raises(InputError) as error:
+        fit(Record.from_arrays(t, 2 * t, t), "Burgers")
+    assert error.value.code == "too-short"
+    assert "5 parameters" in str(error.value)
+
+
+def test_an_input_that_only_rises_is_left_to_the_models_without_memory() -> None:
+    t = np.linspace(0.0, 1.0, 200)
+    result = fit(Record.from_arrays(t, 2 * t + 0.01 * np.sin(40 * t)), "auto")
+    assert "Preisach" in result.skipped
+    assert result.name == "LinearSponge"
 
 
 def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import invert
@@ -31,6 +31,7 @@ def true_model(n: int, leading: bool, seed: int = 0, initial: str = "negative") 
     return Preisach(GridDensity(0, 1, weights), reversible, 0.3, leading=leading, initial=initial)  # type: ignore[arg-type]
 
 
+@settings(max_examples=15)  # every history compiles anew
 @given(
     st.sampled_from([1, 2, 7]), st.booleans(), st.sampled_from(["negative", "positive", "demagnetised"]),
     st.integers(0, 1000),
