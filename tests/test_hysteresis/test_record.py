@@ -231,7 +231,7 @@ def test_no_excitation_and_constant_input():
     record = Record.from_arrays(u, y, input_unit="mm")
     refused("no-excitation", lambda: check_identifiable(record), "mm is about the noise")
     flat = Record.from_arrays(np.full(500, 3.0), y, input_unit="N")
-    refused("constant-input", lambda: check_identifiable(flat), "3 N", "--step")
+    refused("constant-input", lambda: check_identifiable(flat), "3 N", "--input")
     # Independent steps look like noise; an output that follows them tells otherwise.
     assert check_identifiable(Record.from_arrays(y, 2 * y + u)) == []
 
