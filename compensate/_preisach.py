@@ -8,33 +8,29 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import InputError, is_concrete
-from hysteresis.preisach import EverettTable, GridDensity, Preisach, read
+from hysteresis.preisach import EverettTable, GridDensity, OpenLoops, Preisach, read
 
 from ._compensator import AbstractCompensator, Estimate, Status, invert, scan_steps
 
 
 class InverseState(NamedTuple):
-    """The staircase seen from both sides: inputs and outputs z (without offset) of the open loops.
+    """The staircase of dominant extrema, seen from the output.
 
-    As `PreisachState`: `extremum` and `level` (capacity,), the first `depth` of which count, oldest
-    first; the present `u` and `z`; which way they moved last; how many loops had to be forgotten;
-    and the last estimate, which beyond saturation is not `u`.
+    - `loops`: the open loops; their levels are outputs z without the offset.
+    - `u`, `z`: input and output now; `rising`: +1 or -1, which way they moved last.
+    - `value`: the last estimate, which beyond saturation is not `u`.
     """
 
-    extremum: Array
-    level: Array
-    depth: Array
+    loops: OpenLoops
     u: Array
     z: Array
     rising: Array
-    dropped: Array
     value: Array
 
 
 class _Target(NamedTuple):
     """A branch and how far to go on it: q(u) = s (R(u) - R(r)) + 2 s_o E(u, r) = rise."""
 
-    r: Array
     cell_r: Array
     fraction_r: Array
     s: Array
@@ -77,14 +73,14 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
 
     def init(self) -> InverseState:
         past = self.model.init()
-        cell, fraction = self._grid.locate(past.extremum)
-        reversible = self.begin[cell] + fraction * self.increment[cell]
-        level = reversible + self.model.orientation * past.level
-        cell, fraction = self._grid.locate(past.u)
-        z = self.begin[cell] + fraction * self.increment[cell] + self.model.orientation * past.y
-        return InverseState(
-            past.extremum, level, past.depth, past.u, z, past.rising, past.dropped, past.u
-        )
+
+        def whole(u: Array, relays: Array) -> Array:
+            cell, fraction = self._grid.locate(u)
+            reversible = self.begin[cell] + fraction * self.increment[cell]
+            return reversible + self.model.orientation * relays
+
+        loops = past.loops._replace(level=whole(past.loops.extremum, past.loops.level))
+        return InverseState(loops, past.u, whole(past.u, past.y), past.rising, past.u)
 
     def simulate(self, t: Any, y: Any, state: InverseState | None = None) -> Estimate:
         y = jnp.asarray(y, float)
@@ -95,10 +91,13 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         valid = jnp.isfinite(y)
         wanted = jnp.where(valid, y - self.model.offset, state.z)
         z = jnp.clip(wanted, self.floor, self.ceiling)
-        state = self._turn_and_wipe_out(state, z)
-        u, slope = self._solve(state, z)
+        rising = jnp.where(z > state.z, 1, jnp.where(z < state.z, -1, state.rising))
+        s = rising.astype(z.dtype)
+        loops = state.loops.push(rising != state.rising, state.u, state.z)
+        # Strictly beyond: on a flat branch z may equal a level whose input is not reached yet.
+        loops = loops.wipe_out(lambda extremum, level: s * z > s * level)
+        u, slope = self._solve(loops, state.u, rising, z)
         u = jnp.where(z == state.z, state.u, u)
-        state = state._replace(u=u, z=z)
 
         # Beyond saturation only the reversible part goes on, along its last increment.
         width = (self._grid.high - self._grid.low) / self._grid.cells
@@ -110,49 +109,24 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         beyond = jnp.where(goes_on, Status.EXTRAPOLATED, Status.SATURATED)
         status = jnp.where(wanted == z, status, beyond)
         status = jnp.where(valid, status, Status.INVALID)
-        return state._replace(value=value), Estimate(value, status)
+        return InverseState(loops, u, z, rising, value), Estimate(value, status)
 
     @property
     def _grid(self) -> GridDensity:
         assert isinstance(self.model.density, GridDensity)
         return self.model.density
 
-    def _turn_and_wipe_out(self, state: InverseState, z: Array) -> InverseState:
-        """Open a loop where z turns, close those that z goes beyond."""
-        extremum, level, depth, dropped = state.extremum, state.level, state.depth, state.dropped
-        rising = jnp.where(z > state.z, 1, jnp.where(z < state.z, -1, state.rising))
-        turns, s = rising != state.rising, rising.astype(z.dtype)
-        full = turns & (depth >= extremum.shape[0])
-        depth = jnp.where(full, depth - 2, depth)
-        top = jnp.where(turns, depth, depth - 1)
-        extremum = extremum.at[top].set(jnp.where(turns, state.u, read(extremum, top)))
-        level = level.at[top].set(jnp.where(turns, state.z, read(level, top)))
-
-        # Strictly beyond: on a flat branch z may equal a level whose input is not reached yet.
-        def closes(depth: Array) -> Array:
-            return (depth >= 3) & (s * z > s * read(level, jnp.maximum(depth - 2, 0)))
-
-        depth = jnp.where(turns, depth + 1, depth)
-        depth = jax.lax.while_loop(closes, lambda depth: depth - 2, depth)
-        dropped = jnp.where(full, dropped + 1, dropped)
-        return state._replace(
-            extremum=extremum, level=level, depth=depth, rising=rising, dropped=dropped
-        )
-
-    def _solve(self, state: InverseState, z: Array) -> tuple[Array, Array]:
-        """The input nearest to the present one with q(u) = s (z - z_r), and dq per cell there."""
-        grid, way = self._grid, state.rising
-        s = way.astype(z.dtype)
-        r = read(state.extremum, state.depth - 1)
-        cell_r, fraction_r = grid.locate(r)
-        rise = s * (z - read(state.level, state.depth - 1))
-        target = _Target(r, cell_r, fraction_r, s, rise)
+    def _solve(self, loops: OpenLoops, here: Array, way: Array, z: Array) -> tuple[Array, Array]:
+        """The input nearest to the input `here` with q = s (z - z_r), and dq per cell there."""
+        grid, s = self._grid, way.astype(z.dtype)
+        r, z_r = loops.anchor
+        target = _Target(*grid.locate(r), s, s * (z - z_r))
 
         # The branch ends where the loop it lies in closes, or at the bound.
         bound = jnp.where(way > 0, grid.high, grid.low)
-        older = read(state.extremum, jnp.maximum(state.depth - 2, 0))
-        end = jnp.where(state.depth >= 2, older, bound)
-        first, last = way * grid.locate(state.u)[0], way * grid.locate(end)[0]
+        older = read(loops.extremum, jnp.maximum(loops.depth - 2, 0))
+        end = jnp.where(loops.depth >= 2, older, bound)
+        first, last = way * grid.locate(here)[0], way * grid.locate(end)[0]
 
         # Bisect for the last cell, in the direction of travel, that is entered below the target.
         def halve(_: Any, interval: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -182,7 +156,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         fraction = jnp.where(divisor == 0, entry, numerator / jnp.where(divisor == 0, 1.0, divisor))
         fraction = jnp.clip(fraction, 0.0, 1.0)
         u = grid.low + (cell.astype(z.dtype) + fraction) * ((grid.high - grid.low) / grid.cells)
-        u = jnp.where(way > 0, jnp.clip(u, state.u, end), jnp.clip(u, end, state.u))
+        u = jnp.where(way > 0, jnp.clip(u, here, end), jnp.clip(u, end, here))
         return u, s * (2 * A * fraction + B)
 
     def _at_node(self, target: _Target, node: Array) -> Array:

@@ -9,7 +9,7 @@ GOOD, USABLE = 5.0, 15.0
 
 
 def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
-    """PASS, CAUTION or FAIL of a fit with all its reasons, the gravest first.
+    """PASS, CAUTION or FAIL of a fit with all its reasons: the error first, then the gravest.
 
     FAIL: not converged; held-out error above 15 % of the range; no better than the mean.
     CAUTION: held-out error above 5 %, or more than twice that on the training part; nothing held out;
@@ -18,6 +18,7 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     """
     train, test = fit.metrics["train"], fit.metrics["test"]
     assert train is not None
+    level: Level
     fails, cautions, facts = [], [], []
     if not fit.success:
         fails.append("The solver did not converge: more starts, or a simpler model.")
@@ -26,11 +27,11 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     unit = "" if fit.train.output_unit == "1" else f" {fit.train.output_unit}"
     said += f" ({judged.rmse:.3g}{unit} rms, {judged.max_abs:.3g}{unit} at most)"
     if judged.nrmse_percent > USABLE or not judged.r2 > 0:
-        fails.append(f"{said}: too far off to use.")
+        level, said = "FAIL", f"{said}: too far off to use."
     elif judged.nrmse_percent > GOOD:
-        cautions.append(f"{said}: above {GOOD:g} %.")
+        level, said = "CAUTION", f"{said}: above {GOOD:g} %."
     else:
-        facts.append(f"{said}.")
+        level, said = "PASS", f"{said}."
     if test is None:
         cautions.append("Nothing was held out, so nothing is known about unseen data.")
     elif test.nrmse_percent > 2 * train.nrmse_percent and test.nrmse_percent > 1:
@@ -54,8 +55,9 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
             f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"
             f" {fit.noise.samples} rows count as {fit.noise.effective:.0f}, and errors are widened for it."
         )
-    level: Level = "FAIL" if fails else "CAUTION" if cautions else "PASS"
-    return Verdict(level, tuple(fails + cautions + facts))
+    if cautions and level == "PASS":
+        level = "CAUTION"
+    return Verdict("FAIL" if fails else level, (said, *fails, *cautions, *facts))
 
 
 def _share_outside(fit: FitResult) -> float:

@@ -10,3 +10,4 @@ from ._memory import memory_tree as memory_tree
 from ._preisach import Preisach as Preisach
 from ._preisach import PreisachInput as PreisachInput
 from ._preisach import PreisachState as PreisachState
+from ._stack import OpenLoops as OpenLoops

@@ -14,6 +14,7 @@ from .._parameter import Scalar, is_concrete, parameter
 from ._density import AbstractDensity, GridDensity
 from ._everett import materialise, read
 from ._memory import MemoryTree, memory_tree
+from ._stack import OpenLoops
 
 Initial = Literal["negative", "positive", "demagnetised"]
 
@@ -21,21 +22,15 @@ Initial = Literal["negative", "positive", "demagnetised"]
 class PreisachState(NamedTuple):
     """The staircase of dominant extrema and where the input stands on it.
 
-    - `extremum`, `level` (capacity,): inputs of the open loops' reversals, oldest first, and the
-      relays' output there; entry 0 is the negative saturation.
-    - `depth`: how many of them count.
+    - `loops`: the open loops; their levels are outputs of the relays alone.
     - `u`, `y`: input and relays' output now.
     - `rising`: +1 or -1, which way the input moved last.
-    - `dropped`: how many loops were forgotten because the stack was full.
     """
 
-    extremum: Array
-    level: Array
-    depth: Array
+    loops: OpenLoops
     u: Array
     y: Array
     rising: Array
-    dropped: Array
 
 
 class PreisachInput(NamedTuple):
@@ -107,11 +102,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     def init(self, t0: Any = None, u0: Any = None) -> PreisachState:
         table = self.density.tabulate()
         low, down = jnp.asarray(self.density.low, float), -self.density.mass(table)
-        empty = jnp.zeros(self.capacity)
-        one = jnp.asarray(1, jnp.int32)
-        state = PreisachState(
-            empty.at[0].set(low), empty.at[0].set(down), one, low, down, one, one - 1
-        )
+        loops = OpenLoops.none(self.capacity, low, down)
+        state = PreisachState(loops, low, down, loops.depth)
         return _settle(self, state, jnp.asarray(self._staircase(), float))
 
     @eqx.filter_jit
@@ -123,27 +115,15 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     def _step_relays(
         self, table: Any, state: PreisachState, u: Array
     ) -> tuple[PreisachState, Array]:
-        extremum, level, depth, u_before, y_before, rising, dropped = state
+        loops, u_before, y_before, rising = state
         u = jnp.clip(u, self.density.low, self.density.high)
         direction = jnp.where(u > u_before, 1, jnp.where(u < u_before, -1, rising))
         s = direction.astype(u.dtype)
-        turns = direction != rising
-        full = turns & (depth >= self.capacity)
-        depth = jnp.where(full, depth - 2, depth)
-        top = jnp.where(turns, depth, depth - 1)
-        extremum = extremum.at[top].set(jnp.where(turns, u_before, read(extremum, top)))
-        level = level.at[top].set(jnp.where(turns, y_before, read(level, top)))
-        depth = jnp.where(turns, depth + 1, depth)
-
-        def wipes_out(depth: Array) -> Array:
-            older = read(extremum, jnp.maximum(depth - 2, 0))
-            return (depth >= 3) & (s * u >= s * older)
-
-        depth = jax.lax.while_loop(wipes_out, lambda depth: depth - 2, depth)
-        pairs = self.density.pair(u, read(extremum, depth - 1))
-        y = read(level, depth - 1) + 2 * s * self.density.everett(table, pairs)
-        dropped = jnp.where(full, dropped + 1, dropped)
-        return PreisachState(extremum, level, depth, u, y, direction, dropped), y
+        loops = loops.push(direction != rising, u_before, y_before)
+        loops = loops.wipe_out(lambda extremum, level: s * u >= s * extremum)
+        reversal, level = loops.anchor
+        y = level + 2 * s * self.density.everett(table, self.density.pair(u, reversal))
+        return PreisachState(loops, u, y, direction), y
 
     # Batch
 
@@ -223,11 +203,12 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """A path of inputs that leads from the negative saturation to `state`."""
         if state is None:
             return np.array([self.density.low, *self._staircase()])
+        extremum, depth = state.loops.extremum, state.loops.depth
         if is_concrete(state.u):
-            return np.append(np.asarray(state.extremum)[: int(state.depth)], float(state.u))
+            return np.append(np.asarray(extremum)[: int(depth)], float(state.u))
         # A traced depth: fill up with the present input, since a plateau adds no memory.
-        open_loops = jnp.arange(self.capacity, dtype=jnp.int32) < state.depth
-        return jnp.append(jnp.where(open_loops, state.extremum, state.u), state.u)
+        open_loops = jnp.arange(self.capacity, dtype=jnp.int32) < depth
+        return jnp.append(jnp.where(open_loops, extremum, state.u), state.u)
 
     def _staircase(self) -> list[float]:
         """Inputs that bring the relays from negative saturation to the initial state."""

@@ -262,9 +262,9 @@ def test_a_full_stack_forgets_the_smallest_loop_and_counts_it():
     density = uniform(5)
     exact = output(Preisach(density), u)
     state, y = Preisach(density, capacity=capacity).stream(None, u)
-    assert int(state.dropped) == 7
+    assert int(state.loops.dropped) == 7
     depth_ok = Preisach(density, capacity=turns + 2).stream(None, u)
-    assert int(depth_ok[0].dropped) == 0
+    assert int(depth_ok[0].loops.dropped) == 0
     np.testing.assert_allclose(depth_ok[1], exact, rtol=0, atol=1e-14)
     y = np.asarray(y)
     np.testing.assert_allclose(y[: capacity - 1], exact[: capacity - 1], rtol=0, atol=1e-14)
