@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from hysteresis import AbstractModel, InputError
+from hysteresis import AbstractModel, InputError, parameters
 
 State = TypeVar("State")
 
@@ -59,12 +59,25 @@ class AbstractCompensator(eqx.Module, Generic[State]):
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
 
-@singledispatch
 def invert(model: AbstractModel) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator.
 
+    For the draws of a posterior: `jax.vmap(lambda m: invert(m).simulate(t, y))(posterior.model)`.
+
     Raises `InputError` where the model has none: a decreasing stage, a signed density, no slope.
     """
+    if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
+        raise InputError(
+            "many-models",
+            "every parameter has a leading axis: these are many models, and one is inverted at a time.",
+            fix="jax.vmap(lambda m: invert(m).simulate(t, y))(model).",
+        )
+    return inverse_of(model)
+
+
+@singledispatch
+def inverse_of(model: AbstractModel) -> AbstractCompensator:
+    """`invert` of one kind of model; each kind registers its own."""
     raise InputError(
         "not-invertible",
         f"no inverse is known for {type(model).__name__}.",

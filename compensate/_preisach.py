@@ -10,7 +10,7 @@ from jaxtyping import Array
 from hysteresis import InputError, is_concrete
 from hysteresis.preisach import EverettTable, GridDensity, OpenLoops, Preisach, read
 
-from ._compensator import AbstractCompensator, Estimate, Status, invert, scan_steps
+from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
 
 
 class InverseState(NamedTuple):
@@ -170,7 +170,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         return target.s * (read(self.begin, node) - R_r) + 2 * self.model.orientation * E
 
 
-@invert.register
+@inverse_of.register
 def _(model: Preisach) -> PreisachCompensator:
     if not isinstance(model.density, GridDensity):
         raise InputError(

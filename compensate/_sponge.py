@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from hysteresis import InputError, LinearSponge
 
-from ._compensator import AbstractCompensator, Estimate, Status, invert, last_valid
+from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, last_valid
 
 
 class LinearSpongeCompensator(AbstractCompensator[Array]):
@@ -47,7 +47,7 @@ class LinearSpongeCompensator(AbstractCompensator[Array]):
         return Estimate(jnp.where(valid, value, held), jnp.where(valid, status, Status.INVALID))
 
 
-@invert.register
+@inverse_of.register
 def _(model: LinearSponge) -> LinearSpongeCompensator:
     if not np.all(np.asarray(model.K) != 0):
         raise InputError(

@@ -8,7 +8,7 @@ import numpy as np
 
 from hysteresis import Burgers, BurgersState, InputError, is_concrete
 
-from ._compensator import AbstractCompensator, Estimate, Status, invert, last_valid
+from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, last_valid
 
 
 class BurgersCompensator(AbstractCompensator[BurgersState]):
@@ -60,7 +60,7 @@ class BurgersCompensator(AbstractCompensator[BurgersState]):
             )
 
 
-@invert.register
+@inverse_of.register
 def _(model: Burgers) -> BurgersCompensator:
     turned = Burgers(
         model.E1, model.eta1, model.E2, model.eta2, leading=not model.leading, hold=model.hold

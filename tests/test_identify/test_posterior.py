@@ -79,6 +79,8 @@ def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit) -> Non
     assert isinstance(model, Preisach)
     assert float(model.density.weights.min()) >= 0  # type: ignore[attr-defined]
     u, y = grid_fit.train.input, grid_fit.train.output
+    with pytest.raises(InputError, match="vmap"):
+        invert(model)
     estimates = jax.vmap(lambda m: invert(m).simulate(None, y).value)(model)
     assert estimates.shape == (160, len(u))
     # Every draw is an exact inverse of itself, so the spread is the posterior's, not the solver's.
