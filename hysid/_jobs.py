@@ -19,6 +19,7 @@ from hysteresis.rigs import SpongeRig
 from ._selection import Selection, all_of
 
 Say = Callable[[str], None]
+DATASETS = Path(__file__).resolve().parents[1] / "datasets"
 FLAGGED_BEYOND = "beyond the trained inputs"
 
 
@@ -214,20 +215,17 @@ def demo(
     return document | {"inverse": backwards, "report": report(out)["file"]}
 
 
-def _demo_data(out: Path) -> Path:
+def _demo_data(out: Path, datasets: Path = DATASETS) -> Path:
     """The shipped record; where the package was installed without it, the rig makes it anew."""
     name = "sponge-50mm-cycles.csv"
-    shipped = Path(__file__).resolve().parents[1] / "datasets" / name
+    shipped = datasets / name
     if shipped.is_file():
         return shipped
-    cycles = SpongeRig().five_cycles(noise=0.05, seed=0)
     out.mkdir(parents=True, exist_ok=True)
     file = out / name
-    with file.open("w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(["time (s)", "force (N)", "displacement (mm)", "cycle"])
-        for t, force, d, cycle in zip(*cycles, strict=True):
-            writer.writerow([f"{t:g}", f"{force:g}", f"{d:.3f}", cycle])
+    rows = zip(*SpongeRig().five_cycles(noise=0.05, seed=50), strict=True)
+    lines = [f"{t:.1f},{F:.3f},{round(float(d), 3) + 0.0:.3f},{n}\n" for t, F, d, n in rows]
+    file.write_text("time (s),force (N),displacement (mm),cycle\n" + "".join(lines), newline="")
     return file
 
 

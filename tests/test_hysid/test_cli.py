@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hysid import _jobs
 from hysid._cli import app
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
 
@@ -274,3 +275,10 @@ def test_a_reader_that_has_seen_enough_is_no_error(folder):
             command, stdout=closed, stderr=subprocess.PIPE, env=ENVIRONMENT, text=True
         )
     assert done.stderr == ""
+
+
+def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):
+    shipped = _jobs.DATASETS / "sponge-50mm-cycles.csv"
+    assert _jobs._demo_data(tmp_path) == shipped
+    made = _jobs._demo_data(tmp_path / "out", datasets=tmp_path)
+    assert made.read_bytes() == shipped.read_bytes()
