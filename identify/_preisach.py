@@ -12,12 +12,14 @@ s_k + 2 (row_k - column_k) >= 0, are constraints.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sparse
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
@@ -174,7 +176,8 @@ class PreisachProblem:
         for block, prior in zip(self._blocks, self.smoothness, strict=True):
             H[block, block] += strength * np.trace(H[block, block]) / len(prior) * prior
         H[0, 0] *= 1 + 1e-12
-        return self.substitution.T @ H @ self.substitution, self.substitution.T @ b
+        turned = self.substitution.T
+        return np.asarray(turned @ (turned @ H).T), turned @ b
 
     def held_out_errors(self, strength: float, dropped: bool) -> Float[np.ndarray, " blocks"]:
         """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part."""
@@ -259,16 +262,19 @@ def _best(choices: list[_Choice]) -> _Choice:
     return next(c for c in choices if c.blocks.mean() <= 1.001 * least)
 
 
-def _slopes(cells: int, leading: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Substitution and constraints that keep every branch of a leading model from falling."""
+@lru_cache(maxsize=8)
+def _slopes(cells: int, leading: bool) -> tuple[Any, np.ndarray]:
+    """Substitution (sparse) and constraints that keep every branch of a leading model from falling."""
     i, j = np.tril_indices(cells)
     weight = 1 + cells + np.arange(len(i))
-    substitution = np.eye(1 + cells + len(i))
+    count = 1 + cells + len(i)
+    identity = sparse.eye(count, format="csr")
     if not leading:
-        return substitution, np.zeros((0, len(substitution)))
+        return identity, np.zeros((0, count))
     # A half cell on the diagonal is swept twice as fast at its end: dE/df = 2 w f.
-    substitution[1 + i, weight] = np.where(i == j, 4.0, 2.0)
-    constraints = np.zeros((cells, len(substitution)))
+    swept = sparse.csr_matrix((np.where(i == j, 4.0, 2.0), (1 + i, weight)), shape=(count, count))
+    substitution = (identity + swept).tocsr()
+    constraints = np.zeros((cells, count))
     constraints[np.arange(cells), 1 + np.arange(cells)] = 1.0
     beside = i != j
     constraints[i[beside], weight[beside]] += 2.0
