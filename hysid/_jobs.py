@@ -89,7 +89,8 @@ def predict(
     the trained inputs, or, for the compensator, estimates whose status is not OK.
     """
     document = identify.read_document(folder)
-    selection = Selection.from_json(document["selection"] | (changes or {})).without_hold_out()
+    asked = _selection_of(document)
+    selection = replace(asked, **(changes or {})).without_hold_out()
     selection, compared, said = _for_new_file(selection, file, inverse)
     folders = document.get("folders", {"": "."})
     table, measured_all, found_all, flagged = [], [], [], 0
@@ -131,7 +132,6 @@ def predict(
     if not compared:
         figures = dict.fromkeys(figures)
     target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
-    asked = Selection.from_json(document["selection"])
     result = f"estimated {asked.input}" if inverse else f"predicted {asked.output}"
     header = [selection.each or "", "line", selection.input, selection.output, result, "status"]
     keep = [selection.each is not None, True, True, compared, True, True]
@@ -227,6 +227,15 @@ def _demo_data(out: Path, datasets: Path = DATASETS) -> Path:
     lines = [f"{t:.1f},{F:.3f},{round(float(d), 3) + 0.0:.3f},{n}\n" for t, F, d, n in rows]
     file.write_text("time (s),force (N),displacement (mm),cycle\n" + "".join(lines), newline="")
     return file
+
+
+def _selection_of(document: dict[str, Any]) -> Selection:
+    """The columns a fit was made from; a fit saved from Python knows their names alone."""
+    if "selection" in document:
+        return Selection.from_json(document["selection"])
+    words = document["records"]["train"]
+    time = words["time_name"] if words["time_unit"] != "1" else None
+    return Selection(words["input_name"], words["output_name"], time)
 
 
 def _for_new_file(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hysid
 from hysid import _jobs
 from hysid._cli import app
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
@@ -282,3 +283,13 @@ def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):
     assert _jobs._demo_data(tmp_path) == shipped
     made = _jobs._demo_data(tmp_path / "out", datasets=tmp_path)
     assert made.read_bytes() == shipped.read_bytes()
+
+
+def test_a_fit_saved_from_python_is_run_by_the_command_line(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text(text(sponge()))
+    record = hysid.read_csv(file, input=F, output=X, time=T)
+    hysid.save(hysid.fit(record, "LinearSponge", test_cycles=1), tmp_path / "fit")
+    found = run("predict", tmp_path / "fit", file, "--json").json()
+    # A line through the loop: 8 % of its range, and the first cycle a little more.
+    assert found["nrmse_percent"] < 15
