@@ -13,7 +13,7 @@ import numpy as np
 
 import identify
 from compensate import Status, invert
-from hysteresis import InputError, Record, check_identifiable
+from hysteresis import InputError, Record, Table, check_identifiable
 from hysteresis.rigs import SpongeRig
 
 from ._selection import Selection, all_of
@@ -25,7 +25,7 @@ FLAGGED_BEYOND = "beyond the trained inputs"
 
 def check(file: Path, selection: Selection) -> dict[str, Any]:
     """What is in a record, whether a model can be identified from it, and what to mind."""
-    records, faults = selection.without_hold_out().records(file)
+    records, faults = selection.without_hold_out().records(selection.table(file))
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:
@@ -51,7 +51,7 @@ def fit(
     **options: Any,
 ) -> dict[str, Any]:
     """Fit, and write the folder. With `each` every value gets a folder of its own below."""
-    records, faults = selection.records(file)
+    records, faults = selection.records(selection.table(file))
     folders = _folder_names(records)
     for name in (".", *folders.values()):
         identify.check_free(out / name, overwrite)
@@ -91,10 +91,11 @@ def predict(
     document = identify.read_document(folder)
     asked = _selection_of(document)
     selection = replace(asked, **(changes or {})).without_hold_out()
-    selection, compared, said = _for_new_file(selection, file, inverse)
+    source = selection.table(file)
+    selection, compared, said = _for_new_file(selection, source, inverse)
     folders = document.get("folders", {"": "."})
     table, measured_all, found_all, flagged = [], [], [], 0
-    records, faults = selection.records(file)
+    records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
     for value, (record, _) in records.items():
@@ -239,7 +240,7 @@ def _selection_of(document: dict[str, Any]) -> Selection:
 
 
 def _for_new_file(
-    selection: Selection, file: Path, inverse: bool
+    selection: Selection, table: Table, inverse: bool
 ) -> tuple[Selection, bool, list[str]]:
     """The fit's selection on a file that may lack columns: (selection, comparable, what was said).
 
@@ -249,7 +250,7 @@ def _for_new_file(
     driving, wanted = selection.input, selection.output
     if inverse:
         driving, wanted = wanted, driving
-    columns = selection.table(file).columns
+    columns = table.columns
     where = tuple(c for c in selection.where if c.partition("=")[0].strip() in columns)
     group = tuple(column for column in selection.group if column in columns)
     said = [f"no column for {c!r}: every row is used." for c in selection.where if c not in where]
@@ -276,11 +277,11 @@ def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarr
 def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
     """One document for several fits: mean figures, the commonest model, the gravest verdict."""
     documents = {value: identify.to_json(result) for value, result in found.items()}
-    all_of = list(documents.values())
-    first, whole = all_of[0], _in_common(documents)
-    model = Counter(d["model"] for d in all_of).most_common(1)[0][0]
+    each = list(documents.values())
+    first, whole = each[0], _in_common(documents)
+    model = Counter(d["model"] for d in each).most_common(1)[0][0]
     candidates = []
-    for name in dict.fromkeys(c["model"] for d in all_of for c in d["candidates"]):
+    for name in dict.fromkeys(c["model"] for d in each for c in d["candidates"]):
         tried = {value: c for value, d in documents.items() if (c := _candidate(d, name))}
         candidates.append(
             {"model": name, "parameters": _mean_parameters([*tried.values()]), **_in_common(tried)}
@@ -295,12 +296,12 @@ def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> d
     return {
         "schema": first["schema"],
         "model": model,
-        "parameters": _mean_parameters([d for d in all_of if d["model"] == model]),
+        "parameters": _mean_parameters([d for d in each if d["model"] == model]),
         **whole,
         "candidates": candidates,
-        "data": first["data"] | {k: sum(d["data"][k] for d in all_of) for k in counts},
+        "data": first["data"] | {k: sum(d["data"][k] for d in each) for k in counts},
         "seed": first["seed"],
-        "seconds": sum(d["seconds"] for d in all_of),
+        "seconds": sum(d["seconds"] for d in each),
         "versions": first["versions"],
         "failed": failed,
         "each": documents,
@@ -309,13 +310,13 @@ def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> d
 
 def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Mean figures and gravest verdict of fits or of candidates."""
-    all_of = list(documents.values())
-    levels = [d["verdict"]["level"] for d in all_of]
+    each = list(documents.values())
+    levels = [d["verdict"]["level"] for d in each]
     return {
-        "metrics": _mean_metrics(all_of),
-        "score_percent": _mean([d["score_percent"] for d in all_of]),
-        "success": all(d["success"] for d in all_of),
-        "trusted": all(d["trusted"] for d in all_of),
+        "metrics": _mean_metrics(each),
+        "score_percent": _mean([d["score_percent"] for d in each]),
+        "success": all(d["success"] for d in each),
+        "trusted": all(d["trusted"] for d in each),
         "verdict": {
             "level": next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels),
             "reasons": [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()],

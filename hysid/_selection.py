@@ -70,12 +70,11 @@ class Selection:
             file, decimal=self.decimal, units_row=self.units_row, na_values=self.na_values
         )
 
-    def records(self, file: Path) -> tuple[dict[str, Pair], dict[str, InputError]]:
+    def records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
         """Training and test record for every value of `each`, "" without it; the faults of others.
 
         Raises `InputError` where no value can be read.
         """
-        table = self.table(file)
         for condition in self.test_where:
             parse_condition(condition)(table)  # a column that is not there is said now
         where = dict(_equality(condition) for condition in self.where)

@@ -100,17 +100,13 @@ class Burgers(AbstractModel[BurgersState, BurgersInput]):
         dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
         creep, force_before = self._creep(dt), state.force
         known = creep.decay * jnp.stack([state.dashpot, state.kelvin]) + creep.before * force_before
+        force = jnp.asarray(u)
         if self.leading:
             force = (u - known.sum()) / (1 / self.E1 + creep.now.sum())
-            y = force
-        else:
-            force = jnp.asarray(u)
         dashpot, kelvin = known + creep.now * force
-        if not self.leading:
-            y = force / self.E1 + dashpot + kelvin
-        return BurgersState(jnp.asarray(t, dt.dtype), force, dashpot, kelvin), y + jnp.asarray(
-            self.offset
-        )
+        after = BurgersState(jnp.asarray(t, dt.dtype), force, dashpot, kelvin)
+        y = force if self.leading else self.displacement(after)
+        return after, y + jnp.asarray(self.offset)
 
     def prepare(
         self,

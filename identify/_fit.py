@@ -17,10 +17,11 @@ from hysteresis import (
 )
 from hysteresis.preisach import GridDensity
 
+from ._evidence import evidence
 from ._folds import Parts, parts
 from ._guess import CANDIDATES, guess, initial_states, orientations, output_falls
 from ._metrics import metrics
-from ._noise import Noise, estimate_noise
+from ._noise import Noise
 from ._parametric import fit_parametric
 from ._preisach import TOTALS, LinearFit, fit_preisach
 from ._result import FitResult, Parameter, predict
@@ -169,32 +170,25 @@ def _fit_preisach(
             cells = (template.density.cells,)
     linear = fit_preisach(record, cut, leadings, initials, cells)
     model = linear.model
-    predicted = predict(model, record)
-    residuals = np.where(record.mask, predicted - record.output, np.nan)
-    used = np.isin(cut.label, cut.without_conditioning(cut.all, linear.dropped))
-    noise = estimate_noise([residuals[s][used[s]] for _, s in record.sequences() if used[s].any()])
-    notes = [
+    held_out = float(linear.blocks.mean()) * linear.meaning.scale**2
+    left = evidence(record, cut, predict(model, record), linear.dropped, held_out)
+    chosen = (
         f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells, chosen on {cut.how}."
-    ]
-    if linear.dropped:
-        notes.append(
-            "The first cycle was left out of the fit: that predicts the later ones better."
-        )
-    totals, covariance = _totals(linear, noise, record, seed)
-    span = float(np.ptp(record.output[record.mask]))
+    )
+    totals, covariance = _totals(linear, left.noise, record, seed)
     return FitResult(
         name="Preisach",
         model=model,
         parameters=totals,
         covariance=covariance,
-        residuals=residuals,
-        metrics={"train": metrics(record.output, predicted, used), "test": None},
+        residuals=left.residuals,
+        metrics=left.metrics,
         success=True,
-        score=100 * float(np.sqrt(linear.blocks.mean())) * linear.meaning.scale / span,
-        noise=noise,
+        score=left.score,
+        noise=left.noise,
         train=record,
-        notes=tuple(notes),
-        internals={"used": used, "linear": linear},
+        notes=(chosen, *left.notes),
+        internals={"used": left.used, "linear": linear},
         seed=seed,
     )
 

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from hysteresis import Record
 
@@ -70,3 +70,8 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+
+
+def block_errors(error: Float[np.ndarray, " rows"]) -> list[float]:
+    """Mean squares of ten blocks of consecutive rows, so that choices can be compared in pairs."""
+    return [float(np.mean(block**2)) for block in np.array_split(error, 10) if len(block)]

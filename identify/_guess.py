@@ -13,31 +13,32 @@ CONTACT_FORCE = 1.5
 
 def guess(name: str, record: Record) -> AbstractModel:
     """A parametric model of this name with sizes taken from the record's ranges and times."""
+    return {"LinearSponge": _sponge, "Burgers": _burgers}[name](record)
+
+
+def _sponge(record: Record) -> LinearSponge:
     u, y = record.input[record.mask], record.output[record.mask]
-    if name == "LinearSponge":
-        is_force = record.input_unit == "N" and u.min() < CONTACT_FORCE < 0.5 * u.max()
-        threshold = CONTACT_FORCE if is_force else -np.inf
-        K, b = np.polyfit(u[u >= threshold], y[u >= threshold], 1)
-        return LinearSponge(K, b, threshold)
-    if name == "Burgers":
-        if record.time is None:
-            raise InputError("no-time", "Burgers depends on the rate, and this record has no time.")
-        leading = loop_direction(record) < 0
-        gain = np.ptp(y) / np.ptp(u)
-        stiffness = gain if leading else 1 / gain
-        span = max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
-        step = float(np.median(np.diff(record.time[next(iter(record.sequences()))[1]])))
-        delay = np.sqrt(max(step, 1e-9 * span) * span)
-        offset = float(y[0]) if leading else 0.0
-        return Burgers(
-            stiffness, 3 * stiffness * span, 2 * stiffness, 2 * stiffness * delay, offset,
-            leading=leading,
-        )  # fmt: skip
-    raise InputError(
-        "unknown-model",
-        f"No model {name!r}; have {', '.join(CANDIDATES)}.",
-        fix="name one or several of them, or auto.",
-    )
+    is_force = record.input_unit == "N" and u.min() < CONTACT_FORCE < 0.5 * u.max()
+    threshold = CONTACT_FORCE if is_force else -np.inf
+    K, b = np.polyfit(u[u >= threshold], y[u >= threshold], 1)
+    return LinearSponge(K, b, threshold)
+
+
+def _burgers(record: Record) -> Burgers:
+    if record.time is None:
+        raise InputError("no-time", "Burgers depends on the rate, and this record has no time.")
+    u, y = record.input[record.mask], record.output[record.mask]
+    leading = loop_direction(record) < 0
+    gain = np.ptp(y) / np.ptp(u)
+    stiffness = gain if leading else 1 / gain
+    span = max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
+    step = float(np.median(np.diff(record.time[next(iter(record.sequences()))[1]])))
+    delay = np.sqrt(max(step, 1e-9 * span) * span)
+    offset = float(y[0]) if leading else 0.0
+    return Burgers(
+        stiffness, 3 * stiffness * span, 2 * stiffness, 2 * stiffness * delay, offset,
+        leading=leading,
+    )  # fmt: skip
 
 
 def orientations(record: Record) -> tuple[bool, ...]:

@@ -7,11 +7,10 @@ import numpy as np
 
 from hysteresis import AbstractModel, Record, parameters
 
-from ._folds import Parts
+from ._evidence import evidence
+from ._folds import Parts, block_errors
 from ._least_squares import Optimum, multi_start, refine, thinned_rows
-from ._metrics import metrics
-from ._noise import estimate_noise
-from ._result import FitResult, Parameter, Status, predict
+from ._result import FitResult, Parameter, Status, predict, prepare
 from ._transform import Transform, transform
 
 SPREAD = 1.5
@@ -40,7 +39,7 @@ def fit_parametric(
     random = np.random.default_rng(seed).normal(0, SPREAD, (starts, len(z0)))
     random[0] = 0.0
     tried = multi_start(bounds, template, thin, y[rows], record.mask[rows], z0 + random)
-    prepared = template.prepare(record.time, record.input, starts=tuple(record.starts.tolist()))
+    prepared = prepare(template, record)
 
     def fitted(which: tuple[int, ...], free: np.ndarray) -> Optimum:
         return refine(bounds, template, prepared, y, np.isin(parts.label, which), free)
@@ -51,39 +50,33 @@ def fit_parametric(
         for fold in parts.folds:
             train = parts.without_conditioning(fold.train, drop)
             z = fitted(train, tried.free[0]).free
-            held_out = np.isin(parts.label, fold.test)
-            error = predict(_model(bounds, template, z), record)[held_out] - y[held_out]
-            squares += [np.mean(part**2) for part in np.array_split(error, 10) if len(part)]
+            test = np.isin(parts.label, fold.test)
+            error = predict(_model(bounds, template, z), record)[test] - y[test]
+            squares += block_errors(error)
         blocks[drop] = np.array(squares)
     dropped = min(blocks, key=lambda drop: blocks[drop].mean())
     which = parts.without_conditioning(parts.all, dropped)
     optimum = fitted(which, tried.free[0])
     model = _model(bounds, template, optimum.free)
 
-    predicted = predict(model, record)
-    residuals = np.where(record.mask, predicted - record.output, np.nan)
-    used = np.isin(parts.label, which)
-    noise = estimate_noise(
-        [residuals[s][used[s]] for _, s in record.sequences() if used[s].any()], len(bounds.names)
-    )
-    covariance = _covariance(optimum.jacobian, noise.sigma**2 * noise.correlation_time)
-    span = float(np.ptp(record.output[record.mask]))
+    held_out = float(blocks[dropped].mean())
+    left = evidence(record, parts, predict(model, record), dropped, held_out, len(bounds.names))
+    variance = left.noise.sigma**2 * left.noise.correlation_time
+    covariance = _covariance(optimum.jacobian, variance)
     return FitResult(
         name=name,
         model=model,
         parameters=_parameters(model, bounds, optimum.free, covariance, record),
         covariance=_scaled(covariance, bounds.slope(optimum.free)),
-        residuals=residuals,
-        metrics={"train": metrics(record.output, predicted, used), "test": None},
+        residuals=left.residuals,
+        metrics=left.metrics,
         success=optimum.converged,
-        score=100 * float(np.sqrt(blocks[dropped].mean())) / span,
-        noise=noise,
+        score=left.score,
+        noise=left.noise,
         train=record,
         starts=tried,
-        notes=("The first cycle was left out of the fit: that predicts the later ones better.",)
-        if dropped
-        else (),
-        internals={"used": used},
+        notes=left.notes,
+        internals={"used": left.used},
         seed=seed,
     )
 

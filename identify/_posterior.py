@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from hysteresis import AbstractModel, InputError, Preisach
 
 from ._preisach import TOTALS, LinearFit
-from ._result import FitResult
+from ._result import FitResult, prepare
 from ._transform import transform
 
 Progress = Callable[[int, int, str], None]
@@ -214,8 +214,7 @@ def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
     bounds = transform(fit.model, float(np.ptp(record.output[record.mask])))
     if not bounds.names:
         raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")
-    starts = tuple(int(k) for k in record.starts)
-    prepared = fit.model.prepare(record.time, record.input, starts=starts)
+    prepared = prepare(fit.model, record)
     z_fit = bounds.to_free(fit.model)
     y, mask = jnp.asarray(np.where(used, record.output, 0.0)), jnp.asarray(used)
     wide = float(np.log(1e6))

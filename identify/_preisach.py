@@ -25,10 +25,11 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 from hysteresis.preisach import GridDensity, Preisach
 
-from ._folds import Parts
+from ._folds import Parts, block_errors
 from ._noise import Noise
 from ._nonnegative import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design import NodeSpace, Normal, design_rows, normal_equations
+from ._result import prepare
 
 STRENGTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 """Prior strengths tried, the strongest first."""
@@ -160,8 +161,7 @@ class PreisachProblem:
         self.substitution = _slopes(cells, leading)[0]
         self.smoothness = _smoothness(cells)
         template = self.meaning.model(np.zeros(self.meaning.count))
-        starts = tuple(record.starts.tolist())
-        self.B = design_rows(template, template.prepare(None, u, starts=starts))
+        self.B = design_rows(template, prepare(template, record))
         self.normal = {
             p: normal_equations(self.space, self.B[parts.label == p], self.y[parts.label == p])
             for p in parts.all
@@ -189,7 +189,7 @@ class PreisachProblem:
             z = self.substitution @ nonnegative_least_squares(H, b, self.meaning.free)
             rows = np.isin(self.parts.label, fold.test)
             error = self.B[rows] @ self.space.from_unknowns(z) - self.y[rows]
-            blocks += [np.mean(part**2) for part in np.array_split(error, 10) if len(part)]
+            blocks += block_errors(error)
         return np.array(blocks)
 
     @property

@@ -80,7 +80,12 @@ class FitResult:
         return predict(self.model, record)
 
 
+def prepare(model: AbstractModel, record: Record) -> Any:
+    """A record's input prepared for a model, every sequence from the virgin state."""
+    starts = tuple(int(k) for k in record.starts)
+    return model.prepare(record.time, record.input, starts=starts)
+
+
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
     """A model's output on a record, every sequence from the virgin state."""
-    starts = tuple(int(k) for k in record.starts)
-    return np.asarray(model.evaluate(model.prepare(record.time, record.input, starts=starts)))
+    return np.asarray(model.evaluate(prepare(model, record)))
