@@ -1,6 +1,7 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
 # make lint    formatting, style, import directions, types
+# make docs    the pages of docs/ with the figures their code draws
 # make datasets   rewrites datasets/
 # make clean   everything git does not hold, the environment included
 
@@ -10,7 +11,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.installed
 WORKERS ?= 2
 
-.PHONY: demo test lint datasets clean
+.PHONY: demo test lint docs datasets clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
@@ -25,6 +26,9 @@ lint: $(READY)
 	@# pyright is a Node program that its Python wrapper downloads; without a network it is skipped, and says so.
 	@if $(BIN)/pyright --version >/dev/null 2>&1; then $(BIN)/pyright; \
 	else echo "lint: pyright cannot be had offline, types NOT checked" >&2; fi
+
+docs: $(READY)
+	$(BIN)/python docs/build.py
 
 datasets: $(READY)
 	$(BIN)/python -m benchmarks.datasets

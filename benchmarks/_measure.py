@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import os
 import platform
 import time
@@ -12,11 +13,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+Calls = Mapping[str, Callable[[], Any]]
+
 
 class Row(NamedTuple):
-    """One figure: `value` against `bar`, not above it. `least` is the fastest round's.
+    """One figure: `value` against `bar`, not above it, or not below with `at_least`.
 
-    `met` is None, with a `reason`, where this run cannot judge it.
+    `least` is the fastest round's. `met` is None, with a `reason`, where this run cannot judge it;
+    `value` is NaN where it cannot even be measured.
     """
 
     what: str
@@ -25,11 +29,15 @@ class Row(NamedTuple):
     least: float | None = None
     met: bool | None = None
     reason: str = ""
+    at_least: bool = False
 
 
-def judged(what: str, value: float, bar: float, least: float | None = None) -> Row:
-    """A row whose value must not exceed its bar."""
-    return Row(what, value, bar, least, bool(value <= bar))
+def judged(
+    what: str, value: float, bar: float, least: float | None = None, *, at_least: bool = False
+) -> Row:
+    """A row whose value must not exceed its bar, or with `at_least` not fall short of it."""
+    met = value >= bar if at_least else value <= bar
+    return Row(what, value, bar, least, bool(met), at_least=at_least)
 
 
 def noted(
@@ -39,20 +47,34 @@ def noted(
     return Row(what, value, None, least, None, reason)
 
 
-def interleaved(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str, np.ndarray]:
+def interleaved(calls: Calls, rounds: int, moment: float = 2e-3) -> dict[str, np.ndarray]:
     """Seconds of each call in each round, (rounds,).
 
-    Every round runs every call once, so that what disturbs the machine disturbs all alike and
-    ratios within a round are fair. Two rounds before the first compile and warm the caches.
+    Every round runs every call, so that what disturbs the machine disturbs all alike and ratios
+    within a round are fair. A call that takes less than a `moment` (seconds) is repeated for that
+    long and the mean taken: its caches may have been emptied by the call before, and it must not
+    slip through where a long one is disturbed. Two rounds before the first compile and warm up.
     """
     seconds = {name: np.empty(rounds) for name in calls}
     for k in range(-2, rounds):
         for name, call in calls.items():
-            begin = time.perf_counter()
-            jax.block_until_ready(call())
+            taken = _mean_of(call, moment)
             if k >= 0:
-                seconds[name][k] = time.perf_counter() - begin
+                seconds[name][k] = taken
     return seconds
+
+
+def _mean_of(call: Callable[[], Any], moment: float) -> float:
+    begin, runs, taken = time.perf_counter(), 0, 0.0
+    while taken < moment:
+        jax.block_until_ready(call())
+        runs, taken = runs + 1, time.perf_counter() - begin
+    return taken / runs
+
+
+def least_seconds(calls: Calls, rounds: int, moment: float = 2e-3) -> dict[str, float]:
+    """The least of each call's `interleaved` times: what else the machine does only adds to it."""
+    return {name: float(taken.min()) for name, taken in interleaved(calls, rounds, moment).items()}
 
 
 def machine() -> str:
@@ -76,26 +98,34 @@ def machine() -> str:
 def report(rows: Sequence[Row], as_json: bool) -> None:
     """Print the rows as a table, or as `{"machine", "rows"}`."""
     if as_json:
-        listed = []
-        for row in rows:
-            entry = {"what": row.what, "value": row.value, "bar": row.bar, "met": row.met}
-            entry |= {"least": row.least} if row.least is not None else {}
-            listed.append(entry | ({"reason": row.reason} if row.met is None else {}))
-        print(json.dumps({"machine": machine(), "rows": listed}))
+        print(json.dumps({"machine": machine(), "rows": [_entry(row) for row in rows]}))
         return
     print(machine())
     width = max(len(row.what) for row in rows)
-    print(f"{'what':{width}}  {'median':>8}  {'least':>8}  {'bar':>6}  met")
-    for what, value, bar, least, met, reason in rows:
+    print(f"{'what':{width}}  {'value':>8}  {'least':>8}  {'bar':>7}  met")
+    for what, value, bar, least, met, reason, at_least in rows:
         beside = "" if least is None else f"{least:.3g}"
-        limit = "" if bar is None else f"{bar:g}"
+        limit = "" if bar is None else f"{'≥' if at_least else '≤'} {bar:g}"
         verdict = reason if met is None else "yes" if met else "NO"
-        print(f"{what:{width}}  {value:8.3g}  {beside:>8}  {limit:>6}  {verdict}")
+        print(f"{what:{width}}  {value:8.3g}  {beside:>8}  {limit:>7}  {verdict}")
 
 
-def options(module: str, about: str | None, arguments: Sequence[str] | None) -> argparse.Namespace:
-    """`--quick` and `--json` of `python -m benchmarks.NAME`."""
+def _entry(row: Row) -> dict[str, Any]:
+    # JSON has no NaN.
+    value = None if math.isnan(row.value) else row.value
+    entry: dict[str, Any] = {"what": row.what, "value": value, "bar": row.bar, "met": row.met}
+    entry |= {"at_least": True} if row.at_least else {}
+    entry |= {"least": row.least} if row.least is not None else {}
+    return entry | ({"reason": row.reason} if row.met is None else {})
+
+
+def options(
+    module: str, about: str | None, arguments: Sequence[str] | None, **others: str
+) -> argparse.Namespace:
+    """`--quick` and `--json` of `python -m benchmarks.NAME`, and `others` that take a value."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
     parser.add_argument("--quick", action="store_true", help="fewer rounds")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    for name, meaning in others.items():
+        parser.add_argument(f"--{name}", help=meaning)
     return parser.parse_args(arguments)

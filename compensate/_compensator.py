@@ -81,7 +81,7 @@ def inverse_of(model: AbstractModel) -> AbstractCompensator:
     raise InputError(
         "not-invertible",
         f"no inverse is known for {type(model).__name__}.",
-        fix="invert a LinearSponge, Burgers or Preisach model.",
+        fix="invert a LinearSponge, Burgers, PrandtlIshlinskii or Preisach model.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Exact inverse of a Preisach model on a grid: branch by branch, with the forward model's memory."""
+"""Inverse of a Preisach model: on a grid exact, branch by branch, with the forward model's memory."""
 
 from typing import Any, NamedTuple
 
@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import InputError, is_concrete
-from hysteresis.preisach import EverettTable, GridDensity, OpenLoops, Preisach, read
+from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
 
+from ._bracketed import BracketedCompensator
 from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
 
 
@@ -58,9 +59,8 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
     flat_slope: Array
 
     def __init__(self, model: Preisach):
-        assert isinstance(model.density, GridDensity)
-        cells = model.density.cells
         self.model = model
+        cells = self._grid.cells
         self.table = model.density.tabulate()
         none = model.reversible is None
         self.increment = jnp.zeros(cells) if none else jnp.asarray(model.reversible)
@@ -100,7 +100,8 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         u = jnp.where(z == state.z, state.u, u)
 
         # Beyond saturation only the reversible part goes on, along its last increment.
-        width = (self._grid.high - self._grid.low) / self._grid.cells
+        widths = jnp.asarray(np.diff(self._grid.edges)[[-1, 0]], z.dtype)
+        width = jnp.where(wanted > z, *widths)
         end = jnp.where(wanted > z, self.increment[-1], self.increment[0])
         goes_on = end > self.flat_slope
         excess = (wanted - z) * width / jnp.where(goes_on, end, 1.0)
@@ -112,8 +113,8 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         return InverseState(loops, u, z, rising, value), Estimate(value, status)
 
     @property
-    def _grid(self) -> GridDensity:
-        assert isinstance(self.model.density, GridDensity)
+    def _grid(self) -> AbstractGridDensity:
+        assert isinstance(self.model.density, AbstractGridDensity)
         return self.model.density
 
     def _solve(self, loops: OpenLoops, here: Array, way: Array, z: Array) -> tuple[Array, Array]:
@@ -155,7 +156,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         numerator = jnp.where(s * B >= 0, 2 * C, s * root - B)
         fraction = jnp.where(divisor == 0, entry, numerator / jnp.where(divisor == 0, 1.0, divisor))
         fraction = jnp.clip(fraction, 0.0, 1.0)
-        u = grid.low + (cell.astype(z.dtype) + fraction) * ((grid.high - grid.low) / grid.cells)
+        u = grid.at(cell, fraction)
         u = jnp.where(way > 0, jnp.clip(u, here, end), jnp.clip(u, end, here))
         return u, s * (2 * A * fraction + B)
 
@@ -171,24 +172,36 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
 
 
 @inverse_of.register
-def _(model: Preisach) -> PreisachCompensator:
-    if not isinstance(model.density, GridDensity):
+def _(model: Preisach) -> PreisachCompensator | BracketedCompensator:
+    density = model.density
+    if isinstance(density, AbstractGridDensity):
+        _check_slopes(model)
+    elif model.leading:
         raise InputError(
             "not-invertible",
-            f"the inverse needs a GridDensity, not a {type(model.density).__name__}.",
+            f"nothing says that a leading model with a {type(density).__name__} rises with its input.",
+            cause="its relays fall as the input rises, and their slope is known on a grid alone.",
+            fix="fit a GridDensity, or swap input and output and fit the lagging direction.",
         )
-    if not is_concrete(model.density.weights):
-        return PreisachCompensator(model)  # one of many under vmap: the fit has seen to its slopes
-    slope = np.asarray(model.least_slope())
-    scale = float(np.abs(np.asarray(model.density.weights)).max() * model.density.cells)
-    if (slope < -1e-9 * scale / (model.density.high - model.density.low)).any():
+    if isinstance(density, AbstractGridDensity) and model.up is None and not model.dead_band:
+        return PreisachCompensator(model)
+    low, high = density.low - model.dead_band, density.high + model.dead_band
+    return BracketedCompensator(model, low, high)
+
+
+def _check_slopes(model: Preisach) -> None:
+    """Raise `InputError` where the output of a model on a grid can fall while its input rises."""
+    if not all(map(is_concrete, jax.tree.leaves(model))):
+        return  # one of many under vmap: the fit has seen to its slopes
+    grid: Any = model.density
+    slope, widths = np.asarray(model.least_slope()), np.diff(grid.edges)
+    scale = float(np.abs(np.asarray(grid.masses())).max())
+    if (slope * widths < -1e-9 * scale).any():
         k = int(slope.argmin())
-        low, high = model.density.low, model.density.high
-        a, b = (low + (high - low) * j / model.density.cells for j in (k, k + 1))
         raise InputError(
             "not-invertible",
-            f"the output can fall while the input rises from {a:g} to {b:g}.",
+            f"the output can fall while the input rises from {grid.edges[k]:g} to "
+            f"{grid.edges[k + 1]:g}.",
             cause="a signed density, or a reversible part too flat for a leading model.",
             fix="fit the model with its slopes constrained, which identify.fit does.",
         )
-    return PreisachCompensator(model)

@@ -10,21 +10,37 @@ if TYPE_CHECKING:
     from compensate import invert as invert
     from hysteresis import Burgers as Burgers
     from hysteresis import InputError as InputError
+    from hysteresis import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
     from hysteresis import LinearSponge as LinearSponge
+    from hysteresis import PrandtlIshlinskii as PrandtlIshlinskii
     from hysteresis import Preisach as Preisach
     from hysteresis import Record as Record
     from hysteresis import read_csv as read_csv
+    from hysteresis.preisach import GaussianDensity as GaussianDensity
     from hysteresis.preisach import GridDensity as GridDensity
+    from hysteresis.preisach import LorentzianDensity as LorentzianDensity
+    from identify import everett_surface as everett_surface
     from identify import fit as fit
+    from identify import forc_curves as forc_curves
+    from identify import forc_diagram as forc_diagram
     from identify import load as load
     from identify import sample as sample
     from identify import save as save
 
 _HOME = {
     "compensate": ("invert",),
-    "hysteresis": ("Burgers", "InputError", "LinearSponge", "Preisach", "Record", "read_csv"),
-    "hysteresis.preisach": ("GridDensity",),
-    "identify": ("fit", "load", "sample", "save"),
+    "hysteresis": (
+        "Burgers",
+        "InputError",
+        "KrasnoselskiiPokrovskii",
+        "LinearSponge",
+        "PrandtlIshlinskii",
+        "Preisach",
+        "Record",
+        "read_csv",
+    ),
+    "hysteresis.preisach": ("GaussianDensity", "GridDensity", "LorentzianDensity"),
+    "identify": ("everett_surface", "fit", "forc_curves", "forc_diagram", "load", "sample", "save"),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)

@@ -139,8 +139,8 @@ def fit(
     initial: Annotated[
         str,
         typer.Option(
-            callback=_one_of("auto", "negative", "positive", "demagnetised"),
-            help="Memory before the first sample: auto, negative, positive, demagnetised.",
+            callback=_one_of("auto", "negative", "positive", "demagnetised", "fit"),
+            help="Memory before the first sample: auto, negative, positive, demagnetised, or fit.",
         ),
     ] = "auto",
     conditioning: Annotated[

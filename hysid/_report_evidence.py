@@ -11,7 +11,7 @@ import scipy.stats
 from jaxtyping import Bool, Float, Int
 
 from compensate import AbstractCompensator, Status
-from hysteresis import AbstractModel, Preisach, Record
+from hysteresis import AbstractModel, Record
 from identify import Posterior
 
 ROWS = 4000
@@ -88,46 +88,6 @@ def autocorrelation(
         lags = np.fft.irfft(spectrum * spectrum.conj())[: min(most + 1, len(r))]
         products[: len(lags)] += lags
     return products / (products[0] or 1.0)
-
-
-@eqx.filter_jit
-def _swings(model: Preisach, prepared: Any, used: Any, cells: Any) -> Any:
-    """How far the relays of each cell (a row and a column) swing over the used rows, 0 to 2."""
-
-    def swing(cell: Any) -> Any:
-        weights = jnp.zeros_like(model.density.weights).at[cell[0], cell[1]].set(1.0)  # type: ignore[attr-defined]
-        one = eqx.tree_at(lambda m: m.density.weights, model, weights)
-        y = one.evaluate(prepared)
-        return jnp.where(used, y, -jnp.inf).max() - jnp.where(used, y, jnp.inf).min()
-
-    return jax.lax.map(swing, cells)
-
-
-def excited_cells(
-    model: Preisach, record: Record, used: Bool[np.ndarray, " samples"]
-) -> Bool[np.ndarray, "cells cells"]:
-    """Which cells of a grid switched among the used rows: about the others these rows say nothing.
-
-    Cell by cell, the output of a model that has mass there alone.
-    """
-    n = model.density.weights.shape[0]  # type: ignore[attr-defined]
-    alone = Preisach(
-        model.density, leading=model.leading, initial=model.initial, capacity=model.capacity
-    )  # fmt: skip
-    # Relays move one way along a branch: its ends show all that it switched.
-    rows = np.append(True, np.diff(np.sign(np.diff(record.input))) != 0)
-    rows = np.append(rows, True)
-    rows[record.starts] = rows[np.append(record.starts[1:], len(record)) - 1] = True
-    edge = np.flatnonzero(np.diff(used.astype(int)))
-    rows[edge] = rows[edge + 1] = True
-    starts = (np.cumsum(rows) - 1)[record.starts]
-    prepared = alone.prepare(None, record.input[rows], starts=tuple(int(k) for k in starts))
-    i, j = np.tril_indices(n)
-    cells = jnp.stack([jnp.asarray(i), jnp.asarray(j)], 1)
-    swings = np.asarray(_swings(alone, prepared, jnp.asarray(used[rows]), cells))
-    excited = np.zeros((n, n), bool)
-    excited[i, j] = swings > 1e-9
-    return excited
 
 
 class Band(NamedTuple):

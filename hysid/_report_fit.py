@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 import identify
-from hysteresis import Preisach
 
 from ._report_case import Case, Link, Section, Table, picture
 from ._report_evidence import autocorrelation
@@ -168,12 +167,12 @@ def parameters(case: Case) -> Section:
         )
     columns = ("Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %")
     section = Section("Parameters", tables=[Table("", columns, rows)])
-    if isinstance(fit.model, Preisach):
-        cells = fit.model.density.weights.shape[0]  # type: ignore[attr-defined]
-        count = cells * (cells + 1) // 2
+    if (linear := fit.internals.get("linear")) is not None:
+        meaning = linear.meaning
         section.text.append(
-            f"The grid has {count} weights and {cells} increments of the memoryless curve:"
-            " too many to list, so their sums stand here. The map below shows the weights."
+            f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"
+            f" density, and {meaning.cells} increments of the memoryless curve: too many to list, so"
+            " their sums stand here. The map below shows the weights."
         )
     if outside:
         section.notes.append(

@@ -7,9 +7,11 @@ import numpy as np
 
 from compensate import Status
 from hysteresis import InputError, Preisach
+from hysteresis.preisach import GridDensity
+from identify import excited_cells
 
 from ._report_case import Case, Link, Section, Table, picture
-from ._report_evidence import excited_cells, predictive_band
+from ._report_evidence import predictive_band
 from ._words import label, number, plain_name, pretty, quantity
 
 MEANINGS = {
@@ -100,12 +102,13 @@ def density(case: Case) -> Section:
 
     model, fit = case.fit.model, case.fit
     assert isinstance(model, Preisach)
+    assert isinstance(model.density, GridDensity)
     density, (input_unit, output_unit) = model.density, case.units
-    n = density.weights.shape[0]  # type: ignore[attr-defined]
+    n = density.cells
     edges = np.linspace(density.low, density.high, n + 1)
     width = edges[1] - edges[0]
-    lower = np.tril(np.ones((n, n), bool))
-    weights = np.asarray(density.weights)  # type: ignore[attr-defined]
+    lower = np.tri(n, dtype=bool)
+    weights = np.asarray(density.weights)
     area = width**2 * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
     excited = excited_cells(model, fit.train, fit.internals["used"])
     labels = (

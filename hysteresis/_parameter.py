@@ -67,12 +67,25 @@ def is_concrete(value: Any) -> bool:
 
 
 def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
-    """Every parameter of a model, nested ones with a dotted name: (name, info, value)."""
+    """Every parameter of a model, those of its parts with a dotted name: (name, info, value)."""
     for field in fields(model):
         value = getattr(model, field.name)
         info = field.metadata.get("parameter")
         if info is not None:
             yield field.name, info, value
-        elif isinstance(value, eqx.Module):
-            for name, nested, inner in parameters(value):
-                yield f"{field.name}.{name}", nested, inner
+            continue
+        parts = {field.name: value}
+        if isinstance(value, tuple):
+            parts = {f"{field.name}.{k}": part for k, part in enumerate(value)}
+        for path, part in parts.items():
+            if isinstance(part, eqx.Module):
+                for name, nested, inner in parameters(part):
+                    yield f"{path}.{name}", nested, inner
+
+
+def parameter_at(model: eqx.Module, name: str) -> Any:
+    """The parameter of a dotted name, as `parameters` gives them."""
+    place: Any = model
+    for step in name.split("."):
+        place = place[int(step)] if step.isdigit() else getattr(place, step)
+    return place

@@ -1,6 +1,19 @@
 """Learning a model from records: fits, posteriors, verdicts."""
 
+from ._density_fit import DensityFit as DensityFit
+from ._density_fit import fit_density as fit_density
 from ._fit import fit as fit
+from ._forc import Forc as Forc
+from ._forc import forc_curves as forc_curves
+from ._forc_diagram import ForcDiagram as ForcDiagram
+from ._forc_diagram import forc_diagram as forc_diagram
+from ._forc_everett import EverettSurface as EverettSurface
+from ._forc_everett import everett_surface as everett_surface
+from ._identifiability import Design as Design
+from ._identifiability import Identifiability as Identifiability
+from ._identifiability import design as design
+from ._identifiability import excited_cells as excited_cells
+from ._identifiability import identifiability as identifiability
 from ._metrics import Metrics as Metrics
 from ._metrics import metrics as metrics
 from ._noise import Noise as Noise

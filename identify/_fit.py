@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import jax
 import numpy as np
@@ -15,7 +16,7 @@ from hysteresis import (
     check_identifiable,
     parameters,
 )
-from hysteresis.preisach import GridDensity
+from hysteresis.preisach import AbstractGridDensity
 
 from ._evidence import evidence
 from ._folds import Parts, parts
@@ -23,7 +24,8 @@ from ._guess import CANDIDATES, guess, initial_states, orientations, output_fall
 from ._metrics import metrics
 from ._noise import Noise
 from ._parametric import fit_parametric
-from ._preisach import TOTALS, LinearFit, fit_preisach
+from ._preisach import GRIDS, LinearFit, fit_preisach
+from ._preisach_unknowns import TOTALS
 from ._result import FitResult, Parameter, predict
 from ._verdict import judge
 
@@ -61,7 +63,8 @@ def fit(
     **Other arguments:**
 
     - `initial`: the relays before the first sample of each sequence: `"negative"`, `"positive"` or
-      `"demagnetised"`; `"auto"` tries those the record leaves open.
+      `"demagnetised"`; `"fit"` fits how many of each cell are up, for a record that starts in the
+      middle of a history; `"auto"` tries those the record leaves open.
     - `conditioning`: `"auto"` leaves the first cycle of a single sequence out of the fit where that
       predicts a held-out later one better; `"keep"` never does.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
@@ -144,7 +147,8 @@ def _fit_one(
     starts: int,
     seed: int,
 ) -> FitResult:
-    if name == "Preisach":
+    own = isinstance(template, Preisach) and not isinstance(template.density, AbstractGridDensity)
+    if name == "Preisach" and not own:
         return _fit_preisach(template, record, cut, initial, seed)
     start = template or guess(name, record)
     free = sum(not info.fixed for _, info, _ in parameters(start))
@@ -162,18 +166,20 @@ def _fit_preisach(
             cause="the sign convention of one column.",
             fix="turn the sign of one column.",
         )
-    leadings, cells = orientations(record), (20, 40)
-    initials = initial_states(record) if initial == "auto" else (initial,)
+    leadings, cells, dead_band = orientations(record), GRIDS, 0.0
+    initials: tuple[Any, ...] = initial_states(record) if initial == "auto" else (initial,)
     if isinstance(template, Preisach):
-        leadings, initials = (template.leading,), (template.initial,)
-        if isinstance(template.density, GridDensity):
+        leadings, dead_band = (template.leading,), template.dead_band
+        initials = (template.initial if initial == "auto" else initial,)
+        if isinstance(template.density, AbstractGridDensity):
             cells = (template.density.cells,)
-    linear = fit_preisach(record, cut, leadings, initials, cells)
+    linear = fit_preisach(record, cut, leadings, initials, cells, dead_band=dead_band)
     model = linear.model
     held_out = float(linear.blocks.mean()) * linear.meaning.scale**2
     left = evidence(record, cut, predict(model, record), linear.dropped, held_out)
     chosen = (
-        f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells, chosen on {cut.how}."
+        f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
+        f" {linear.meaning.block.max() + 1} blocks, chosen on {cut.how}."
     )
     totals, covariance = _totals(linear, left.noise, record, seed)
     return FitResult(
@@ -216,7 +222,7 @@ def _totals(
 
 def _check_choices(initial: str, conditioning: str, starts: int, seed: int) -> None:
     for name, value, choices in (
-        ("initial", initial, ("auto", "negative", "positive", "demagnetised")),
+        ("initial", initial, ("auto", "negative", "positive", "demagnetised", "fit")),
         ("conditioning", conditioning, ("auto", "keep")),
     ):
         if value not in choices:

@@ -19,36 +19,65 @@ def nonnegative_least_squares(
     With H = A'A and b = A'y that is least squares in A x = y. H must be positive definite; a
     prior, however weak, makes it so. `start` guesses which x_i are not zero.
 
-    All variables of the wrong sign change sides at once; after three rounds without fewer of them one
-    at a time (the last one), which cannot cycle. The answer satisfies x >= 0, Hx - b >= 0 on its zeros,
-    to rounding: there is no step length and no tolerance on the objective.
+    All variables of the wrong sign change sides at once. Where three rounds in a row leave no fewer
+    of them, an active set method goes on, one variable at a time: each of its steps lowers the
+    objective, so it ends even where rounding would let pivots cycle. The answer satisfies x >= 0,
+    Hx - b >= 0 on its zeros, to rounding: there is no step length and no tolerance on the objective.
 
-    Source: Kim and Park, Fast nonnegative matrix factorization, SIAM J. Sci. Comput. 33 (2011).
+    Source: Kim and Park, Fast nonnegative matrix factorization, SIAM J. Sci. Comput. 33 (2011);
+    Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23.
     """
     n = len(b)
     free = np.zeros(n, bool) if free is None else free
     inside = np.ones(n, bool) if start is None else start | free
-    rounding = 1e-12 * np.abs(b).max(initial=1e-300)
+    rounding = _rounding(b)
     fewest, patience = n + 1, 3
     while True:
-        at = np.flatnonzero(inside)
-        x = np.zeros(n)
-        factor = scipy.linalg.cho_factor(H[np.ix_(at, at)], overwrite_a=True, check_finite=False)
-        x[at] = scipy.linalg.cho_solve(factor, b[at], check_finite=False)
-        gradient = H[:, at] @ x[at] - b
-        wrong = np.where(inside, (x < 0) & ~free, gradient < -rounding)
+        x = _solve(H, b, inside)
+        wrong = np.where(inside, (x < 0) & ~free, H @ x - b < -rounding)
         count = int(wrong.sum())
         if count == 0:
             return x
-        if count < fewest:
-            fewest, patience = count, 3
-            inside ^= wrong
-        elif patience > 0:
-            patience -= 1
-            inside ^= wrong
-        else:
-            last = np.flatnonzero(wrong)[-1]
-            inside[last] = not inside[last]
+        if count >= fewest and patience == 0:
+            return _active_set(H, b, free, np.where(free, x, np.maximum(x, 0.0)))
+        patience = 3 if count < fewest else patience - 1
+        fewest = min(count, fewest)
+        inside ^= wrong
+
+
+def _active_set(H: Matrix, b: Vector, free: Bool[np.ndarray, " n"], x: Vector) -> Vector:
+    """The same from a feasible x, by steps that stay feasible."""
+    inside = free | (x > 0)
+    barred = np.zeros(len(b), bool)  # let in and thrown out at once: its slope was rounding
+    while True:
+        target = _solve(H, b, inside)
+        while (leaving := inside & ~free & (target < 0)).any():
+            # As far as the first variable to become zero, which leaves.
+            step = np.where(leaving, x / np.where(leaving, x - target, 1.0), np.inf)
+            first = int(step.argmin())
+            x = np.where(inside, x + step[first] * (target - x), 0.0)
+            x[first], inside[first], barred[first] = 0.0, False, step[first] == 0
+            target = _solve(H, b, inside)
+        x = target
+        slope = np.where(inside | barred, np.inf, H @ x - b)
+        entering = int(slope.argmin())
+        if slope[entering] >= -_rounding(b):
+            return x
+        inside[entering] = True
+
+
+def _solve(H: Matrix, b: Vector, inside: Bool[np.ndarray, " n"]) -> Vector:
+    """The minimum without signs over the variables `inside`; the others are 0."""
+    at = np.flatnonzero(inside)
+    x = np.zeros(len(b))
+    factor = scipy.linalg.cho_factor(H[np.ix_(at, at)], overwrite_a=True, check_finite=False)
+    x[at] = scipy.linalg.cho_solve(factor, b[at], check_finite=False)
+    return x
+
+
+def _rounding(b: Vector) -> float:
+    """Slopes below this are rounding."""
+    return 1e-12 * float(np.abs(b).max(initial=1e-300))
 
 
 def constrained_least_squares(

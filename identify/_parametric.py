@@ -118,6 +118,8 @@ def _parameters(
     found = []
     words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
     for name, info, value in parameters(model):
+        if value is None or value.ndim:
+            continue
         unit = info.in_units(words)
         if name not in bounds.names:
             found.append(Parameter(name, float(value), unit, None, "fixed"))

@@ -13,9 +13,10 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, InputError, Preisach
+from hysteresis import AbstractModel, InputError
 
-from ._preisach import TOTALS, LinearFit
+from ._preisach import LinearFit
+from ._preisach_unknowns import TOTALS
 from ._result import FitResult, prepare
 from ._transform import transform
 
@@ -98,7 +99,7 @@ def sample(
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)
-    if isinstance(fit.model, Preisach):
+    if "linear" in fit.internals:
         return _sample_weights(fit, steps, ensembles, seed, tell, begin)
     return _sample_parameters(fit, steps, ensembles, seed, checkpoint, resume, tell, begin)
 

@@ -19,17 +19,43 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
-from hysteresis.preisach import GridDensity
+from hysteresis import (
+    Burgers,
+    InputError,
+    LinearSponge,
+    MovingPreisach,
+    OutputDependentPreisach,
+    PrandtlIshlinskii,
+    Preisach,
+    Record,
+)
+from hysteresis.preisach import (
+    FactorisedDensity,
+    GaussianDensity,
+    GridDensity,
+    LogNormalDensity,
+    LorentzianDensity,
+    NetworkDensity,
+    RidgeDensity,
+    SumDensity,
+)
 
 from ._least_squares import Starts
 from ._metrics import Metrics
 from ._noise import Noise
-from ._preisach import LinearFit, Unknowns
+from ._preisach import LinearFit
+from ._preisach_unknowns import Unknowns
 from ._result import FitResult, Parameter, Verdict
 
 SCHEMA = 1
-_CLASSES = {c.__name__: c for c in (LinearSponge, Burgers, Preisach, GridDensity)}
+_CLASSES = {
+    c.__name__: c
+    for c in (
+        LinearSponge, Burgers, PrandtlIshlinskii, Preisach, MovingPreisach, OutputDependentPreisach,
+        GridDensity, FactorisedDensity, NetworkDensity, RidgeDensity, SumDensity,
+        GaussianDensity, LorentzianDensity, LogNormalDensity,
+    )
+}  # fmt: skip
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
 
 
@@ -79,7 +105,7 @@ def save(
         },
     }
     if "linear" in fit.internals:
-        document["unknowns"] = fit.internals["linear"].meaning._asdict()
+        document["unknowns"] = fit.internals["linear"].meaning.words()
     write_json(folder / "fit.json", document | (extra or {}))
     return folder
 
@@ -151,7 +177,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
     internals: dict[str, Any] = {"used": extra["used"]}
     if "unknowns" in document:
         own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
-        meaning = Unknowns(**document["unknowns"])
+        meaning = Unknowns(**document["unknowns"], block=extra["block"])
         scalars = {"rows": int(extra["used"].sum()), "strength": 0.0, "dropped": False}
         internals["linear"] = LinearFit(meaning=meaning, **own, **scalars)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
@@ -266,6 +292,10 @@ def describe_model(model: eqx.Module, prefix: str = "") -> tuple[dict[str, Any],
         if isinstance(value, eqx.Module):
             structure[field.name], nested = describe_model(value, f"{name}.")
             arrays |= nested
+        elif isinstance(value, tuple) and any(isinstance(part, eqx.Module) for part in value):
+            parts = [describe_model(part, f"{name}.{k}.") for k, part in enumerate(value)]
+            structure[field.name] = [described for described, _ in parts]
+            arrays |= {key: array for _, nested in parts for key, array in nested.items()}
         elif eqx.is_array(value):
             structure[field.name] = {"array": name}
             arrays[name] = np.asarray(value)
@@ -281,14 +311,19 @@ def rebuild_model(structure: dict[str, Any], arrays: dict[str, Any]) -> Any:
             "unknown-model",
             f"the file names the class {structure.get('class')!r}; known are {', '.join(_CLASSES)}.",
         )
-    values = {}
-    for name, value in structure.items():
-        if isinstance(value, dict) and "class" in value:
-            values[name] = rebuild_model(value, arrays)
-        elif isinstance(value, dict):
-            values[name] = jnp.asarray(arrays[value["array"]])
-        elif name != "class":
-            values[name] = value
+
+    def rebuilt(value: Any) -> Any:
+        if isinstance(value, list):
+            return tuple(rebuilt(part) for part in value)
+        if not isinstance(value, dict):
+            return value
+        return (
+            rebuild_model(value, arrays)
+            if "class" in value
+            else jnp.asarray(arrays[value["array"]])
+        )
+
+    values = {name: rebuilt(value) for name, value in structure.items() if name != "class"}
     return _CLASSES[structure["class"]](**values)
 
 
@@ -334,6 +369,7 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
     if (linear := fit.internals.get("linear")) is not None:
         arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
+        arrays["block"] = linear.meaning.block
     return arrays
 
 

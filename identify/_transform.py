@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, parameters
+from hysteresis import AbstractModel, parameter_at, parameters
 
 Model = TypeVar("Model", bound=AbstractModel)
 
@@ -55,11 +55,11 @@ class Transform(NamedTuple):
 
     def insert(self, model: Model, values: Float[Array, " parameters"]) -> Model:
         """The model with these parameters."""
-        return eqx.tree_at(lambda m: [getattr(m, name) for name in self.names], model, list(values))
+        return eqx.tree_at(lambda m: [parameter_at(m, n) for n in self.names], model, list(values))
 
     def values(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
-        return np.array([float(getattr(model, name)) for name in self.names])
+        return np.array([float(parameter_at(model, name)) for name in self.names])
 
 
 def transform(model: AbstractModel, scale: float) -> Transform:
@@ -67,7 +67,7 @@ def transform(model: AbstractModel, scale: float) -> Transform:
     free = [
         (name, info)
         for name, info, value in parameters(model)
-        if not info.fixed and value.ndim == 0
+        if not info.fixed and value is not None and value.ndim == 0
     ]
     names = tuple(name for name, _ in free)
     low, high = (tuple(float(info.bounds[k]) for _, info in free) for k in (0, 1))

@@ -8,8 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    LinearSponge,
+    MovingPreisach,
+    OutputDependentPreisach,
+    PrandtlIshlinskii,
+    Preisach,
+)
 from hysteresis.preisach import GridDensity
+from tests.densities import CELLS as DENSITY_CELLS
+from tests.densities import Make, mixture, plain_everett, warped
 
 Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat"]
 Known = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -109,10 +119,12 @@ def _burgers_known(model: AbstractModel) -> Known:
 
 
 def _preisach(
-    initial: Literal["negative", "positive", "demagnetised"],
+    initial: str | tuple[float, ...],
     leading: bool = False,
     reversible: bool = False,
     sparse: bool = False,
+    share_up: bool = False,
+    dead_band: float = 0.0,
 ):
     def make(rng: np.random.Generator) -> Preisach:
         density = GridDensity(LOW, HIGH, weights(rng, sparse))
@@ -121,7 +133,11 @@ def _preisach(
             # Steeper than the relays can fall: least_slope is that of the relays, per unit of input.
             flat = Preisach(density, jnp.zeros(CELLS), leading=True).least_slope()
             increments -= np.asarray(flat) * ((HIGH - LOW) / CELLS)
-        return Preisach(density, increments, rng.normal(), leading=leading, initial=initial)
+        up = np.asarray(density.weights) * rng.random((CELLS, CELLS)) if share_up else None
+        return Preisach(
+            density, increments, rng.normal(), up,
+            leading=leading, initial=initial, dead_band=dead_band,
+        )  # fmt: skip
 
     return make
 
@@ -141,6 +157,117 @@ def _preisach_known(model: AbstractModel) -> Known:
     u = np.concatenate([nodes, nodes[::-1]])
     y = model.orientation * relays + np.concatenate([R, R[::-1]]) + float(model.offset)
     return np.zeros_like(u), u, y
+
+
+def _play(leading: bool = False, bent: bool = False, rates: bool = False):
+    def make(rng: np.random.Generator) -> PrandtlIshlinskii:
+        r, w = np.cumsum(rng.uniform(0.1, 0.4, 4)), rng.uniform(0.1, 1.0, 4)
+        return PrandtlIshlinskii(
+            r, w, rng.uniform(0.5, 2.0), rng.normal(), rates=rng.uniform(0, 0.02, 4) if rates else None,
+            bends=np.array([-1.5, 0.4, 2.0]) if bent else None,
+            bend_slopes=rng.uniform(-0.3, 0.6, 3) if bent else None, leading=leading,
+        )  # fmt: skip
+
+    return make
+
+
+def _play_known(model: AbstractModel) -> Known:
+    """Up and down at an even speed: each play follows a backlash behind, and rests at the turn."""
+    assert isinstance(model, PrandtlIshlinskii)
+    up, down = np.linspace(0.0, 3.0, 61)[:, None], np.linspace(3.0, -3.0, 121)[1:, None]
+    r = np.asarray(model.thresholds)
+    if model.rates is not None:
+        r = r + 0.2 * np.asarray(model.rates)
+    z = np.concatenate([np.maximum(up - r, 0), np.minimum(np.maximum(3 - r, 0), down + r)])
+    u = np.concatenate([up, down])
+    x = float(model.slope) * u[:, 0] + (u - z if model.leading else z) @ np.asarray(model.weights)
+    y = x + float(model.offset)
+    if model.bends is not None:
+        for d, s in zip(np.asarray(model.bends), np.asarray(model.bend_slopes), strict=True):
+            y += s * (np.maximum(x - d, 0) if d >= 0 else np.minimum(x - d, 0))
+    return 0.25 * np.arange(len(y)), u[:, 0], y
+
+
+def _moving(feedback: float):
+    """The feedback in parts of the strongest one, that which makes a branch vertical."""
+
+    def make(rng: np.random.Generator) -> MovingPreisach:
+        density = GridDensity(LOW, HIGH, weights(rng))
+        inner = Preisach(density, rng.uniform(0.1, 0.5, CELLS), rng.normal())
+        return MovingPreisach(inner, feedback / MovingPreisach(inner, 0.0).steepest_slopes()[1])
+
+    return make
+
+
+def _moving_known(model: AbstractModel) -> Known:
+    """The inner model's answer; the input is what the output leaves of it."""
+    assert isinstance(model, MovingPreisach)
+    t, h, y = _preisach_known(model.inner)
+    return t, h - float(model.feedback) * y, y
+
+
+def _output_dependent(rng: np.random.Generator) -> OutputDependentPreisach:
+    inner = Preisach(GridDensity(LOW, HIGH, weights(rng)), rng.uniform(0.1, 0.5, CELLS))
+    return OutputDependentPreisach(inner, rng.uniform(0.5, 2.0, 5), rng.normal())
+
+
+def _output_dependent_known(model: AbstractModel) -> Known:
+    """The inner model's answer, through a polygon."""
+    assert isinstance(model, OutputDependentPreisach)
+    t, u, P = _preisach_known(model.inner)
+    g = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.increments)))
+    return t, u, np.interp(P, np.linspace(P[0], P[CELLS], len(g)), g)
+
+
+def _preisach_known_from_the_middle(model: AbstractModel) -> Known:
+    """Relay by relay, from node to node: there the relays of a cell switch as a whole."""
+    assert isinstance(model, Preisach)
+    assert isinstance(model.density, GridDensity)
+    w = np.tril(np.asarray(model.density.weights))
+    up = np.zeros_like(w) if model.up is None else np.tril(np.asarray(model.up))
+    i, j = np.indices(w.shape)
+    nodes = np.array([3, 5, 2, 6, 1, 7, 3, 4, 0, 2])
+    width = (HIGH - LOW) / CELLS
+    band, seen = round(model.dead_band / width), nodes[0]
+    from_down, from_up, relays = -np.ones_like(w), np.ones_like(w), []
+    for k in nodes:
+        seen = min(max(seen, k - band), k + band)
+        for relay in (from_down, from_up):
+            relay[seen >= i + 1] = 1
+            relay[seen <= j] = -1
+        relays.append(((w - up) * from_down + up * from_up).sum())
+    R = np.append(0.0, np.cumsum(np.asarray(model.reversible)))
+    y = model.orientation * np.array(relays) + R[nodes] + float(model.offset)
+    return np.zeros(len(y)), LOW + width * nodes, y
+
+
+def _with_density(make_density: Make) -> Callable[[np.random.Generator], Preisach]:
+    """With a reversible part, so that the input can be found behind every output."""
+
+    def make(rng: np.random.Generator) -> Preisach:
+        reversible = rng.uniform(0.1, 0.5, DENSITY_CELLS)
+        return Preisach(make_density(rng, LOW, HIGH), reversible, rng.normal())
+
+    return make
+
+
+def _density_known(model: AbstractModel) -> Known:
+    """Up from negative saturation and down again: two branches, each an Everett function."""
+    assert isinstance(model, Preisach)
+    density, increments = model.density, np.asarray(model.reversible)
+    nodes = getattr(density, "edges", np.linspace(LOW, HIGH, len(increments) + 1))
+    up = np.linspace(LOW, HIGH, 9)
+    u = np.concatenate([up, up[::-1]])
+    total = plain_everett(density, HIGH, LOW)
+    rising = [2 * plain_everett(density, x, LOW) - total for x in up]
+    falling = [total - 2 * plain_everett(density, HIGH, x) for x in up]
+    R = np.interp(u, nodes, np.append(0.0, np.cumsum(increments)))
+    return np.zeros_like(u), u, np.array(rising + falling[::-1]) + R + float(model.offset)
+
+
+def _density_problem(name: str, make_density: Make, *tags: Tag) -> Problem:
+    make = _with_density(make_density)
+    return Problem(name, make, LOW, HIGH, frozenset({"lagging", *tags}), _density_known)
 
 
 def _burgers_problem(
@@ -170,13 +297,36 @@ PROBLEMS: tuple[Problem, ...] = (
     _burgers_problem("lagging", "constant"),
     _burgers_problem("leading", "linear"),
     _burgers_problem("leading", "constant"),
+    Problem(
+        "moving", _moving(0.5), -0.6, 1.55, frozenset[Tag]({"grid", "lagging"}), _moving_known
+    ),
+    Problem(
+        "output-dependent", _output_dependent, LOW, HIGH, frozenset[Tag]({"grid", "lagging"}),
+        _output_dependent_known,
+    ),
+    Problem(
+        "play-leading-bent", _play(True, True), -3.0, 3.0, frozenset[Tag]({"leading"}), _play_known
+    ),
+    Problem(
+        "play-rates-bent", _play(False, True, True), -3.0, 3.0,
+        frozenset[Tag]({"rates", "lagging"}), _play_known,
+    ),
     _preisach_problem("negative", _preisach("negative"), "lagging"),
     _preisach_problem("positive", _preisach("positive", reversible=True), "lagging"),
     _preisach_problem("demagnetised", _preisach("demagnetised", reversible=True), "lagging"),
+    Problem(
+        "preisach-up", _preisach("negative", reversible=True, share_up=True), LOW, HIGH,
+        frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
+    ),
+    Problem(
+        "preisach-dead-band",
+        _preisach("negative", reversible=True, dead_band=(HIGH - LOW) / CELLS), LOW, HIGH,
+        frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
+    ),
+    _density_problem("warped-grid", warped, "grid"),
+    _density_problem("sum-of-densities", mixture),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),
-    _preisach_problem("leading-positive", _preisach("positive", leading=True), "leading"),
-    _preisach_problem("leading-demagnetised", _preisach("demagnetised", leading=True), "leading"),
 )  # fmt: skip
 
 TAGS: tuple[Tag, ...] = get_args(Tag)

@@ -1,13 +1,28 @@
 """The Preisach model, its densities and its memory."""
 
+from ._coercive import GaussianDensity as GaussianDensity
+from ._coercive import LogNormalDensity as LogNormalDensity
+from ._coercive import LorentzianDensity as LorentzianDensity
+from ._dead_band import input_noise as input_noise
 from ._density import AbstractDensity as AbstractDensity
+from ._density import AbstractGridDensity as AbstractGridDensity
 from ._density import GridDensity as GridDensity
+from ._density import quantile_nodes as quantile_nodes
 from ._everett import EverettTable as EverettTable
 from ._everett import GridPairs as GridPairs
 from ._everett import read as read
+from ._factorised import FactorisedDensity as FactorisedDensity
+from ._initial import Initial as Initial
 from ._memory import MemoryTree as MemoryTree
 from ._memory import memory_tree as memory_tree
+from ._moving import MovingPreisach as MovingPreisach
+from ._network import NetworkDensity as NetworkDensity
+from ._output_dependent import OutputDependentPreisach as OutputDependentPreisach
 from ._preisach import Preisach as Preisach
 from ._preisach import PreisachInput as PreisachInput
 from ._preisach import PreisachState as PreisachState
+from ._ridge import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
+from ._ridge import RidgeDensity as RidgeDensity
+from ._saturation import saturated_outputs as saturated_outputs
 from ._stack import OpenLoops as OpenLoops
+from ._sum import SumDensity as SumDensity

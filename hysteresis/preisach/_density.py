@@ -25,10 +25,20 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
         E(a, b) = E(b, a) = integral of mu over {b <= beta <= alpha <= a}   for b <= a,
 
     split into what depends on the inputs (`pair`), on the parameters (`tabulate`) and on both.
+
+    Raises `InputError` for an empty range.
     """
 
     low: eqx.AbstractVar[float]
     high: eqx.AbstractVar[float]
+
+    def __check_init__(self) -> None:
+        if not self.low < self.high:
+            raise InputError(
+                "zero-range",
+                f"the density reaches from {self.low:g} to {self.high:g}.",
+                fix="give low < high, enclosing the inputs the model will see.",
+            )
 
     @abc.abstractmethod
     def pair(self, a: Any, b: Any) -> Pairs:
@@ -47,8 +57,98 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
         """E(high, low): half the output's range."""
 
 
-class GridDensity(AbstractDensity[GridPairs, EverettTable]):
-    """A density that is constant on each cell of a uniform n x n grid on the triangle.
+class AbstractCellDensity(AbstractDensity[GridPairs, Table]):
+    """A density made of the cells of an n x n grid on the triangle, both thresholds cut alike.
+
+    - `nodes`: the n+1 inputs between which the cells lie; None for cells of one width.
+    """
+
+    nodes: eqx.AbstractVar[tuple[float, ...] | None]
+
+    def __check_init__(self) -> None:
+        if self.nodes is None:
+            return
+        if len(self.nodes) != self.cells + 1:
+            raise InputError(
+                "nodes-length",
+                f"{len(self.nodes)} nodes for {self.cells} cells.",
+                fix="give one node more than cells: low, what lies between the cells, high.",
+            )
+        if (self.nodes[0], self.nodes[-1]) != (self.low, self.high):
+            raise InputError(
+                "nodes-not-in-range",
+                f"the nodes reach from {self.nodes[0]:g} to {self.nodes[-1]:g}, the density from "
+                f"{self.low:g} to {self.high:g}.",
+                fix="let the first node be low and the last one high.",
+            )
+        if not (np.diff(self.nodes) > 0).all():
+            raise InputError("nodes-not-increasing", "the nodes do not increase.")
+
+    @property
+    @abc.abstractmethod
+    def cells(self) -> int:
+        """n, the number of cells along each threshold."""
+
+    @property
+    def edges(self) -> Float[np.ndarray, " nodes"]:
+        """The inputs between which the cells lie, n+1 of them."""
+        if self.nodes is None:
+            return np.linspace(self.low, self.high, self.cells + 1)
+        return np.asarray(self.nodes)
+
+    def locate(self, u: Any) -> tuple[Any, Any]:
+        """Cell (integer) and fraction within it; beyond the grid, below 0 or above 1 in its end cell."""
+        xp = jnp if isinstance(u, jax.Array) else np
+        if self.nodes is None:
+            position = (u - self.low) * (self.cells / (self.high - self.low))
+            cell = xp.clip(xp.floor(position), 0, self.cells - 1)
+            return cell.astype(np.int32), position - cell
+        edges = xp.asarray(self.edges, u.dtype)
+        cell = xp.clip(xp.searchsorted(edges, u, side="right") - 1, 0, self.cells - 1)
+        return cell.astype(np.int32), (u - edges[cell]) / (edges[cell + 1] - edges[cell])
+
+    def at(self, cell: Any, fraction: Any) -> Any:
+        """The input at a fraction of a cell, the inverse of `locate`."""
+        xp = jnp if isinstance(fraction, jax.Array) else np
+        edges = xp.asarray(self.edges, fraction.dtype)
+        return edges[cell] + fraction * (edges[cell + 1] - edges[cell])
+
+    def pair(self, a: Any, b: Any) -> GridPairs:
+        (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)
+        return GridPairs(cell, cell_b, cell * (self.cells + 1) + cell_b, fraction, fraction_b)
+
+
+class AbstractGridDensity(AbstractCellDensity[EverettTable]):
+    """A density that is constant on each cell of a grid: E is exact, by table look-up.
+
+    The formula knows inputs by cell and fraction alone, so it holds for cells of any widths: the map
+    from input to cell and fraction is increasing, the same for both thresholds, and affine on every
+    cell. It takes the triangle to a triangle, cells to squares, half cells to half squares, and
+    leaves what is uniform on each of them uniform.
+    """
+
+    @abc.abstractmethod
+    def masses(self) -> Float[Array, "cells cells"]:
+        """The mass of each cell; row i is its alpha cell, column j <= i its beta cell. Those on the
+        diagonal are half cells, those above it are not used."""
+
+    def tabulate(self) -> EverettTable:
+        return everett_table(self.masses())
+
+    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
+        return everett_look_up(table, pairs)
+
+    def mass(self, table: EverettTable) -> Float[Array, ""]:
+        return table.node[-1, 0]
+
+
+def as_nodes(nodes: Any) -> tuple[float, ...] | None:
+    """Nodes as a static field keeps them."""
+    return None if nodes is None else tuple(np.asarray(nodes, float).tolist())
+
+
+class GridDensity(AbstractGridDensity):
+    """A density given by the mass of each cell of an n x n grid on the triangle.
 
     **Arguments:**
 
@@ -58,9 +158,11 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
       the diagonal are half cells.
     - `signed`: allow negative weights. The output then need not rise with the input, and the model
       has no inverse in general.
+    - `nodes`: the n+1 inputs between which the cells lie, increasing from `low` to `high`; None for
+      cells of one width. See `quantile_nodes`.
 
-    Raises `InputError` for an empty range, a table that is not square, weights that are not finite,
-    negative ones unless `signed`.
+    Raises `InputError` for an empty range, nodes that do not fit, a table that is not square, weights
+    that are not finite, negative ones unless `signed`.
     """
 
     low: float = eqx.field(static=True, converter=float)
@@ -69,54 +171,60 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
         unit="output", bounds=(0.0, float("inf")), meaning="mass of each cell"
     )
     signed: bool = eqx.field(default=False, static=True, kw_only=True)
+    nodes: tuple[float, ...] | None = eqx.field(
+        default=None, static=True, kw_only=True, converter=as_nodes
+    )
 
     def __check_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError(
-                "zero-range",
-                f"the density reaches from {self.low:g} to {self.high:g}.",
-                fix="give low < high, enclosing the inputs the model will see.",
-            )
-        if self.weights.ndim != 2 or self.weights.shape[0] != self.weights.shape[1]:
-            raise InputError(
-                "weights-not-square",
-                f"the weights have shape {self.weights.shape}.",
-                fix="give an (n, n) table; row i is the alpha cell, column j <= i the beta cell.",
-            )
-        if is_concrete(self.weights):
-            used = np.tril(np.asarray(self.weights))
-            if not np.isfinite(used).all():
-                raise InputError("weights-not-finite", "some weights are NaN or infinite.")
-            if used.min() < 0 and not self.signed:
-                i, j = np.unravel_index(used.argmin(), used.shape)
-                raise InputError(
-                    "negative-weight",
-                    f"the weight of cell ({i}, {j}) is {used.min():g}.",
-                    cause="a loop that leads its input was described as one that lags it.",
-                    fix="use Preisach(..., leading=True), or GridDensity(..., signed=True) if meant.",
-                )
+        check_weights(self.weights, self.signed)
 
     @property
     def cells(self) -> int:
-        """n, the number of cells along each threshold."""
         return self.weights.shape[0]
 
-    def locate(self, u: Any) -> tuple[Any, Any]:
-        """Cell (integer) and fraction within it of inputs in [low, high]."""
-        xp = jnp if isinstance(u, jax.Array) else np
-        position = (u - self.low) * (self.cells / (self.high - self.low))
-        cell = xp.clip(xp.floor(position), 0, self.cells - 1)
-        return cell.astype(np.int32), position - cell
+    def masses(self) -> Float[Array, "cells cells"]:
+        return jnp.asarray(self.weights)
 
-    def pair(self, a: Any, b: Any) -> GridPairs:
-        (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)
-        return GridPairs(cell, cell_b, cell * (self.cells + 1) + cell_b, fraction, fraction_b)
 
-    def tabulate(self) -> EverettTable:
-        return everett_table(self.weights)
+def check_weights(weights: Any, signed: bool = False) -> None:
+    """Raise `InputError` unless (n, n) finite numbers, none of those used negative unless `signed`."""
+    if weights.ndim != 2 or weights.shape[0] != weights.shape[1]:
+        raise InputError(
+            "weights-not-square",
+            f"the weights have shape {weights.shape}.",
+            fix="give an (n, n) table; row i is the alpha cell, column j <= i the beta cell.",
+        )
+    if not is_concrete(weights):
+        return
+    used = np.tril(np.asarray(weights))
+    if not np.isfinite(used).all():
+        raise InputError("weights-not-finite", "some weights are NaN or infinite.")
+    if used.min() < 0 and not signed:
+        i, j = np.unravel_index(used.argmin(), used.shape)
+        raise InputError(
+            "negative-weight",
+            f"the weight of cell ({i}, {j}) is {used.min():g}.",
+            cause="a loop that leads its input was described as one that lags it.",
+            fix="use Preisach(..., leading=True), or GridDensity(..., signed=True) if meant.",
+        )
 
-    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
-        return everett_look_up(table, pairs)
 
-    def mass(self, table: EverettTable) -> Float[Array, ""]:
-        return table.node[-1, 0]
+def quantile_nodes(u: Any, cells: int) -> tuple[float, ...]:
+    """Nodes of a grid whose cells are small where the inputs are dense, from their least to greatest.
+
+        node_k = (uniform_k + quantile of u at k / cells) / 2
+
+    so no cell is narrower than half a uniform one, whatever gaps and ties the inputs have.
+
+    Raises `InputError` for inputs that are not finite or do not change.
+    """
+    u = np.asarray(u, float)
+    low, high = (u.min(), u.max()) if u.size and np.isfinite(u).all() else (np.nan, np.nan)
+    if not low < high:
+        raise InputError(
+            "no-quantiles",
+            "the inputs are not finite, or all the same.",
+            fix="give the finite inputs of a record that moves.",
+        )
+    quantiles = np.quantile(u, np.linspace(0, 1, cells + 1))
+    return tuple(((np.linspace(low, high, cells + 1) + quantiles) / 2).tolist())

@@ -26,8 +26,8 @@ class MemoryTree(NamedTuple):
     - `node` (anchors,): the sample of the path each anchor stands at; anchor 0 is the path's start.
     - `parent` (anchors,): the anchor each anchor hangs on; its own for anchor 0.
     - `rising` (anchors,): +1 where the branch that starts at the anchor rises, -1 where it falls.
-    - `pushed`, `popped`, `popped_too` (events,): what enters or leaves the stack at each event; an
-      event is either a push of one anchor or a pop of two. The others are `anchors`, one past the end.
+    - `event` (events,): what happens to the stack, in order of time. k: anchor k is pushed;
+      anchors + k: anchor k is popped together with its parent; 2 anchors: nothing.
     - `position` (anchors,): the event that pushed the anchor.
     """
 
@@ -35,9 +35,7 @@ class MemoryTree(NamedTuple):
     node: Int[np.ndarray, " anchors"]
     parent: Int[np.ndarray, " anchors"]
     rising: Int[np.ndarray, " anchors"]
-    pushed: Int[np.ndarray, " events"]
-    popped: Int[np.ndarray, " events"]
-    popped_too: Int[np.ndarray, " events"]
+    event: Int[np.ndarray, " events"]
     position: Int[np.ndarray, " anchors"]
 
 
@@ -49,14 +47,18 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     turning, end = _turning_points(path)
     value = path[np.append(turning, end)]
     anchors = len(turning)
-    branch, top, low, landing, parent = _wipe_outs(value.tolist())
+    branch, top, landing, parent = _wipe_outs(value.tolist())
     rising = np.where(np.arange(anchors) % 2 == 0, 1, -1).astype(np.int32)
 
     # Branch k covers samples begin[k] .. begin[k+1]-1: from behind its anchor to the next reversal.
     begin = np.append(turning + 1, len(path))
     begin[0] = 0
     passed = _first_beyond(
-        path, rising[branch] * value[low], rising[branch], begin[branch], begin[branch + 1] - 1
+        path,
+        rising[branch] * value[parent[top]],
+        rising[branch],
+        begin[branch],
+        begin[branch + 1] - 1,
     )
 
     # Merge the two kinds of events, both sorted by branch: each branch pushes, then pops.
@@ -65,9 +67,8 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     events = anchors + len(branch)
     is_pop = np.ones(events, bool)
     is_pop[position] = False
-    pushed, popped, popped_too = (np.full(events, anchors, np.int32) for _ in range(3))
-    pushed[position] = np.arange(anchors)
-    popped[is_pop], popped_too[is_pop] = top, low
+    event = np.empty(events, np.int32)
+    event[position], event[is_pop] = np.arange(anchors), anchors + top
 
     # Between two events every sample hangs on the same anchor.
     since, holder = np.empty(events + 1, np.int64), np.empty(events, np.int32)
@@ -75,9 +76,8 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     holder[position], holder[is_pop] = np.arange(anchors), landing
     anchor = np.repeat(holder, np.diff(since))
     return MemoryTree(
-        anchor, turning.astype(np.int32), parent, rising, pushed, popped, popped_too,
-        position.astype(np.int32),
-    )  # fmt: skip
+        anchor, turning.astype(np.int32), parent, rising, event, position.astype(np.int32)
+    )
 
 
 def _turning_points(path: Float[np.ndarray, " samples"]) -> tuple[Shaped[np.ndarray, " _"], int]:
@@ -95,17 +95,17 @@ def _turning_points(path: Float[np.ndarray, " samples"]) -> tuple[Shaped[np.ndar
 
 def _wipe_outs(
     value: list[float],
-) -> tuple[IntArray, IntArray, IntArray, IntArray, Int[np.ndarray, " anchors"]]:
+) -> tuple[IntArray, IntArray, IntArray, Int[np.ndarray, " anchors"]]:
     """Walk the turning values once with a stack.
 
-    Returns for every wipe-out its branch, the two anchors that leave (the younger one first) and the
-    anchor landed on; and every anchor's parent.
+    Returns for every wipe-out its branch, the younger of the two anchors that leave (the other is
+    its parent) and the anchor landed on; and every anchor's parent.
     """
     anchors = len(value) - 1
     extremum = [*value, np.inf]  # below the start nothing is wiped out, above the bottom neither
     extremum[0] = -np.inf
     stack = [anchors + 1]
-    branch, top, low, landing, parent = [], [], [], [], [0]
+    branch, top, landing, parent = [], [], [], [0]
     for k in range(anchors):
         stack.append(k)
         x = extremum[k + 1]
@@ -113,10 +113,10 @@ def _wipe_outs(
         while (x >= extremum[stack[-2]]) if rises else (x <= extremum[stack[-2]]):
             branch.append(k)
             top.append(stack.pop())
-            low.append(stack.pop())
+            stack.pop()
             landing.append(stack[-1])
         parent.append(stack[-1])
-    integers = (np.array(a, np.int32) for a in (branch, top, low, landing, parent[:anchors]))
+    integers = (np.array(a, np.int32) for a in (branch, top, landing, parent[:anchors]))
     return tuple(integers)  # type: ignore[return-value]
 
 

@@ -1,6 +1,6 @@
 """The Preisach model: a density of relays, and the memory tree of the input."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,30 +11,44 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
-from ._density import AbstractDensity, GridDensity
-from ._everett import materialise, read
-from ._memory import MemoryTree, memory_tree
+from ._dead_band import play, play_step
+from ._density import AbstractCellDensity, AbstractDensity, AbstractGridDensity
+from ._everett import bilinear, materialise, read, tabulate_once
+from ._initial import Initial, check_initial, staircase, word_or_inputs
+from ._levels import anchor_levels
+from ._memory import MemoryTree
+from ._occupancy import Visited, check_up, occupancy_table, running_extremes
+from ._sequences import hang, past_inputs
 from ._stack import OpenLoops
-
-Initial = Literal["negative", "positive", "demagnetised"]
 
 
 class PreisachState(NamedTuple):
     """The staircase of dominant extrema and where the input stands on it.
 
     - `loops`: the open loops; their levels are outputs of the relays alone.
-    - `u`, `y`: input and relays' output now.
+    - `u`, `y`: the relays' input and output now.
     - `rising`: +1 or -1, which way the input moved last.
+    - `visited`: the least and greatest input so far; None without a fitted first state `up`, which
+      is no part of `y`.
+    - `held`: the input behind the dead band, NaN before the first sample; None without one.
     """
 
     loops: OpenLoops
     u: Array
     y: Array
     rising: Array
+    visited: Visited | None
+    held: Array | None
 
 
 class PreisachInput(NamedTuple):
-    """The memory tree of an input with its pairs located on the density; see `MemoryTree`."""
+    """The memory tree of an input with its pairs located on the density; see `MemoryTree`.
+
+    - `sample`, `sign` (samples,): each sample's anchor and itself, and 2 rising or -2 falling.
+    - `node`, `node_sign` (anchors,): the same of each anchor and its parent.
+    - `cell`, `within` (samples,): the place on the reversible part, or None.
+    - `unvisited` (samples,): greatest and least input so far, or None.
+    """
 
     tree: MemoryTree
     sample: Any
@@ -43,6 +57,7 @@ class PreisachInput(NamedTuple):
     node_sign: Any
     cell: Array | None
     within: Array | None
+    unvisited: Any
 
 
 class Preisach(AbstractModel[PreisachState, PreisachInput]):
@@ -59,19 +74,29 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     **Arguments:**
 
     - `density`: where the relays are, e.g. `GridDensity`.
-    - `reversible`: (n,) increments of R over n equal cells of [low, high], none negative; R(low) = 0.
-      R is the model's memoryless part, piecewise linear. None for no such part.
+    - `reversible`: (n,) increments of R over the cells of a grid density, or n equal ones of
+      [low, high], none negative; R(low) = 0. R is the model's memoryless part, piecewise linear.
+      None for no such part.
     - `offset`: the output's constant.
+    - `up`: (n, n) the mass of the relays of each grid cell that are up before the first sample, between 0
+      and the cell's weight; they stay up until the input reaches one of their thresholds. It needs
+      `initial="negative"` and a grid density. None for no such relays.
 
     **Other arguments:**
 
     - `leading`: y = offset + R(u) - P[u], for loops traversed clockwise, whose output leads the input
-      (displacement -> force). R has to be steep enough for y to rise with u; see `slopes`.
+      (displacement -> force). R has to be steep enough for y to rise with u; see `least_slope`.
     - `initial`: relays before the first sample: all down (`"negative"`), all up (`"positive"`), or
-      down above and up below the anti-diagonal (`"demagnetised"`).
-    - `capacity`: reversals a streaming state can hold; beyond it the smallest loop is forgotten.
+      down above and up below the anti-diagonal (`"demagnetised"`); or inputs in [low, high] that
+      lead there from all down, such as `(3.0, 1.0, 2.0)`.
+    - `capacity`: reversals a streaming state can hold, at least three; beyond it the smallest loop is
+      forgotten. The output is then off by at most twice E(a, b), a the youngest reversal still
+      held and b the oldest one forgotten, until the input leaves [a, b].
+    - `dead_band`: half width of a play operator in front of the relays, not of R: inputs that move by
+      less make no reversals. See `input_noise`.
 
-    Raises `InputError` for a reversible part that does not fit the density or decreases.
+    Raises `InputError` for a reversible part that does not fit the density or decreases, masses `up` that
+    the cells cannot have, and settings outside what is said here.
 
     Source: Mayergoyz, Mathematical Models of Hysteresis; Kim 2018, equation (1).
     """
@@ -81,21 +106,57 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         None, unit="output", bounds=(0.0, float("inf")), meaning="increments of the memoryless part"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
-    leading: bool = eqx.field(default=False, static=True)
-    initial: Initial = eqx.field(default="negative", static=True)
-    capacity: int = eqx.field(default=128, static=True)
+    up: Float[Array, "cells cells"] | np.ndarray | None = parameter(
+        None,
+        unit="output",
+        bounds=(0.0, float("inf")),
+        meaning="mass of the relays of each cell that are up before the first sample",
+    )
+    leading: bool = eqx.field(default=False, static=True, kw_only=True)
+    initial: Initial = eqx.field(
+        default="negative", static=True, kw_only=True, converter=word_or_inputs
+    )
+    capacity: int = eqx.field(default=128, static=True, kw_only=True)
+    dead_band: float = eqx.field(default=0.0, static=True, kw_only=True, converter=float)
 
     def __check_init__(self) -> None:
+        check_initial(self.initial, self.density.low, self.density.high)
+        self._check_reversible()
+        self._check_up()
+        if self.capacity < 3:
+            raise InputError(
+                "no-capacity", f"{self.capacity} reversals hold no loop.", fix="give 3 or more."
+            )
+        if not 0 <= self.dead_band < float("inf"):
+            raise InputError(
+                "dead-band",
+                f"half a dead band is {self.dead_band:g} wide.",
+                fix="give 0, or three times input_noise(u).",
+            )
+
+    def _check_reversible(self) -> None:
         if self.reversible is None or not is_concrete(self.reversible):
             return
-        if isinstance(self.density, GridDensity) and len(self.reversible) != self.density.cells:
+        grid = self.density
+        if isinstance(grid, AbstractCellDensity) and len(self.reversible) != grid.cells:
             raise InputError(
                 "reversible-length",
-                f"{len(self.reversible)} increments for {self.density.cells} cells.",
+                f"{len(self.reversible)} increments for {grid.cells} cells.",
                 fix="give the reversible part one increment per cell of the grid.",
             )
         if not bool((self.reversible >= 0).all()):
             raise InputError("reversible-decreases", "the reversible part has negative increments.")
+
+    def _check_up(self) -> None:
+        if self.up is None:
+            return
+        if self.initial != "negative" or not isinstance(self.density, AbstractGridDensity):
+            raise InputError(
+                "up-not-from-negative",
+                "relays that are up before the first sample are counted from all down, on a grid.",
+                fix='give initial="negative" and a GridDensity, or leave out `up`.',
+            )
+        check_up(self.up, self.density.masses())
 
     # Streaming
 
@@ -103,19 +164,28 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         table = self.density.tabulate()
         low, down = jnp.asarray(self.density.low, float), -self.density.mass(table)
         loops = OpenLoops.none(self.capacity, low, down)
-        state = PreisachState(loops, low, down, loops.depth)
+        visited = None if self.up is None else Visited.nothing()
+        held = jnp.asarray(jnp.nan, float) if self.dead_band else None
+        state = PreisachState(loops, low, down, loops.depth, visited, held)
         return _settle(self, state, jnp.asarray(self._staircase(), float))
 
     @eqx.filter_jit
     def step(self, state: PreisachState, t: Any, u: Any) -> tuple[PreisachState, Float[Array, ""]]:
         u = jnp.asarray(u, state.u.dtype)
-        state, relays = self._step_relays(self.density.tabulate(), state, u)
+        held = None if state.held is None else play_step(u, self.dead_band, state.held)
+        state = state._replace(held=held)
+        table = self.density.tabulate()
+        state, relays = self._step_relays(table, state, u if held is None else held)
+        if state.visited is not None:
+            state = state._replace(visited=state.visited.also(state.u))
+            up = occupancy_table(jnp.asarray(self.up))
+            relays += 2 * bilinear(up, self._unvisited(state.visited))
         return state, self._output(relays, *self._place(u))
 
     def _step_relays(
         self, table: Any, state: PreisachState, u: Array
     ) -> tuple[PreisachState, Array]:
-        loops, u_before, y_before, rising = state
+        loops, u_before, y_before, rising = state[:4]
         u = jnp.clip(u, self.density.low, self.density.high)
         direction = jnp.where(u > u_before, 1, jnp.where(u < u_before, -1, rising))
         s = direction.astype(u.dtype)
@@ -123,7 +193,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         loops = loops.wipe_out(lambda extremum, level: s * u >= s * extremum)
         reversal, level = loops.anchor
         y = level + 2 * s * self.density.everett(table, self.density.pair(u, reversal))
-        return PreisachState(loops, u, y, direction), y
+        return state._replace(loops=loops, u=u, y=y, rising=direction), y
 
     # Batch
 
@@ -138,39 +208,33 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         past = self._past(state)
         concrete = is_concrete(u) and is_concrete(past)
         u = np.asarray(u, float) if concrete else jnp.asarray(u)
-        xp = np if concrete else jnp
-        clipped = xp.clip(u, self.density.low, self.density.high)
-        ends = (*starts[1:], len(u))
-        pieces = [
-            piece for a, b in zip(starts, ends, strict=True) for piece in (past, clipped[a:b])
-        ]
-        path: Any = xp.concatenate(pieces)
-        kept = np.arange(len(u)) + np.repeat(
-            np.arange(1, len(starts) + 1) * len(past), np.diff([*starts, len(u)])
-        )
-        tree = memory_tree(path) if concrete else _traced_tree(path)
-
-        anchor = tree.anchor[kept]
-        at_node = path[tree.node]
-        sample = self.density.pair(clipped, at_node[anchor])
-        node = self.density.pair(at_node, at_node[tree.parent])
+        seen = self._seen(u, state, starts)
+        tree, at_node = hang(past, seen, starts)
+        # Anchor first: the samples of a branch then read along one row of a table, memory in a row.
+        sample = self.density.pair(at_node[tree.anchor], seen)
+        node = self.density.pair(at_node[tree.parent], at_node)
+        visited = None
+        if self.up is not None:
+            before = state.visited if state is not None else None
+            visited = running_extremes(seen, before or Visited.nothing(), starts)
         prepared = PreisachInput(
-            tree._replace(anchor=anchor), sample, 2.0 * tree.rising[anchor].astype(float),
-            node, 2.0 * tree.rising[tree.parent].astype(float), *self._place(u),
+            tree, sample, 2.0 * tree.rising[tree.anchor].astype(float),
+            node, 2.0 * tree.rising[tree.parent].astype(float),
+            *self._place(u), self._unvisited(visited),
         )  # fmt: skip
         return jax.tree.map(_to_device, prepared)
 
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
         tree = prepared.tree
         true = tree.parent[0] == 0
-        table = materialise(self.density.tabulate(), true)
+        table = tabulate_once(self.density, true)
         rise = prepared.node_sign * self.density.everett(table, prepared.node)
-        rise = jnp.append(rise, 0.0)
-        event = read(rise, tree.pushed) - read(rise, tree.popped) - read(rise, tree.popped_too)
-        level = read(jnp.cumsum(event), tree.position) - self.density.mass(table)
-        level = materialise(level, true)
+        level = anchor_levels(tree, rise, true) - self.density.mass(table)
         relays = read(level, tree.anchor)
         relays += prepared.sign * self.density.everett(table, prepared.sample)
+        if self.up is not None:
+            up = materialise(occupancy_table(jnp.asarray(self.up)), true)
+            relays += 2 * bilinear(up, prepared.unvisited)
         return self._output(relays, prepared.cell, prepared.within)
 
     # Parts
@@ -183,8 +247,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         leading; on a falling branch the same with columns for rows. Negative where the model
         does not rise with its input and cannot be inverted.
         """
-        assert isinstance(self.density, GridDensity)
-        w = jnp.tril(self.density.weights)
+        assert isinstance(self.density, AbstractGridDensity)
+        w = jnp.tril(self.density.masses())
         half = jnp.diagonal(w)
         beside = w - jnp.diag(half)
         swept = jnp.stack([beside[:, ::-1].cumsum(1), beside.T.cumsum(1)])
@@ -192,7 +256,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         swept = jnp.concatenate([swept, swept + 2 * half[None, :, None]], -1)
         least = (2 * self.orientation * swept).min((0, 2))
         reversible = 0.0 if self.reversible is None else self.reversible
-        return (least + reversible) * (self.density.cells / (self.density.high - self.density.low))
+        return (least + reversible) / np.diff(self.density.edges)
 
     @property
     def orientation(self) -> int:
@@ -203,29 +267,30 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """A path of inputs that leads from the negative saturation to `state`."""
         if state is None:
             return np.array([self.density.low, *self._staircase()])
-        extremum, depth = state.loops.extremum, state.loops.depth
-        if is_concrete(state.u):
-            return np.append(np.asarray(extremum)[: int(depth)], float(state.u))
-        # A traced depth: fill up with the present input, since a plateau adds no memory.
-        open_loops = jnp.arange(self.capacity, dtype=jnp.int32) < depth
-        return jnp.append(jnp.where(open_loops, extremum, state.u), state.u)
+        return past_inputs(state.loops, state.u)
+
+    def _seen(self, u: Any, state: PreisachState | None, starts: tuple[int, ...]) -> Any:
+        """What the relays see of the inputs: behind the dead band, within the bounds."""
+        xp = jnp if isinstance(u, jax.Array) else np
+        if self.dead_band:
+            held = jnp.asarray(jnp.nan, float) if state is None else state.held
+            u = xp.asarray(play(jnp.asarray(u), self.dead_band, held, starts))
+        return xp.clip(u, self.density.low, self.density.high)
 
     def _staircase(self) -> list[float]:
-        """Inputs that bring the relays from negative saturation to the initial state."""
-        low, high = self.density.low, self.density.high
-        if self.initial == "negative":
-            return []
-        if self.initial == "positive":
-            return [high]
-        # An alternation that decays by the same step each time, as a laboratory demagnetises.
-        turns = self.capacity // 2
-        amplitude = (high - low) / 2 * (1 - np.arange(turns) / turns)
-        return ((low + high) / 2 + amplitude * (-1.0) ** np.arange(turns)).tolist()
+        density, turns = self.density, self.capacity // 2
+        return staircase(self.initial, density.low, density.high, turns)
+
+    def _unvisited(self, visited: Visited | None) -> Any:
+        """Where the relays begin that no input has reached yet."""
+        return None if visited is None else self.density.pair(visited.greatest, visited.least)
 
     def _place(self, u: Any) -> tuple[Any, Any]:
-        """Cell of the reversible part and position in it, below 0 or above 1 beyond the range."""
+        """Cell of the reversible part and fraction of it, below 0 or above 1 beyond the range."""
         if self.reversible is None:
             return None, None
+        if isinstance(self.density, AbstractCellDensity):
+            return self.density.locate(u)
         n = self.reversible.shape[-1]
         position = (u - self.density.low) * (n / (self.density.high - self.density.low))
         xp = jnp if isinstance(u, jax.Array) else np
@@ -247,37 +312,6 @@ def _settle(model: Preisach, state: PreisachState, path: Array) -> PreisachState
     """The state after a path of inputs."""
     table = model.density.tabulate()
     return jax.lax.scan(lambda s, u: model._step_relays(table, s, u), state, path)[0]
-
-
-def _traced_tree(path: Array) -> MemoryTree:
-    """`memory_tree` of a traced path: the host computes the indices, padded to a fixed capacity.
-
-    Padding hangs on anchor 0 and its events move nothing, so outputs do not change; values are
-    gathered from the traced path by these indices, so gradients flow to the input.
-    """
-    samples = path.shape[0]
-    sizes = [samples] * 4 + [2 * samples] * 3 + [samples]
-
-    def on_host(path: Any) -> MemoryTree:
-        tree = memory_tree(np.asarray(path))
-        anchors = len(tree.node)
-
-        def fill(part: np.ndarray, size: int, by: int) -> np.ndarray:
-            return np.append(part, np.full(size - len(part), by)).astype(np.int32)
-
-        # One past the last anchor means "none": that place is now one past the capacity.
-        events = (
-            np.where(e == anchors, samples, e) for e in (tree.pushed, tree.popped, tree.popped_too)
-        )
-        return MemoryTree._make((
-            tree.anchor.astype(np.int32),
-            fill(tree.node, samples, 0), fill(tree.parent, samples, 0), fill(tree.rising, samples, 1),
-            *(fill(e, 2 * samples, samples) for e in events),
-            fill(tree.position, samples, 0),
-        ))  # fmt: skip
-
-    result = MemoryTree._make(jax.ShapeDtypeStruct((size,), jnp.int32) for size in sizes)
-    return jax.pure_callback(on_host, result, jax.lax.stop_gradient(path), vmap_method="sequential")
 
 
 def _to_device(part: Any) -> Array:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from hysid._report import write_overview, write_report
-from hysid._report_evidence import excited_cells
 from hysid._words import number, plain_name
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
-from identify import fit, sample, save, save_posterior
+from identify import excited_cells, fit, sample, save, save_posterior
 
 HEADINGS = [
     "Loops",

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jax import export
 
 from hysteresis.preisach import GridDensity, MemoryTree, Preisach, memory_tree
-from hysteresis.preisach._preisach import _traced_tree
+from hysteresis.preisach._traced_memory import traced_tree
 from tests.problems import SAMPLES, histories
 
 histories_here = histories(0.0, 1.0)
@@ -49,8 +50,9 @@ def stack_loop(path: np.ndarray) -> Stack:
 def from_tree(path: np.ndarray, tree: MemoryTree) -> np.ndarray:
     """The outputs, from sums over the events of the tree."""
     at = path[tree.node]
-    rise = np.append(2 * tree.rising[tree.parent] * everett(at, at[tree.parent]), 0.0)
-    level = np.cumsum(rise[tree.pushed] - rise[tree.popped] - rise[tree.popped_too])[tree.position]
+    rise = 2 * tree.rising[tree.parent] * everett(at, at[tree.parent])
+    change = np.concatenate([rise, -(rise + rise[tree.parent]), [0.0]])
+    level = np.cumsum(change[tree.event])[tree.position]
     own = 2 * tree.rising[tree.anchor] * everett(path, at[tree.anchor])
     return level[tree.anchor] + own
 
@@ -106,16 +108,15 @@ def test_a_tree_is_well_formed(u: np.ndarray):
     anchors = np.arange(len(tree.node))
     assert tree.parent[0] == 0
     assert np.all(tree.parent[1:] < anchors[1:])
-    np.testing.assert_array_equal(tree.pushed[tree.position], anchors)
-    # Pushed once each, and popped at most once, after that.
-    popped = np.concatenate([tree.popped, tree.popped_too])
-    popped = popped[popped < len(anchors)]
+    np.testing.assert_array_equal(tree.event[tree.position], anchors)
+    # Pushed once each, and popped at most once, after that: every event is one of the two.
+    top = tree.event[tree.event >= len(anchors)] - len(anchors)
+    popped = np.concatenate([top, tree.parent[top]])
     assert len(np.unique(popped)) == len(popped)
-    np.testing.assert_array_equal(np.sort(tree.pushed[tree.pushed < len(anchors)]), anchors)
-    event = np.arange(len(tree.pushed))
-    for removed in (tree.popped, tree.popped_too):
-        is_pop = removed < len(anchors)
-        assert np.all(tree.position[removed[is_pop]] < event[is_pop])
+    assert len(tree.event) == len(anchors) + len(top)
+    event = np.flatnonzero(tree.event >= len(anchors))
+    assert np.all(tree.position[top] < event)
+    assert np.all(tree.position[tree.parent[top]] < event)
 
 
 @given(histories_here, st.data())
@@ -158,22 +159,54 @@ def test_denser_sampling_gives_the_same_output(u: np.ndarray):
     np.testing.assert_allclose(got, np.asarray(simulate(u)), rtol=0, atol=1e-12 * spread)
 
 
-@given(histories_here)
-def test_traced_tree_is_the_host_s_tree(u: np.ndarray):
-    """The same entries, then padding that hangs on anchor 0 and moves nothing."""
-    path = path_of(u)
-    host, traced = memory_tree(path), traced_tree(path)
-    anchors, events = len(host.node), len(host.pushed)
-    np.testing.assert_array_equal(traced.anchor, host.anchor)
+def same_tree(path: np.ndarray, traced: MemoryTree) -> None:
+    """Its entries are the host's, then padding: anchors on anchor 0, events that are none."""
+    host, samples = memory_tree(path), len(path)
+    anchors, events = len(host.node), len(host.event)
     for name in ("node", "parent", "rising", "position"):
         np.testing.assert_array_equal(getattr(traced, name)[:anchors], getattr(host, name))
-    for name in ("pushed", "popped", "popped_too"):
-        padded = np.asarray(getattr(traced, name))
-        wanted = getattr(host, name)
-        np.testing.assert_array_equal(
-            padded[:events], np.where(wanted == anchors, len(path), wanted)
-        )
-        assert np.all(padded[events:] == len(path))
+    assert not traced.node[anchors:].any()
+    assert not traced.parent[anchors:].any()
+    pushes = host.event < anchors
+    wanted = np.where(pushes, host.event, host.event - anchors + samples)
+    np.testing.assert_array_equal(traced.event[:events], wanted)
+    assert np.all(traced.event[events:] == 2 * samples)
+    # Samples at an anchor's own value may hang on it already, or still on the branch before.
+    moved = path != path[host.node[host.anchor]]
+    np.testing.assert_array_equal(traced.anchor[moved], host.anchor[moved])
+    np.testing.assert_allclose(
+        from_tree(path, traced), from_tree(path, host), rtol=0, atol=ROUNDING
+    )
 
 
-traced_tree = jax.jit(_traced_tree)
+on_device = jax.jit(traced_tree)
+
+
+@settings(max_examples=300)
+@given(histories_here)
+def test_traced_tree_is_the_host_s_tree(u: np.ndarray):
+    path = path_of(u)
+    same_tree(path, jax.tree.map(np.asarray, on_device(path)))
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 11])
+def test_traced_tree_has_room_for_the_most_events_there_can_be(samples: int):
+    """Ever smaller loops, all closed at once by the last sample."""
+    path = np.linspace(0.5, 0.1, samples) * (-1.0) ** np.arange(1, samples + 1)
+    path[0], path[-1] = -1.0, 1.0
+    same_tree(path, jax.tree.map(np.asarray, on_device(path)))
+
+
+def test_traced_tree_runs_on_the_device_alone():
+    """Nothing in it calls back to the host or is written for one kind of device."""
+    path = jax.ShapeDtypeStruct((SAMPLES,), np.float64)
+    program = export.export(on_device, platforms=("cpu", "cuda", "tpu"))(path)
+    assert "custom_call" not in program.mlir_module()
+
+
+def test_traced_trees_of_a_batch():
+    rng = np.random.default_rng(0)
+    paths = np.concatenate([np.zeros((5, 1)), rng.integers(0, 9, (5, SAMPLES)) / 8], 1)
+    trees = jax.tree.map(np.asarray, jax.jit(jax.vmap(traced_tree))(paths))
+    for k, path in enumerate(paths):
+        same_tree(path, jax.tree.map(lambda part, k=k: part[k], trees))

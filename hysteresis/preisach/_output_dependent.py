@@ -1,0 +1,98 @@
+"""The product Preisach model: how much the relays count depends on the output."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series
+from .._parameter import Scalar, is_concrete, parameter
+from ._everett import read
+from ._preisach import Preisach, PreisachInput, PreisachState
+from ._saturation import saturated_outputs
+
+
+class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
+    """Kadar's product model: dy = K(y) dP, relays whose weight depends on the output.
+
+        y = g(P[u]),     g(P in negative saturation) = offset,     g' = K >= 0
+
+    g is piecewise linear over n equal cells of the range of P, and goes on beyond it. Wiping-out holds
+    as in P; minor loops between the same inputs are no longer congruent, since their height goes with
+    g' where they lie. What scales or shifts P alone changes nothing.
+
+    **Arguments:**
+
+    - `inner`: P.
+    - `increments`: (n,) those of g over its cells, none negative.
+    - `offset`: y in negative saturation.
+
+    Raises `InputError` where the increments are no row of numbers, or negative.
+
+    Source: Kadar 1987, On the Preisach function of ferromagnetic hysteresis.
+    """
+
+    inner: Preisach
+    increments: Float[Array, " cells"] | np.ndarray = parameter(
+        unit="output", bounds=(0.0, float("inf")), meaning="increments over the range of the relays"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="output in negative saturation")
+
+    def __check_init__(self) -> None:
+        if self.increments.ndim != 1 or not len(self.increments):
+            raise InputError(
+                "increments-shape",
+                f"the increments have shape {self.increments.shape}.",
+                fix="give a row of them, one for each cell of the inner model's range.",
+            )
+        if is_concrete(self.increments) and not bool((self.increments >= 0).all()):
+            raise InputError(
+                "output-falls",
+                f"the increments reach down to {self.increments.min():.4g}.",
+                fix="keep them from 0 up: the output has to rise with the relays'.",
+            )
+
+    def init(self, t0: Any = None, u0: Any = None) -> PreisachState:
+        return self.inner.init(t0, u0)
+
+    def step(self, state: PreisachState, t: Any, u: Any) -> tuple[PreisachState, Float[Array, ""]]:
+        state, y = self.inner.step(state, t, u)
+        return state, self.rescale(y)
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: PreisachState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> PreisachInput:
+        return self.inner.prepare(t, u, state, starts=starts)
+
+    def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
+        return self.rescale(self.inner.evaluate(prepared))
+
+    def rescale(self, inner_output: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        """g, by element."""
+        low, high = saturated_outputs(self.inner)
+        increment, begin = self._cells()
+        position = (inner_output - low) * (len(begin) / (high - low))
+        cell = jnp.clip(jnp.floor(position), 0, len(begin) - 1)
+        index = cell.astype(jnp.int32)
+        return self.offset + read(begin, index) + (position - cell) * read(increment, index)
+
+    def unscale(self, y: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        """The inverse of g, by element, where every increment is positive."""
+        low, high = saturated_outputs(self.inner)
+        increment, begin = self._cells()
+        above = y - self.offset
+        index = jnp.clip(jnp.searchsorted(begin, above, side="right") - 1, 0, len(begin) - 1)
+        within = (above - read(begin, index)) / read(increment, index)
+        return low + (index.astype(y.dtype) + within) * ((high - low) / len(begin))
+
+    def _cells(self) -> tuple[Array, Array]:
+        """Increments, and g where each begins, without the offset."""
+        increment = jnp.asarray(self.increments)
+        return increment, jnp.cumsum(increment) - increment

@@ -1,0 +1,136 @@
+"""One density of every kind, and Everett's function from its definition: no tables, no tricks."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import jax
+import numpy as np
+from scipy import integrate, stats
+
+from hysteresis.preisach import (
+    AbstractDensity,
+    AbstractGridDensity,
+    FactorisedDensity,
+    GaussianDensity,
+    GridDensity,
+    LogNormalDensity,
+    LorentzianDensity,
+    NetworkDensity,
+    RidgeDensity,
+    SumDensity,
+)
+
+CELLS = 5
+Coercive = GaussianDensity | LorentzianDensity | LogNormalDensity
+Make = Callable[[np.random.Generator, float, float], AbstractDensity]
+
+
+def warped(rng: np.random.Generator, low: float, high: float) -> GridDensity:
+    """Cells whose widths differ up to fivefold, the same for every seed."""
+    part = np.array([0.0, 0.3, 0.36, 0.5, 0.8, 1.0])
+    nodes = tuple((low + (high - low) * part).tolist())
+    return GridDensity(low, high, rng.uniform(0.1, 1.0, (CELLS, CELLS)), nodes=nodes)
+
+
+def factorised(rng: np.random.Generator, low: float, high: float) -> FactorisedDensity:
+    return FactorisedDensity(low, high, *rng.uniform(0.2, 1.0, (2, CELLS)))
+
+
+def network(rng: np.random.Generator, low: float, high: float) -> NetworkDensity:
+    key = jax.random.key(rng.integers(2**31))
+    total = rng.uniform(1, 3)
+    return NetworkDensity.random(low, high, total, key, hidden=(4, 3), resolution=CELLS)
+
+
+def ridge(rng: np.random.Generator, low: float, high: float) -> RidgeDensity:
+    return RidgeDensity(low, high, rng.uniform(0.1, 1.0, (CELLS, CELLS)))
+
+
+def coercive(kind: type[Coercive]) -> Make:
+    def make(rng: np.random.Generator, low: float, high: float) -> Coercive:
+        total, size = rng.uniform(1, 3), high - low
+        coercivity, width, bias_width = size * rng.uniform(0.1, 0.2, 3)
+        width = rng.uniform(0.3, 0.8) if kind is LogNormalDensity else width
+        bias = (low + high) / 2 + size * rng.uniform(-0.1, 0.1)
+        return kind(low, high, total, coercivity, width, bias, bias_width)
+
+    return make
+
+
+def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
+    """Two kinds, one of them on less than the whole range; wide enough for a short quadrature."""
+    size = high - low
+    total, coercivity, width, bias_width = rng.uniform(0.2, 0.3, 4)
+    normal = GaussianDensity(
+        low,
+        high,
+        total,
+        size * coercivity,
+        size * width,
+        (low + high) / 2,
+        size * bias_width,
+        order=16,
+    )
+    return SumDensity((normal, ridge(rng, low, low + 0.4 * size)))
+
+
+KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity, LogNormalDensity)
+DENSITIES: dict[str, Make] = {
+    "warped": warped,
+    "factorised": factorised,
+    "network": network,
+    "ridge": ridge,
+    **{kind.__name__: coercive(kind) for kind in KINDS},
+    "sum": mixture,
+}
+
+
+def plain_everett(density: AbstractDensity, a: float, b: float) -> float:
+    """E(a, b), the mass of {b <= beta <= alpha <= a}."""
+    a, b = max(a, b), min(a, b)
+    if isinstance(density, SumDensity):
+        return sum(
+            plain_everett(part, *np.clip([a, b], part.low, part.high).tolist())
+            for part in density.parts
+        )
+    if isinstance(density, Coercive):
+        whole = coercive_integral(density, density.high, density.low)
+        return float(density.total) * coercive_integral(density, a, b) / whole
+    if isinstance(density, RidgeDensity):
+        left, width = density.edges[:-1], (density.high - density.low) / density.cells
+        # The part of 0 <= x <= width with p_i + x <= a and p_j + x >= b.
+        last = np.minimum(a - left, width)[:, None]
+        part = np.maximum(last - np.maximum(b - left, 0.0), 0.0) / width
+        return float((np.tril(np.asarray(density.weights)) * part).sum())
+    assert isinstance(density, AbstractGridDensity)
+    left, width = density.edges[:-1], np.diff(density.edges)
+    w = np.tril(np.asarray(density.masses()))
+    rows = np.clip((a - left) / width, 0, 1)
+    columns = np.clip((left + width - b) / width, 0, 1)
+    halves = np.clip((np.minimum(a, left + width) - np.maximum(b, left)) / width, 0, 1)
+    return float(rows @ np.tril(w, -1) @ columns + np.diagonal(w) @ halves**2)
+
+
+def coercive_integral(density: Coercive, a: float, b: float) -> float:
+    """The integral over the bias, where the model's is over the coercivity."""
+    middle, bias, bias_width = (a + b) / 2, float(density.bias), float(density.bias_width)
+    below = _coercivity(density).cdf
+
+    def at(m: np.ndarray) -> np.ndarray:
+        z = (m - bias) / bias_width
+        heavy = isinstance(density, LorentzianDensity)
+        q = 1 / (1 + z * z) if heavy else np.exp(-z * z / 2)
+        return q * (below(np.minimum(a - m, m - b)) - below(0.0))
+
+    inside = np.clip([middle, *(bias + bias_width * np.array([-4.0, 0.0, 4.0]))], b, a)
+    cuts = sorted({a, b, *inside.tolist()})
+    return sum(integrate.fixed_quad(at, *piece, n=60)[0] for piece in pairwise(cuts))
+
+
+def _coercivity(density: Coercive):
+    centre, width = float(density.coercivity), float(density.coercivity_width)
+    if isinstance(density, GaussianDensity):
+        return stats.norm(centre, width)
+    if isinstance(density, LorentzianDensity):
+        return stats.cauchy(centre, width)
+    return stats.lognorm(width, scale=centre)

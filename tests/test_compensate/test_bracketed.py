@@ -1,0 +1,107 @@
+"""The bracketed inverse: the exact ones' answer where there is one, and honest statuses elsewhere."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import BracketedCompensator, Estimate, Status, invert
+from hysteresis import Burgers, InputError, Preisach
+from hysteresis.preisach import GaussianDensity, GridDensity, RidgeDensity
+from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, weights
+
+ROWS = 20
+
+
+def both_ways(model, compensator, t, u) -> tuple[np.ndarray, Estimate, np.ndarray]:
+    """The outputs of rows of inputs, what the compensator makes of them, and their outputs again."""
+
+    @jax.jit
+    @jax.vmap
+    def run(row):
+        y = model.simulate(t, row)
+        found = compensator.simulate(t, y)
+        return y, found, model.simulate(t, found.value)
+
+    y, found, again = run(jnp.asarray(u))
+    return np.asarray(y), found, np.asarray(again)
+
+
+def drawn(low: float = LOW, high: float = HIGH) -> np.ndarray:
+    return random_histories(np.random.default_rng(0), low, high, (ROWS, SAMPLES))
+
+
+def test_equal_to_the_exact_inverse_on_a_grid():
+    rng = np.random.default_rng(1)
+    model = Preisach(GridDensity(LOW, HIGH, weights(rng)), rng.uniform(0.1, 0.5, 7), 0.3)
+    u = drawn()
+    y, found, again = both_ways(model, BracketedCompensator(model, LOW, HIGH), None, u)
+    _, exact, _ = both_ways(model, invert(model), None, u)
+    # 32 roundings of the output over a slope of a tenth of the mean one.
+    np.testing.assert_allclose(found.value, exact.value, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.status, Status.OK)
+    assert np.abs(again - y).max() <= 1e-13 * np.ptp(y)
+
+
+def test_a_model_with_rates_is_inverted_at_its_times():
+    model = Burgers(2.0, 40.0, 1.0, 5.0)
+    u, t = drawn(), jnp.asarray(clock(0))
+    y, found, again = both_ways(model, BracketedCompensator(model, LOW, HIGH), t, u)
+    np.testing.assert_allclose(found.value, u, rtol=0, atol=1e-12)
+    assert np.abs(again - y).max() <= 1e-13 * np.ptp(y)
+
+
+def test_a_density_that_vanishes_is_flat_where_it_does():
+    """Without a reversible part: every output comes back, on a way up the input where it is OK."""
+    model = Preisach(GaussianDensity(LOW, HIGH, 1.0, 0.3, 0.05, 0.5, 0.05))
+    u = drawn()
+    u[0] = np.linspace(LOW, HIGH, SAMPLES)
+    y, found, again = both_ways(model, invert(model), None, u)
+    assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
+    status, error = np.asarray(found.status), np.abs(np.asarray(found.value) - u)
+    assert set(np.unique(status)) == {Status.OK, Status.FLAT}
+    sure = status[0] == Status.OK
+    # The density is normal in alpha too, about 0.8 with a deviation of 0.07: nothing at 0 or 1.6.
+    np.testing.assert_array_equal(sure[[0, 13, 24, 35, 39]], [False, False, True, False, False])
+    assert error[0, sure].max() <= 1e-6 * (HIGH - LOW)
+
+
+def test_out_of_reach_and_invalid_samples():
+    model = Preisach(RidgeDensity(LOW, HIGH, weights(np.random.default_rng(3))), np.full(7, 0.2))
+    compensator = invert(model)
+    assert isinstance(compensator, BracketedCompensator)
+    middle, top, bottom = np.asarray(model.simulate(None, [0.4, HIGH, LOW]))
+    nan, inf = np.nan, np.inf
+    y = np.array([nan, middle, top + 1, nan, bottom - 1, inf, middle])
+    found = compensator.simulate(None, y)
+    invalid, ok, out = Status.INVALID, Status.OK, Status.SATURATED
+    np.testing.assert_array_equal(found.status, [invalid, ok, out, invalid, out, invalid, ok])
+    np.testing.assert_allclose(found.value, [LOW, 0.4, HIGH, HIGH, LOW, LOW, 0.4], atol=1e-12)
+
+
+def test_the_state_may_be_carried():
+    model = Preisach(RidgeDensity(LOW, HIGH, weights(np.random.default_rng(4))))
+    compensator, u = invert(model), drawn()[0]
+    y = model.simulate(None, u)
+    step, state = eqx.filter_jit(compensator.step), compensator.init()
+    for value in y[:7]:
+        state, _ = step(state, 0.0, value)
+    rest = compensator.simulate(None, y[7:], state)
+    # The same steps, compiled for other shapes: a rounding of y where the slope is that of a reversal.
+    np.testing.assert_allclose(
+        rest.value, compensator.simulate(None, y).value[7:], rtol=0, atol=1e-7
+    )
+
+
+def test_leading_models_need_a_grid():
+    density = RidgeDensity(LOW, HIGH, np.ones((3, 3)))
+    with pytest.raises(InputError, match=r"leading model with a RidgeDensity.*\[not-invertible\]"):
+        invert(Preisach(density, np.full(3, 100.0), leading=True))
+
+
+def test_memory_that_the_exact_inverse_does_not_know_is_bracketed():
+    w = weights(np.random.default_rng(5))
+    plain = GridDensity(LOW, HIGH, w)
+    for model in (Preisach(plain, up=0.5 * w), Preisach(plain, dead_band=0.1)):
+        assert isinstance(invert(model), BracketedCompensator)

@@ -1,0 +1,109 @@
+"""The dead band against a plain loop, and what it does to noise."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hysteresis import InputError, Preisach
+from hysteresis.preisach import GridDensity, input_noise
+from hysteresis.preisach._dead_band import play
+from tests.problems import CELLS, HIGH, LOW, SAMPLES, histories, weights
+
+seeds = st.integers(0, 2**32 - 1)
+HALF_WIDTH = 0.3
+
+
+def play_loop(u: np.ndarray, half_width: float, v: float) -> np.ndarray:
+    """The slow oracle."""
+    found = []
+    for x in u:
+        v = x if np.isnan(v) else min(max(v, x - half_width), x + half_width)
+        found.append(v)
+    return np.array(found)
+
+
+@given(u=histories(LOW, HIGH), before=st.just(np.nan) | st.floats(LOW, HIGH))
+def test_play_is_the_loop(u: np.ndarray, before: float):
+    """Each sequence on its own; the same minima and maxima of the same numbers."""
+    starts = (0, 5, 6, 30)
+    wanted = [
+        play_loop(u[a:b], HALF_WIDTH, before)
+        for a, b in zip(starts, (*starts[1:], SAMPLES), strict=True)
+    ]
+    got = play(jnp.asarray(u), HALF_WIDTH, jnp.asarray(before), starts)
+    np.testing.assert_array_equal(got, np.concatenate(wanted))
+
+
+def model(seed: int, dead_band: float) -> Preisach:
+    rng = np.random.default_rng(seed)
+    density = GridDensity(LOW, HIGH, weights(rng))
+    return Preisach(density, rng.random(CELLS), rng.normal(), dead_band=dead_band)
+
+
+@eqx.filter_jit
+def simulate(model: Preisach, u: np.ndarray) -> jax.Array:
+    return model.simulate(None, u)
+
+
+def output(model: Preisach, u: np.ndarray) -> np.ndarray:
+    return np.asarray(simulate(model, u))
+
+
+@given(seed=seeds, u=histories(LOW - 1, HIGH + 1))
+def test_relays_see_the_play_and_the_reversible_part_the_input(seed: int, u: np.ndarray):
+    v = play_loop(u, HALF_WIDTH, np.nan)
+    plain, banded = model(seed, 0.0), model(seed, HALF_WIDTH)
+    memoryless = Preisach(GridDensity(LOW, HIGH, np.zeros((CELLS, CELLS))), plain.reversible)
+    wanted = output(plain, v) + output(memoryless, u) - output(memoryless, v)
+    # Additions of numbers of size one.
+    np.testing.assert_allclose(output(banded, u), wanted, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(banded.stream(None, u)[1], wanted, rtol=0, atol=1e-12)
+
+
+@given(seed=seeds, u=histories(LOW, HIGH))
+def test_without_noise_a_narrow_band_changes_little(seed: int, u: np.ndarray):
+    """The relays' input is off by at most the half width: a relay that it matters to has a threshold
+    that near to one of the turning points, and so has at most that share of the rows and columns."""
+    plain, narrow = model(seed, 0.0), model(seed, 1e-9)
+    w = np.asarray(plain.density.masses())  # pyright: ignore[reportAttributeAccessIssue]
+    steepest = 2 * 2 * max(w.sum(0).max(), w.sum(1).max()) * CELLS / (HIGH - LOW)
+    assert np.abs(output(plain, u) - output(narrow, u)).max() <= 2 * SAMPLES * steepest * 1e-9
+
+
+def test_noise_makes_reversals_and_the_band_takes_them_away():
+    """Ten ramps with noise of 1 % of their height."""
+    rng = np.random.default_rng(0)
+    true = np.interp(np.arange(4000) / 400, np.arange(11), [0, 1] * 5 + [0])
+    noisy = true + rng.normal(0, 0.01, len(true))
+    sigma = input_noise(noisy)
+    density = GridDensity(0.0, 1.0, weights(rng))
+    anchors = [
+        len(Preisach(density, dead_band=r * sigma).prepare(None, noisy).tree.node)
+        for r in (0, 3, 5)
+    ]
+    # Nearly two samples in three of white noise are extrema; beyond 5 deviations none is.
+    assert anchors[0] > 2000
+    assert anchors[1] < anchors[0] / 100
+    assert anchors[2] <= 11
+
+
+@given(seed=seeds, sigma=st.floats(1e-3, 10.0))
+@settings(max_examples=25)
+def test_input_noise_of_a_smooth_path(seed: int, sigma: float):
+    """The median of 5,000 such correlated differences scatters by 2 %: five times that."""
+    k = np.arange(5000)
+    path = 1e3 * sigma * np.sin(2 * np.pi * k / 5000) + np.where(k > 2500, 1e4 * sigma, 0.0)
+    noisy = path + np.random.default_rng(seed).normal(0, sigma, len(k))
+    assert input_noise(noisy) == pytest.approx(sigma, rel=0.1)
+
+
+def test_what_is_refused():
+    with pytest.raises(InputError, match="too-short"):
+        input_noise(np.array([1.0, 2.0]))
+    for wrong in (-0.1, np.nan, np.inf):
+        with pytest.raises(InputError, match="dead-band"):
+            model(0, wrong)

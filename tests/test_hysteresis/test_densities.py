@@ -1,0 +1,303 @@
+"""Every density against its definition, and the laws that Everett's function of any density keeps."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import integrate
+
+from hysteresis import InputError, Preisach
+from hysteresis.preisach import (
+    AbstractDensity,
+    AbstractGridDensity,
+    FactorisedDensity,
+    GaussianDensity,
+    GridDensity,
+    KrasnoselskiiPokrovskii,
+    LogNormalDensity,
+    LorentzianDensity,
+    NetworkDensity,
+    RidgeDensity,
+    SumDensity,
+    quantile_nodes,
+)
+from tests.densities import CELLS, DENSITIES, KINDS, Coercive, plain_everett, warped
+from tests.problems import HIGH, LOW, SAMPLES, histories
+
+every = pytest.mark.parametrize("name", DENSITIES)
+seeds = st.integers(0, 2**32 - 1)
+EPS = np.finfo(float).eps
+INPUTS = 7
+"""One number, so that every density compiles once: they are asked for all pairs of as many inputs."""
+
+
+@eqx.filter_jit
+def everett(density: AbstractDensity, a: jax.Array, b: jax.Array) -> jax.Array:
+    return density.everett(density.tabulate(), density.pair(a, b))
+
+
+@eqx.filter_jit
+def mass(density: AbstractDensity) -> jax.Array:
+    return density.mass(density.tabulate())
+
+
+@eqx.filter_jit
+def simulate(model: Preisach, u: jax.Array) -> jax.Array:
+    return model.simulate(None, u)
+
+
+def make(name: str, seed: int) -> AbstractDensity:
+    return DENSITIES[name](np.random.default_rng(seed), LOW, HIGH)
+
+
+def all_pairs(density: AbstractDensity, u: np.ndarray) -> np.ndarray:
+    a, b = np.meshgrid(u, u, indexing="ij")
+    got = everett(density, jnp.asarray(a.ravel()), jnp.asarray(b.ravel()))
+    return np.asarray(got).reshape(len(u), len(u))
+
+
+@every
+@settings(max_examples=15)
+@given(seed=seeds, u=histories(LOW, HIGH, INPUTS))
+def test_laws_of_the_everett_function(name: str, seed: int, u: np.ndarray):
+    """Zero on the diagonal, symmetric, rising in a and falling in b, no rectangle of negative mass."""
+    density = make(name, seed)
+    E, total = all_pairs(density, np.sort(u)), float(mass(density))
+    # Sums of up to a hundred parts of the mass, each rounded.
+    rounding = 100 * EPS * total
+    assert np.abs(np.diagonal(E)).max() <= rounding
+    np.testing.assert_allclose(E, E.T, rtol=0, atol=rounding)
+    lower = np.tril(np.ones_like(E, bool))
+    assert np.diff(E, axis=0)[lower[:-1]].min() >= -rounding
+    assert np.diff(E, axis=1)[lower[:, 1:]].max() <= rounding
+    rectangles = -np.diff(np.diff(E, axis=0), axis=1)
+    assert rectangles[np.tril_indices(INPUTS - 1, -1)].min() >= -rounding
+    ends = all_pairs(density, np.linspace(LOW, HIGH, INPUTS))
+    assert abs(ends[-1, 0] - total) <= rounding
+    assert abs(float(getattr(density, "total", total)) - total) <= rounding
+
+
+@every
+def test_equal_to_the_definition(name: str):
+    """Quadratures differ by 1e-13 of the mass, and leave 1e-11 where the density is narrowest."""
+    for seed in range(3):
+        density, rng = make(name, seed), np.random.default_rng(seed)
+        u = rng.uniform(LOW, HIGH, INPUTS)
+        wanted = [[plain_everett(density, a, b) for b in u] for a in u]
+        np.testing.assert_allclose(all_pairs(density, u), wanted, rtol=0, atol=1e-10)
+
+
+@every
+def test_gradients_against_central_differences(name: str):
+    """In every parameter and both inputs, along random directions.
+
+    A step h = eps^(1/3) leaves 4e-11 of truncation and rounding, times third derivatives; 1e-6 leaves
+    four decades for those.
+    """
+    rng, h = np.random.default_rng(5), EPS ** (1 / 3)
+    inputs = jnp.asarray(rng.uniform(LOW, HIGH, (2, INPUTS**2)))
+    c = jnp.asarray(rng.normal(size=INPUTS**2))
+    arrays, rest = eqx.partition((make(name, 5), *inputs), eqx.is_inexact_array)
+    flat, structure = jax.tree.flatten(arrays)
+
+    def value(flat: list[Any]) -> jax.Array:
+        return c @ everett(*eqx.combine(jax.tree.unflatten(structure, flat), rest))
+
+    slopes = jax.jit(jax.grad(value))(flat)
+    for k, slope in enumerate(slopes):
+        direction = rng.normal(size=flat[k].shape)
+        up, down = (
+            float(value([x + by * direction if j == k else x for j, x in enumerate(flat)]))
+            for by in (h, -h)
+        )
+        along = float((np.asarray(slope) * direction).sum())
+        assert abs(along - (up - down) / (2 * h)) <= 1e-6 * (1 + abs(along)), k
+
+
+UNIFORM_NODES = (0.0, 0.1, 0.15, 0.6, 0.7, 1.0)
+UNIFORM = {
+    "factorised": FactorisedDensity(0.0, 1.0, np.full(8, 1 / 8), np.full(8, 1 / 8)),
+    "warped": FactorisedDensity(
+        0.0, 1.0, np.diff(UNIFORM_NODES), np.diff(UNIFORM_NODES), nodes=UNIFORM_NODES
+    ),
+    "network": NetworkDensity(0.0, 1.0, 0.5, np.zeros(13), hidden=(3,), nodes=UNIFORM_NODES, resolution=5),
+}  # fmt: skip
+UNIFORM["sum"] = SumDensity((UNIFORM["factorised"], UNIFORM["network"]))
+
+
+@pytest.mark.parametrize("name", UNIFORM)
+@settings(max_examples=20)
+@given(u=histories(0.0, 1.0, INPUTS))
+def test_uniform_densities_are_analytic(name: str, u: np.ndarray):
+    """mu = 1, or 2 for the sum of two: E = mu (a - b)^2 / 2."""
+    wanted = (2 if name == "sum" else 1) * (u[:, None] - u) ** 2 / 2
+    np.testing.assert_allclose(all_pairs(UNIFORM[name], u), wanted, rtol=0, atol=1e-12)
+
+
+def product(density: Coercive, h: float, m: float) -> float:
+    """The density at a coercivity and a bias, but for a factor."""
+    c, width = float(density.coercivity), float(density.coercivity_width)
+    m = (m - float(density.bias)) / float(density.bias_width)
+    if isinstance(density, LorentzianDensity):
+        return 1 / (1 + ((h - c) / width) ** 2) / (1 + m * m)
+    if isinstance(density, GaussianDensity):
+        return math.exp(-(((h - c) / width) ** 2 + m * m) / 2)
+    return math.exp(-((math.log(h / c) / width) ** 2 + m * m) / 2) / h if h > 0 else 0.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [0.25, 4.0])
+def test_integrated_over_the_triangle(kind: type[Coercive], ratio: float):
+    """To 1e-10 of the mass, whether coercivity or bias is the wider one, up to a ratio of four."""
+    bias_width = 0.12 / math.sqrt(ratio)
+    width = ratio * bias_width / (0.3 if kind is LogNormalDensity else 1.0)
+    density = kind(-1.0, 1.0, 2.0, 0.3, width, 0.1, bias_width)
+
+    def over(a: float, b: float) -> float:
+        inner = lambda m, h: product(density, h, m)  # noqa: E731
+        # By parts, so that no peak falls between the points of the first try.
+        cuts = np.clip([0, 0.1, 0.3, 0.5, 1], 0, (a - b) / 2)
+        return sum(
+            integrate.dblquad(
+                inner, *piece, lambda h: b + h, lambda h: a - h, epsabs=1e-13, epsrel=1e-11
+            )[0]
+            for piece in pairwise(np.unique(cuts).tolist())
+        )
+
+    u = np.linspace(-1.0, 1.0, INPUTS)
+    pairs = [(6, 0), (5, 1), (4, 0)]
+    wanted = np.array([over(u[i], u[j]) for i, j in pairs])
+    got = all_pairs(density, u)[tuple(zip(*pairs, strict=True))]
+    np.testing.assert_allclose(got, 2.0 * wanted / wanted[0], rtol=0, atol=2e-10)
+
+
+def test_an_isotropic_normal_density_is_a_product_of_error_functions():
+    """With one width alpha and beta are independent: rectangles off the diagonal have closed forms."""
+    coercivity, bias, width = 0.4, 0.1, 0.2
+    density = GaussianDensity(-3.0, 3.0, 1.0, coercivity, width, bias, width)
+    below = lambda x, mean: math.erf((x - mean) / (2 * width))  # noqa: E731
+    rng = np.random.default_rng(0)
+    corners = np.sort(rng.uniform(-1, 1.5, (INPUTS**2, 4)), axis=1)  # b1 < b2 < a1 < a2
+    b1, b2, a1, a2 = jnp.asarray(corners.T)
+    E = lambda a, b: np.asarray(everett(density, a, b))  # noqa: E731
+    got = E(a2, b1) - E(a1, b1) - E(a2, b2) + E(a1, b2)
+    wanted = [
+        (below(a2, bias + coercivity) - below(a1, bias + coercivity))
+        * (below(b2, bias - coercivity) - below(b1, bias - coercivity))
+        for b1, b2, a1, a2 in corners
+    ]
+    # Nothing but the part h < 0, which the density leaves out, keeps the sum of all from being 4.
+    inside = 4 * 0.5 * math.erfc(-coercivity / (width * math.sqrt(2)))
+    np.testing.assert_allclose(got, np.array(wanted) / inside, rtol=0, atol=1e-12)
+
+
+def test_a_path_over_warped_nodes_is_a_sum_of_relays():
+    """From node to node cells switch as a whole: up at node i + 1 and above, down at j and below."""
+    density = warped(np.random.default_rng(1), LOW, HIGH)
+    nodes = np.random.default_rng(2).integers(0, CELLS + 1, SAMPLES)
+    w = np.tril(np.asarray(density.weights))
+    i, j = np.indices(w.shape)
+    relay, wanted = -np.ones_like(w), []
+    for k in nodes:
+        relay[k >= i + 1] = 1
+        relay[k <= j] = -1
+        wanted.append((w * relay).sum())
+    got = simulate(Preisach(density), jnp.asarray(density.edges[nodes]))
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * w.sum())
+
+
+@settings(max_examples=30)
+@given(seed=seeds, u=histories(LOW, HIGH))
+def test_ridges_are_kernels_of_krasnoselskii_and_pokrovskii(seed: int, u: np.ndarray):
+    w = np.tril(np.random.default_rng(seed).random((CELLS, CELLS)))
+    cell = (HIGH - LOW) / CELLS
+    p = LOW + cell * np.arange(CELLS)
+    kernel, before, wanted = -np.ones((CELLS, CELLS)), LOW, []
+    for x in u:
+        r = np.clip(-1 + 2 * (x - p) / cell, -1, 1)
+        if x > before:
+            kernel = np.maximum(kernel, r[:, None])
+        else:
+            kernel = np.minimum(kernel, r[None, :])
+        before = x
+        wanted.append((w * kernel).sum())
+    got = simulate(KrasnoselskiiPokrovskii(LOW, HIGH, w), jnp.asarray(u))
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * w.sum())
+
+
+@every
+@settings(max_examples=20)
+@given(seed=seeds, u=histories(LOW, HIGH, INPUTS))
+def test_where_an_input_lies_is_the_same_on_the_host_and_back(name: str, seed: int, u: np.ndarray):
+    density = make(name, seed)
+    on_host, traced = density.pair(u, u[::-1]), density.pair(jnp.asarray(u), jnp.asarray(u[::-1]))
+    for one, other in zip(*map(jax.tree.leaves, (on_host, traced)), strict=True):
+        np.testing.assert_array_equal(one, other)
+    if isinstance(density, AbstractGridDensity | RidgeDensity):
+        # An input and the node beside it, each rounded.
+        back = density.at(*density.locate(u))
+        np.testing.assert_allclose(back, u, rtol=0, atol=8 * EPS * (HIGH - LOW))
+
+
+@given(u=histories(LOW, HIGH), cells=st.integers(1, 30))
+def test_quantile_nodes_halve_no_cell_more_than_once(u: np.ndarray, cells: int):
+    u[:2] = LOW, HIGH
+    nodes = quantile_nodes(u, cells)
+    assert (len(nodes), nodes[0], nodes[-1]) == (cells + 1, LOW, HIGH)
+    assert np.diff(nodes).min() >= 0.499 * (HIGH - LOW) / cells
+    assert GridDensity(LOW, HIGH, np.ones((cells, cells)), nodes=nodes).cells == cells
+
+
+def test_quantile_nodes_lie_where_the_inputs_are():
+    u = np.concatenate([np.linspace(0, 1, 900), np.linspace(1, 10, 100)])
+    width = np.diff(quantile_nodes(u, 20))
+    # Even ones would be 1/2 wide; half of that remains, and the quantiles' share is next to nothing.
+    assert width[0] < 0.3
+    assert width[-1] > 1.0
+
+
+def test_random_networks_follow_their_key():
+    one, other = (NetworkDensity.random(0, 1, 2.0, jax.random.key(k)) for k in (0, 1))
+    again = NetworkDensity.random(0, 1, 2.0, jax.random.key(0))
+    np.testing.assert_array_equal(one.network, again.network)
+    assert np.ptp(np.asarray(one.network) - np.asarray(other.network)) > 0
+
+
+def refused(code: str, *words: str):
+    return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
+
+
+def test_densities_that_are_refused():
+    w = np.ones((2, 2))
+    with refused("nodes-length", "2 nodes for 2 cells"):
+        GridDensity(0.0, 1.0, w, nodes=(0.0, 1.0))
+    with refused("nodes-not-in-range", "from 0 to 2"):
+        GridDensity(0.0, 1.0, w, nodes=(0.0, 0.5, 2.0))
+    with refused("nodes-not-increasing"):
+        GridDensity(0.0, 1.0, w, nodes=(0.0, 0.0, 1.0))
+    with refused("factors-length"):
+        FactorisedDensity(0.0, 1.0, np.ones(3), np.ones(2))
+    with refused("negative-weight", "falling"):
+        FactorisedDensity(0.0, 1.0, np.ones(2), np.array([1.0, -1.0]))
+    with refused("negative-weight"):
+        RidgeDensity(0.0, 1.0, -w)
+    with refused("network-length", r"\(7,\), not \(13,\)", "random"):
+        NetworkDensity(0.0, 1.0, 1.0, np.zeros(7), hidden=(3,))
+    with refused("not-positive", "bias_width is 0"):
+        GaussianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.0)
+    with refused("not-positive", "order"):
+        LorentzianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1, order=0)
+    with refused("zero-range"):
+        LogNormalDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
+    with refused("no-density"):
+        SumDensity(())
+    for u in ([], [1.0, 1.0], [0.0, np.nan]):
+        with refused("no-quantiles"):
+            quantile_nodes(u, 3)

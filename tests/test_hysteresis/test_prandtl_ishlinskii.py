@@ -1,0 +1,251 @@
+"""The Prandtl-Ishlinskii model against plain play operators, a Preisach model, and its laws."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, Preisach
+from hysteresis._clamps import Clamp, by_association, by_scan
+from hysteresis.preisach import GridDensity
+from tests.problems import SAMPLES, clock, histories
+
+EPS = np.finfo(float).eps
+LOW, HIGH = -3.0, 3.0
+PLAYS = 4
+seeds = st.integers(0, 2**32 - 1)
+flags = st.booleans()
+paths = histories(LOW, HIGH)
+
+
+def draw(seed: int, leading: bool = False, bent: bool = False, rates: bool = False):
+    rng = np.random.default_rng(seed)
+    return PrandtlIshlinskii(
+        np.cumsum(rng.uniform(0.1, 0.4, PLAYS)),
+        rng.uniform(0.0, 1.0, PLAYS),
+        rng.uniform(0.5, 2.0),
+        rng.normal(),
+        rates=rng.uniform(0, 0.02, PLAYS) if rates else None,
+        bends=np.array([-1.5, 0.4, 2.0]) if bent else None,
+        bend_slopes=rng.uniform(-0.3, 0.6, 3) if bent else None,
+        leading=leading,
+    )
+
+
+@eqx.filter_jit
+def simulate(model: AbstractModel, u: Any, t: Any = None) -> jax.Array:
+    return model.simulate(t, u)
+
+
+def output(model: AbstractModel, u: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+    return np.asarray(simulate(model, jnp.asarray(u), None if t is None else jnp.asarray(t)))
+
+
+def rounding(model: PrandtlIshlinskii) -> float:
+    """Sums over plays of parts no larger than the whole slope times the input, each rounded."""
+    slope = float(model.slope) + float(model.weights.sum())
+    bends = 1.0 if model.bend_slopes is None else 1.0 + float(jnp.abs(model.bend_slopes).sum())
+    return 32 * EPS * (bends * slope * HIGH + abs(float(model.offset)))
+
+
+def play_loop(model: PrandtlIshlinskii, t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """The slow oracle: play by play, sample by sample."""
+    x = float(model.slope) * u
+    speed = np.append([0.0, 0.0], np.abs(np.diff(u) / np.diff(t)))[: len(u)]
+    rates = np.zeros(PLAYS) if model.rates is None else np.asarray(model.rates)
+    for r, w, c in zip(*map(np.asarray, (model.thresholds, model.weights)), rates, strict=True):
+        z = 0.0
+        for k in range(len(u)):
+            width = r + c * speed[k]
+            z = max(u[k] - width, min(u[k] + width, z))
+            x[k] += w * (u[k] - z if model.leading else z)
+    y = x + float(model.offset)
+    if model.bends is not None:
+        for d, s in zip(np.asarray(model.bends), np.asarray(model.bend_slopes), strict=True):
+            y += s * (np.maximum(x - d, 0) if d >= 0 else np.minimum(x - d, 0))
+    return y
+
+
+@settings(max_examples=100)
+@given(seed=seeds, u=paths, leading=flags, bent=flags, rates=flags)
+def test_equal_to_a_loop_over_plays(
+    seed: int, u: np.ndarray, leading: bool, bent: bool, rates: bool
+):
+    model, t = draw(seed, leading, bent, rates), clock(seed)
+    # Speeds of thousands move thresholds by tens: those are rounded too.
+    tolerance = rounding(model) * (100 if rates else 1)
+    np.testing.assert_allclose(output(model, u, t), play_loop(model, t, u), rtol=0, atol=tolerance)
+
+
+@given(data=st.data())
+def test_equal_to_a_preisach_model_at_the_nodes_of_its_grid(data: st.DataObject):
+    """Play of half width d/2 switches, from node to node, as the cells (j + d, j) do, w/2 in each."""
+    cells, widths = 8, np.array([1, 2, 5, 7])
+    node = st.integers(0, cells)
+    u = np.array(data.draw(st.lists(node, min_size=SAMPLES, max_size=SAMPLES)), float)
+    u = np.append([cells, 0], u)  # both start from saturation
+    w = np.random.default_rng(0).uniform(0.1, 1.0, len(widths))
+    masses = sum(np.diag(np.full(cells - d, m / 2), -d) for d, m in zip(widths, w, strict=True))
+    relays = Preisach(GridDensity(0.0, cells, masses), np.full(cells, 0.7))
+    wanted = output(relays, u)[1:]
+    got = output(PrandtlIshlinskii(widths / 2, w, 0.7), u)[1:]
+    np.testing.assert_allclose(got - got[0], wanted - wanted[0], rtol=0, atol=1e-13)
+
+
+@given(seed=seeds, leading=flags, size=st.floats(0.0, 3.0))
+def test_area_of_a_loop(seed: int, leading: bool, size: float):
+    """Between -A and A play i encloses 4 w_i r_i (A - r_i) where A > r_i, counter-clockwise."""
+    model = draw(seed, leading)
+    r, w = np.asarray(model.thresholds), np.asarray(model.weights)
+    # Straight from corner to corner, where the next play begins to move.
+    down = np.concatenate([[size], size - 2 * np.minimum(r, size), [-size]])
+    u = np.concatenate([[size], -down, down])
+    y = output(model, u)[len(down) :]
+    u = u[len(down) :]
+    falling = -np.sum((y[1:] + y[:-1]) / 2 * np.diff(u))
+    y = output(model, np.concatenate([[size], down, -down]))[len(down) :]
+    rising = np.sum((y[1:] + y[:-1]) / 2 * -np.diff(u))
+    area = (falling - rising) * (-1 if leading else 1)
+    wanted = 4 * np.sum(w * r * np.maximum(size - r, 0))
+    assert abs(area - wanted) <= 8 * rounding(model) * HIGH
+
+
+@given(seed=seeds, bent=flags)
+def test_branches_double_the_initial_curve(seed: int, bent: bool):
+    """Masing's rule, before the output is bent: f(u) from rest, then f(A) - 2 f((A - u) / 2)."""
+    model = draw(seed)
+    top, depth = 2.5, np.linspace(0, 1, 50)
+    first = output(model, top * depth) - float(model.offset)
+    down = output(model, np.append(top, top - 2 * top * depth))[1:] - float(model.offset)
+    np.testing.assert_allclose(down, first[-1] - 2 * first, rtol=0, atol=4 * rounding(model))
+
+
+@given(seed=seeds, u=paths, stretch=seeds, leading=flags, bent=flags)
+def test_rate_independent(seed: int, u: np.ndarray, stretch: int, leading: bool, bent: bool):
+    """Neither times nor how long the input rests at each value matter."""
+    model = draw(seed, leading, bent)
+    repeats = np.random.default_rng(stretch).multinomial(SAMPLES, np.full(SAMPLES, 1 / SAMPLES))
+    y = output(model, u)
+    slow = output(model, np.repeat(u, repeats + 1))[np.cumsum(repeats + 1) - 1]
+    np.testing.assert_allclose(slow, y, rtol=0, atol=rounding(model))
+    np.testing.assert_array_equal(output(model, u, clock(stretch)), y)
+
+
+@given(seed=seeds, past=histories(LOW, HIGH, 20), inside=histories(0.0, 1.0, 18), leading=flags)
+def test_return_point_memory(seed: int, past: np.ndarray, inside: np.ndarray, leading: bool):
+    """However the input moves between its last reversal and itself, coming back restores y."""
+    model = draw(seed, leading, bent=True)
+    x = past[-1]
+    y = output(model, np.concatenate([past, [LOW, x], LOW + inside * (x - LOW), [x]]))
+    np.testing.assert_allclose(y[-1], y[len(past) + 1], rtol=0, atol=2 * rounding(model))
+
+
+limits = st.tuples(st.floats(LOW, HIGH), st.floats(LOW, HIGH)).map(sorted)
+
+
+@given(seed=seeds, one=histories(LOW, HIGH, 12), other=histories(LOW, HIGH, 12), between=limits)
+def test_minor_loops_are_congruent_before_the_output_is_bent(
+    seed: int, one: np.ndarray, other: np.ndarray, between: list[float]
+):
+    model, (low, high), shapes = draw(seed), between, []
+    loop = np.interp(np.linspace(0, 2, 27), range(3), [low, high, low])
+    for past in (one, other):
+        y = output(model, np.concatenate([past, [low, high], loop]))[len(past) + 2 :]
+        shapes.append(y - y[0])
+    np.testing.assert_allclose(*shapes, rtol=0, atol=2 * rounding(model))
+
+
+@given(seed=seeds, u=paths, leading=flags, bent=flags)
+def test_output_rises_with_the_input(seed: int, u: np.ndarray, leading: bool, bent: bool):
+    model = draw(seed, leading, bent)
+    y = output(model, u)
+    assert np.all(np.diff(y) * np.sign(np.diff(u)) >= -rounding(model))
+
+
+@given(y=st.floats(-20.0, 20.0), seed=seeds)
+def test_unbend_is_the_inverse_of_bend(y: float, seed: int):
+    model = draw(seed, bent=True)
+    again = float(model.bend(model.unbend(jnp.asarray(y))))
+    assert abs(again - y) <= 16 * EPS * (1 + abs(y))
+
+
+def test_only_the_speed_before_a_sample_widens_its_plays():
+    model = PrandtlIshlinskii([1.0], [1.0], 1.0, rates=[0.5])
+    u = np.array([0.0, 3.0, 6.0, 9.0, 9.0, 9.0])
+    t = np.array([0.0, 1.0, 2.0, 3.5, 4.0, 5.0])
+    # Speeds before each sample 0, 0, 3, 3, 2, 0: half widths 1, 1, 2.5, 2.5, 2, 1.
+    wanted = u + np.array([0.0, 2.0, 3.5, 6.5, 7.0, 8.0])
+    np.testing.assert_allclose(model.simulate(t, u), wanted, rtol=1e-15)
+
+
+@jax.jit
+def both_forms(each: Clamp, c: jax.Array) -> list[tuple[jax.Array, jax.Array]]:
+    """z and the derivatives of c . z in the lower limits, one after the other and in pairs."""
+    together = []
+    for run in (by_scan, by_association):
+        z, back = jax.vjp(lambda low, run=run: run(each._replace(low=low)), each.low)
+        together.append((z, *back(c)))
+    return together
+
+
+@given(seed=seeds, ties=flags)
+def test_associative_form_is_the_scan(seed: int, ties: bool):
+    """Values, with sequences that start anew; and derivatives, where no limits tie."""
+    rng = np.random.default_rng(seed)
+    low, width, c = rng.normal(size=(3, SAMPLES, PLAYS)).round(1 if ties else 16)
+    fixed = (rng.random(SAMPLES) < 0.1)[:, None]
+    fixed[0] = True
+    high = low + np.where(fixed, 0.0, np.abs(width))
+    (z, slope), (z_paired, slope_paired) = both_forms(Clamp(low, high, fixed), c)
+    np.testing.assert_array_equal(z_paired, z)
+    if not ties:
+        # The same sums of up to SAMPLES terms of size 1, in another order.
+        np.testing.assert_allclose(slope_paired, slope, rtol=0, atol=SAMPLES * 8 * EPS)
+
+
+def test_a_new_sequence_takes_no_derivative_from_the_one_before():
+    """Even where it happens to start at the value the plays stood at."""
+    model, u = draw(0), jnp.array([2.0, 2.5, 2.5, 2.0])
+
+    def last(u: jax.Array) -> jax.Array:
+        return model.evaluate(model.prepare(None, u, starts=(0, 2)))[2]
+
+    slope = float(model.slope) + float(model.weights.sum())
+    np.testing.assert_allclose(jax.grad(last)(u), [0.0, 0.0, slope, 0.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("code", "words", "change"),
+    [
+        ("parameter-out-of-bounds", "thresholds increasing", {"thresholds": [1.0, 1.0]}),
+        ("parameter-out-of-bounds", "thresholds positive", {"thresholds": [0.0, 1.0]}),
+        ("parameter-out-of-bounds", "weights not negative", {"weights": [1.0, -0.1]}),
+        ("parameter-out-of-bounds", "weights finite", {"weights": [1.0, np.nan]}),
+        ("parameter-out-of-bounds", "slope positive", {"slope": 0.0}),
+        ("parameter-out-of-bounds", "rates not negative", {"rates": [0.0, -1.0]}),
+        ("lengths-differ", "thresholds and weights", {"weights": [1.0]}),
+        ("lengths-differ", "thresholds and rates", {"rates": 1.0}),
+        ("lengths-differ", "bends and bend_slopes", {"bends": [1.0]}),
+        ("output-falls", "rise", {"bends": [0.0, 1.0], "bend_slopes": [-0.5, -0.5]}),
+        ("output-falls", "rise", {"bends": [-1.0, -0.5], "bend_slopes": [-0.5, -0.6]}),
+    ],
+)
+def test_what_is_refused(code: str, words: str, change: dict[str, Any]):
+    good = {"thresholds": [0.5, 1.0], "weights": [1.0, 2.0], "slope": 1.0}
+    PrandtlIshlinskii(**good)
+    with pytest.raises(InputError, match=rf"{words}.*\[{code}\]"):
+        PrandtlIshlinskii(**{**good, **change})
+
+
+def test_times_are_needed_and_checked_where_the_rate_matters():
+    model, u = draw(0, rates=True), np.zeros(3)
+    with pytest.raises(InputError, match="no-time"):
+        model.simulate(None, u)
+    with pytest.raises(InputError, match="time-backwards"):
+        model.simulate([0.0, 1.0, 1.0], u)
+    model.prepare([0.0, 1.0, 0.5], u, starts=(0, 2))

@@ -1,0 +1,198 @@
+"""One grid fitted: exact at every size, its prior chosen, its first state found."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from hysteresis import InputError, Preisach, Record
+from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
+from identify import fit, fit_density, load, sample, save
+from identify._folds import Parts
+from identify._preisach_problem import PreisachProblem, minimum
+from identify._preisach_unknowns import Unknowns, refined
+
+
+def walk(seed: int, turns: int = 40, samples: int = 800) -> np.ndarray:
+    """A zigzag between random extrema in [0, 1], the whole range first."""
+    at = np.concatenate([[0.0, 1.0, 0.0], np.random.default_rng(seed).random(turns)])
+    return np.interp(np.linspace(0, len(at) - 1, samples), np.arange(len(at)), at)
+
+
+def bump(cells: int) -> np.ndarray:
+    middle = (np.arange(cells) + 0.5) / cells
+    alpha, beta = np.meshgrid(middle, middle, indexing="ij")
+    w = np.tril(np.exp(-(((alpha - beta - 0.25) / 0.15) ** 2) - ((alpha + beta - 1) / 0.3) ** 2))
+    return w / w.sum()
+
+
+def record_of(model: Preisach, u: np.ndarray, noise: float = 0.002) -> Record:
+    y = np.asarray(model.simulate(None, u))
+    return Record.from_arrays(u, y + np.random.default_rng(9).normal(0, noise * np.ptp(y), len(y)))
+
+
+TRUTH = Preisach(GridDensity(0.0, 1.0, bump(16)), np.full(16, 0.02), 0.3)
+
+
+def problem_of(record: Record, cells: int, initial: str = "negative") -> PreisachProblem:
+    scale = float(np.ptp(record.output))
+    low, high = float(record.input.min()), float(record.input.max())
+    whole = Parts(np.zeros(len(record), int), (), None, "")
+    return PreisachProblem(record, whole, Unknowns(cells, low, high, False, initial, scale))
+
+
+def test_the_objective_is_that_of_scipy() -> None:
+    record = record_of(TRUTH, walk(0))
+    problem, strength = problem_of(record, 12), 1e-3
+    H, b = problem.objective((0,), strength)
+    # H = R'R, so |R x - R'^-1 b|^2 differs from the objective by a constant.
+    root = np.linalg.cholesky(H).T
+    right = np.linalg.solve(root.T, b)
+    stacked = np.hstack([root, -root[:, :1]])  # the offset may be negative: two of them
+    split, _ = scipy.optimize.nnls(stacked, right, maxiter=10_000)
+    theirs = split[:-1] - split[-1] * (np.arange(len(b)) == 0)
+    ours = fit_density(record, 12, strength=strength).unknowns
+    np.testing.assert_allclose(
+        ours @ H @ ours / 2 - b @ ours, theirs @ H @ theirs / 2 - b @ theirs, rtol=1e-11
+    )
+
+
+@pytest.mark.parametrize("strength", [1e-1, 1e-4])
+def test_products_find_what_the_matrix_finds(
+    strength: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = record_of(TRUTH, walk(1))
+    dense = fit_density(record, 24, strength=strength)
+    monkeypatch.setattr("identify._density_fit.DENSE", 12)
+    by_products = fit_density(record, 24, strength=strength)
+    H, b = problem_of(record, 24).objective((0,), strength)
+    low, high = (x @ H @ x / 2 - b @ x for x in (dense.unknowns, by_products.unknowns))
+    # The gradient is right to 1e-11, the objective to the square of that over the least curvature.
+    assert abs(high - low) < 1e-12 * abs(low)
+    np.testing.assert_allclose(
+        by_products.model.simulate(None, walk(5)), dense.model.simulate(None, walk(5)), atol=1e-6
+    )
+
+
+def test_the_strength_of_greatest_evidence_predicts_best() -> None:
+    """Within a tenth of the best of a scan over nine decades, judged on another history."""
+    record, other = record_of(TRUTH, walk(2), noise=0.01), walk(7)
+    truth = np.asarray(TRUTH.simulate(None, other))
+
+    def error(strength: float | None) -> float:
+        model = fit_density(record, 16, strength=strength).model
+        return float(np.sqrt(np.mean((np.asarray(model.simulate(None, other)) - truth) ** 2)))
+
+    assert error(None) < 1.1 * min(error(10.0**k) for k in range(-8, 1))
+
+
+def test_the_prior_means_the_same_on_every_grid() -> None:
+    record = record_of(TRUTH, walk(3), noise=0.01)
+    coarse, fine = (problem_of(record, n).strength_by_evidence() for n in (12, 24))
+    assert abs(np.log10(fine / coarse)) < 0.75  # the search itself stops at a quarter of a decade
+
+
+def test_a_first_state_is_fitted() -> None:
+    """A record that starts in the middle of a history; its staircase runs along cells' edges."""
+    turns = np.random.default_rng(4).integers(0, 17, 60) / 16
+    turns[:6] = 0.0, 1.0, 0.25, 0.75, 0.375, 0.5
+    history = np.interp(np.arange(60 * 20) / 20, np.arange(60), turns)
+    y, start = np.asarray(TRUTH.simulate(None, history)), 100
+    cut = slice(start, None)
+    noise = np.random.default_rng(0).normal(0, 1e-3 * np.ptp(y), len(y))
+    record = Record.from_arrays(history[cut], (y + noise)[cut])
+    error = {}
+    for initial in ("negative", "positive", "fit"):
+        model = fit_density(record, 16, low=0.0, high=1.0, initial=initial).model
+        left = np.asarray(model.simulate(None, history[cut])) - y[cut]
+        error[initial] = float(np.sqrt(np.mean(left**2)))
+    assert error["fit"] < 0.1 * min(error["negative"], error["positive"])
+    assert error["fit"] < 1e-3 * np.ptp(y)  # below the noise
+
+
+def test_refining_splits_what_is_heavy_and_keeps_the_mass() -> None:
+    masses = bump(8)[np.tril_indices(8)]
+    block = refined(np.arange(36), masses, share=0.02)
+    fine = Unknowns(16, 0.0, 1.0, False, "negative", 1.0, block=block)
+    heavy = int((masses > 0.02).sum())
+    diagonal = int((np.diagonal(bump(8)) > 0.02).sum())
+    assert block.max() + 1 == 36 + 3 * (heavy - diagonal) + 2 * diagonal
+    x = np.random.default_rng(0).random(fine.count)
+    np.testing.assert_allclose(fine.totals[2] @ x, x[17:].sum())
+
+
+def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:
+    """Splitting cells in four, each with its share by area, changes no output."""
+    n, random = 5, np.random.default_rng(0)
+    coarse = Unknowns(n, 0.0, 1.0, False, "negative", 1.0)
+    z = random.random(coarse.count)
+    block = np.zeros((2 * n, 2 * n), int)
+    i, j = np.tril_indices(2 * n)
+    block = (i // 2) * (i // 2 + 1) // 2 + j // 2
+    fine = Unknowns(2 * n, 0.0, 1.0, False, "negative", 1.0, block=block)
+    x = np.concatenate([z[:1], np.repeat(z[1 : 1 + n] / 2, 2), z[1 + n :]])
+    u = walk(8, samples=200)
+    np.testing.assert_allclose(
+        fine.model(x).simulate(None, u), coarse.model(z).simulate(None, u), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "keywords"),
+    [
+        ("support-too-small", {"low": 0.2}),
+        ("support-too-small", {"high": 0.9}),
+        ("no-cells", {"cells": 0}),
+        ("grid-too-fine", {"cells": 100, "leading": True}),
+        ("grid-too-fine", {"cells": 100, "initial": "fit"}),
+    ],
+)
+def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:
+    with pytest.raises(InputError, match=code):
+        fit_density(record_of(TRUTH, walk(0)), **keywords)
+
+
+def test_the_minimum_of_many_draws_is_feasible() -> None:
+    problem = problem_of(record_of(TRUTH, walk(6)), 10)
+    H, b = problem.objective((0,), 1e-3)
+    for seed in range(20):
+        x = minimum(problem.meaning, H, b + np.random.default_rng(seed).normal(0, 1e-2, len(b)))
+        assert x[1:].min() >= 0
+
+
+def test_a_parametric_density_is_fitted_and_sampled() -> None:
+    """Few parameters: least squares and emcee, from a start well away from the truth."""
+    truth = Preisach(GaussianDensity(0.0, 1.0, 2.0, 0.15, 0.05, 0.5, 0.1, order=8))
+    u = walk(3, turns=20, samples=300)
+    found = fit(
+        record_of(truth, u),
+        Preisach(GaussianDensity(0.0, 1.0, 1.0, 0.3, 0.1, 0.4, 0.2, order=8)),
+        starts=2,
+    )
+    values = {p.name: (p.value, p.stderr) for p in found.parameters}
+    wanted = {
+        "density.total": 2.0,
+        "density.coercivity": 0.15,
+        "density.coercivity_width": 0.05,
+        "density.bias": 0.5,
+        "density.bias_width": 0.1,
+    }
+    for name, true in wanted.items():
+        value, error = values[name]
+        assert error is not None
+        assert abs(value - true) < 5 * error  # five parameters: 1 in 350,000
+    posterior = sample(found, steps=20)
+    assert {*wanted} < {s.name for s in posterior.summaries}
+
+
+def test_a_sum_of_densities_is_saved_and_loaded(tmp_path: Path) -> None:
+    parts = (GaussianDensity(0.0, 1.0, 1.0, 0.2, 0.1, 0.5, 0.1), GridDensity(0.2, 0.9, bump(4)))
+    model = Preisach(SumDensity(parts), initial=(0.9, 0.1))
+    record = record_of(model, walk(2, turns=10, samples=100))
+    found = replace(fit(record, "LinearSponge"), model=model)
+    again = load(save(found, tmp_path / "fit")).model
+    np.testing.assert_array_equal(
+        model.simulate(None, record.input), again.simulate(None, record.input)
+    )

@@ -1,0 +1,226 @@
+"""First-order reversal curves: found in any history, turned into a density and into a model."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from hysteresis import InputError, Record, read_csv
+from hysteresis.preisach import GridDensity
+from identify import Forc, everett_surface, forc_curves, forc_diagram
+from tests.problems import HIGH, LOW, histories
+
+RANGE = HIGH - LOW
+
+
+def uniform_forc(b: float, u: np.ndarray) -> np.ndarray:
+    """y(u | b) of relays spread evenly: E(a, b) = (a - b)^2, and E(high, low) at saturation."""
+    return RANGE**2 + 2 * ((u - b) ** 2 - (HIGH - b) ** 2)
+
+
+def uniform_output(u: np.ndarray) -> float:
+    """The last output of a path from saturation, from the dominant extrema by their definition."""
+    y, rising, here, rest = -(RANGE**2), True, LOW, u
+    while True:
+        extreme = rest.max() if rising else rest.min()
+        y += (2 if rising else -2) * (extreme - here) ** 2
+        if extreme == rest[-1]:
+            return float(y)
+        rest = rest[len(rest) - int(np.argmax(rest[::-1] == extreme)) :]
+        here, rising = extreme, not rising
+
+
+def gaussian_curve(b: float, u: np.ndarray) -> Forc:
+    """Thresholds normal about 1 and -1, deviation 0.3: E(a, b) = F(a - 1) (1 - F(b + 1)).
+
+    The part below the diagonal is less than 1e-5: thresholds lie 4.7 deviations apart.
+    """
+    E = norm.cdf(u, 1, 0.3) * norm.sf(b, -1, 0.3)
+    return Forc(b, u, 2 * E - 2 * norm.sf(b, -1, 0.3))
+
+
+def quadratic(rng: np.random.Generator, noise: float = 0.0) -> tuple[tuple[Forc, ...], float]:
+    """Curves of a quadratic surface at uneven places, and its rho."""
+    a = rng.normal(size=6)
+    curves = []
+    for b in np.cumsum(rng.uniform(0.5, 1.5, 30)):
+        u = b + np.append(0.0, np.cumsum(rng.uniform(0.5, 1.5, 40)))
+        y = a[0] + a[1] * b + a[2] * b**2 + a[3] * u + a[4] * u**2 + a[5] * b * u
+        curves.append(Forc(float(b), u, y + noise * rng.normal(size=u.shape)))
+    return tuple(curves), -a[5] / 2
+
+
+@given(histories(LOW, HIGH))
+def test_every_curve_found_is_one(history: np.ndarray):
+    """Of any history, minor loops and all, that visits nothing near the top but the top itself."""
+    u = np.append(HIGH, np.where(history > HIGH - 0.02 * RANGE, HIGH, history))
+    y = np.array([uniform_output(u[: k + 1]) for k in range(len(u))])
+    record = Record.from_arrays(u, y)
+    descent = u[np.argmax(u < HIGH) :]
+    if HIGH not in descent and u[-1] == u.min():  # one descent that ends where it is lowest
+        with pytest.raises(InputError, match="no-curves"):
+            forc_curves(record)
+        return
+    curves = forc_curves(record)
+    assert min(curve.reversal for curve in curves) <= np.min(u[u < HIGH], initial=HIGH)
+    for b, x, y in curves:
+        assert x[0] == b
+        assert (np.diff(x) > 0).all()
+        np.testing.assert_allclose(y, uniform_forc(b, x), atol=1e-12 * RANGE**2)
+
+
+def test_sequences_that_only_rise_are_curves():
+    b = np.array([0.5, -0.2, 0.1])
+    u = b[:, None] + np.linspace(0, 1, 9)
+    y = np.stack([uniform_forc(start, row) for start, row in zip(b, u, strict=True)])
+    used = np.ones(27, bool)
+    used[4] = False
+    record = Record.from_arrays(u.ravel(), y.ravel(), groups=np.repeat([3, 1, 2], 9), mask=used)
+    curves = forc_curves(record)
+    assert [curve.reversal for curve in curves] == [-0.2, 0.1, 0.5]
+    assert [len(curve.input) for curve in curves] == [9, 9, 8]
+
+
+def test_what_comes_before_the_top_is_no_curve():
+    u = np.interp(np.arange(60), [0, 10, 30, 59], [0.0, 1.0, -0.5, 1.0])
+    assert [c.reversal for c in forc_curves(Record.from_arrays(u, u))] == [-0.5]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+@settings(max_examples=20)
+def test_a_quadratic_surface_is_reproduced(seed: int, smoothing: int):
+    curves, rho = quadratic(np.random.default_rng(seed))
+    diagram = forc_diagram(curves, smoothing)
+    scale = max(np.ptp(np.concatenate([c.output for c in curves])), 1.0)
+    # Rounding of y over the smallest window, about 1 x 1: 1e-16 times its condition, 1e4 at worst.
+    np.testing.assert_allclose(diagram.density, rho, atol=1e-11 * scale)
+    assert diagram.standard_error.max() < 1e-11 * scale
+    np.testing.assert_allclose(diagram.bias + diagram.coercivity, diagram.input)
+    np.testing.assert_allclose(diagram.bias - diagram.coercivity, diagram.reversal)
+    # Of the smallest window six points are left at an edge, too few: of 30 curves 2, of 41 samples 2.
+    assert len(diagram.input) > 0.87 * sum(len(c.input) for c in curves)
+
+
+def test_standard_errors_are_calibrated():
+    z = []
+    for seed in range(10):
+        curves, rho = quadratic(np.random.default_rng(seed), noise=0.1)
+        diagram = forc_diagram(curves, 3)
+        z.append((diagram.density - rho) / diagram.standard_error)
+    # 10 x 30 x 40 points with windows of 49: some 250 independent ones, so 0.05 of deviation;
+    # Student's t with 43 degrees of freedom has 1.02, with the fewer at the edges a little more.
+    assert 0.87 < np.std(np.concatenate(z)) < 1.18
+
+
+@pytest.mark.parametrize("smoothing", [2, 4])
+def test_diagram_recovers_a_gaussian_density(smoothing: int):
+    step = 0.05
+    grid = np.arange(-2.5, 2.5 + step / 2, step)
+    curves = tuple(gaussian_curve(float(grid[k]), grid[k:]) for k in range(71))
+    diagram = forc_diagram(curves, smoothing)
+    truth = norm.pdf(diagram.input, 1, 0.3) * norm.pdf(diagram.reversal, -1, 0.3)
+    # Cubic terms B U^3 / 6 and B^3 U / 6 leak by (fourth over second moment of the window) / 6 of
+    # rho_uu + rho_bb, at most 2 / 0.3^2 of the peak. The next order is smaller and opposed.
+    steps = np.arange(-smoothing, smoothing + 1)
+    leak = (steps**4).sum() / (steps**2).sum() * step**2 / 6
+    inside = (diagram.reversal > -2.2) & (diagram.reversal < 0.8) & (diagram.input < 2.2)
+    inside &= diagram.coercivity > 0.3  # full windows
+    error = np.abs(diagram.density - truth)[inside].max() / truth.max()
+    assert 0.5 * leak * 2 / 0.3**2 < error < leak * 2 / 0.3**2
+
+
+def curves_of(seed: int) -> tuple[Forc, ...]:
+    """Any curves at all: nine, uneven, noisy, ending anywhere."""
+    rng = np.random.default_rng(seed)
+    curves = []
+    for b in np.cumsum(rng.uniform(0.5, 1.5, 9)):
+        u = b + np.append(0.0, np.cumsum(rng.uniform(0.2, 0.6, int(rng.integers(10, 30)))))
+        curves.append(Forc(float(b), u, rng.normal(size=u.shape) + rng.normal() * u))
+    return tuple(curves)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_model_reproduces_any_curves_at_the_nodes(seed: int):
+    curves = curves_of(seed)
+    surface = everett_surface(curves, cells=40)
+    nodes, model = surface.nodes, surface.model
+    assert set(nodes) >= {curve.reversal for curve in curves}
+    pieces = [nodes[(nodes >= c.reversal) & (nodes <= c.input[-1])] for c in curves]
+    measured = [np.interp(u, c.input, c.output) for u, c in zip(pieces, curves, strict=True)]
+    u, starts = np.concatenate(pieces), np.cumsum([0, *map(len, pieces[:-1])])
+    y = np.asarray(model.evaluate(model.prepare(None, u, starts=tuple(starts.tolist()))))
+    # Sums of some hundred numbers of that size.
+    np.testing.assert_allclose(y, np.concatenate(measured), atol=1e-12 * np.abs(y).max())
+    for x, z in zip(pieces, measured, strict=True):
+        at = np.searchsorted(nodes, x)
+        E = surface.everett[at, at[0]]
+        np.testing.assert_allclose(E, (z - z[0]) / 2, atol=1e-12 * np.abs(y).max())
+
+
+def test_model_of_clean_curves_predicts_others():
+    """Held-out first-order and higher curves of a Gaussian density, which is not signed."""
+    reversals = np.linspace(-2.5, 0.5, 31)
+    curves = tuple(gaussian_curve(float(b), np.arange(b, 4.2, 0.05)) for b in reversals)
+    surface = everett_surface(curves)
+    model = surface.model
+    assert isinstance(model.density, GridDensity)
+    assert not model.density.signed
+    assert np.abs(surface.closure).max() < 1e-14  # ten deviations above the last relay
+    u = np.concatenate([
+        np.linspace(2.5, -0.95, 50), np.linspace(-0.95, 1.1, 50), np.linspace(1.1, -1.2, 50)
+    ])  # fmt: skip
+    y = np.asarray(model.simulate(None, u))
+
+    def everett(a: np.ndarray | float, b: np.ndarray | float) -> np.ndarray:
+        return np.asarray(norm.cdf(a, 1, 0.3) * norm.sf(b, -1, 0.3))
+
+    fall = -2 * everett(5.0, u[:50])
+    rise = -2 * everett(5.0, -0.95) + 2 * everett(u[50:100], -0.95)
+    wiped = u[100:] <= -0.95
+    second = np.where(wiped, -2 * everett(5.0, u[100:]), rise[-1] - 2 * everett(1.1, u[100:]))
+    # Interpolated over steps of 0.1 and 0.05: step^2 / 8 of a curvature of about 2 x 2.7 = 2 E''.
+    np.testing.assert_allclose(y, np.concatenate([fall, rise, second]), atol=0.1**2 / 8 * 5.4)
+
+
+def test_real_curves_held_out(measured_data: Path):
+    """Every other curve of a nanowire array from the ones between."""
+    file = measured_data / "forc-magnetic" / "tidy_feco_nanowires.csv"
+    if not file.is_file():
+        pytest.skip(f"no {file.name}")
+    record = read_csv(file, input="field_Oe", output="moment_emu", group="curve")
+    train, test = record.split_groups([str(k) for k in range(0, 152, 2)])
+    model = everett_surface(forc_curves(train)).model
+    starts = tuple(test.starts.tolist())
+    y = np.asarray(model.evaluate(model.prepare(None, test.input, starts=starts)))
+    error = np.sqrt(np.mean((y - test.output) ** 2)) / np.ptp(test.output)
+    # Third differences along a curve show a noise of 0.015 %, so 0.018 % is the least.
+    assert error < 0.03e-2
+
+
+def with_ties() -> tuple[Forc, ...]:
+    curve = gaussian_curve(0.0, np.linspace(0, 2, 30))
+    return tuple([curve] * 7)
+
+
+@pytest.mark.parametrize(
+    ("code", "call"),
+    [
+        ("bad-smoothing", lambda: forc_diagram(curves_of(0), 0)),
+        ("too-few-curves", lambda: forc_diagram(curves_of(0), 5)),
+        ("too-few-curves", lambda: everett_surface(curves_of(0)[:1])),
+        ("reversals-not-rising", lambda: forc_diagram(with_ties(), 3)),
+        ("reversals-not-rising", lambda: everett_surface(curves_of(0)[::-1])),
+        (
+            "too-short-curves",
+            lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0))),
+        ),
+        ("no-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
+    ],
+)  # fmt: skip
+def test_bad_input_is_answered(code: str, call):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert caught.value.code == code
