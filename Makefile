@@ -29,6 +29,7 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/python docs/build.py
+	$(BIN)/python -m benchmarks._growth_picture out/docs/growth.svg
 
 datasets: $(READY)
 	$(BIN)/python -m benchmarks.datasets

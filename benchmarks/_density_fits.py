@@ -6,7 +6,6 @@ its own, on one BLAS thread, so that time and peak memory are its own.
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
@@ -29,6 +28,7 @@ from identify._folds import Parts
 from identify._preisach_problem import PreisachProblem
 from identify._preisach_unknowns import Unknowns
 
+from ._growth import peak_memory
 from ._measure import Row, judged, noted
 from .accuracy import data_folder
 
@@ -90,7 +90,7 @@ def large() -> dict[str, float]:
     record = _noisy(u, np.asarray(model.simulate(None, u)))
     seconds = _seconds(lambda: fit_density(record, 100, strength=1e-2), 3)
     found = fit_density(record, 100, strength=1e-2)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    peak = peak_memory() / 1e9
     problem = _problem(
         record, 100
     )  # after the peak: the normal matrix is for the certificate alone

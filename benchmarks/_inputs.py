@@ -47,6 +47,12 @@ def evaluate(model: AbstractModel, prepared: Any) -> jax.Array:
 
 
 @jax.jit
+def look_up(model: Preisach, table: Any, prepared: Any) -> jax.Array:
+    """`evaluate` with the Everett table at hand."""
+    return model.look_up(table, prepared)
+
+
+@jax.jit
 def table(model: Preisach) -> Any:
     """The Everett table alone."""
     return model.density.tabulate()

@@ -125,7 +125,8 @@ def design_rows(model: Preisach, prepared: PreisachInput) -> sparse.csr_matrix:
     assert isinstance(model.density, GridDensity)
     space = NodeSpace(model.density.cells, model.up is not None)
     own = _everett_rows(space, p.sample, np.asarray(p.sign))
-    edge = _everett_rows(space, p.node, np.asarray(p.node_sign))
+    past = _everett_rows(space, p.past, np.asarray(p.past_sign))
+    edge = sparse.vstack([past, own]).tocsr()[np.asarray(p.place)]
 
     # The level at an anchor is the sum of the edges on its way to the root: (I + P + P^2 + ...) edge.
     parent = np.asarray(p.tree.parent)

@@ -139,8 +139,8 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
         past = self._past(state)
         concrete = is_concrete(u) and is_concrete(past)
         u = np.asarray(u, float) if concrete else jnp.asarray(u)
-        tree, u_node = hang(past, u, starts)
-        return jax.tree.map(_to_device, MovingInput(tree, u_node, u))
+        hung = hang(past, u, starts)
+        return jax.tree.map(_to_device, MovingInput(hung.tree, hung.at_node, u))
 
     def evaluate(self, prepared: MovingInput) -> Float[Array, " samples"]:
         (anchor, _, parent, rising, *_), u_node, u = prepared

@@ -21,6 +21,10 @@ from ._occupancy import Visited, check_up, occupancy_table, running_extremes
 from ._sequences import hang, past_inputs
 from ._stack import OpenLoops
 
+SMALL_TABLE = 100_000
+"""Numbers in a table that is stored once more where it is read. That stores its gradient too, which takes a
+third of the time then; a large table takes longer to copy than that saves."""
+
 
 class PreisachState(NamedTuple):
     """The staircase of dominant extrema and where the input stands on it.
@@ -45,7 +49,8 @@ class PreisachInput(NamedTuple):
     """The memory tree of an input with its pairs located on the density; see `MemoryTree`.
 
     - `sample`, `sign` (samples,): each sample's anchor and itself, and 2 rising or -2 falling.
-    - `node`, `node_sign` (anchors,): the same of each anchor and its parent.
+    - `past`, `past_sign`: the same of the paths to the first state.
+    - `place` (anchors,): where each anchor stands in the past and the samples, one after the other.
     - `cell`, `within` (samples,): the place on the reversible part, or None.
     - `unvisited` (samples,): greatest and least input so far, or None.
     """
@@ -53,8 +58,9 @@ class PreisachInput(NamedTuple):
     tree: MemoryTree
     sample: Any
     sign: Any
-    node: Any
-    node_sign: Any
+    past: Any
+    past_sign: Any
+    place: Any
     cell: Array | None
     within: Array | None
     unvisited: Any
@@ -209,29 +215,45 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         concrete = is_concrete(u) and is_concrete(past)
         u = np.asarray(u, float) if concrete else jnp.asarray(u)
         seen = self._seen(u, state, starts)
-        tree, at_node = hang(past, seen, starts)
-        # Anchor first: the samples of a branch then read along one row of a table, memory in a row.
-        sample = self.density.pair(at_node[tree.anchor], seen)
-        node = self.density.pair(at_node[tree.parent], at_node)
+        tree, at_node, past, past_anchor, place = hang(past, seen, starts)
+
+        def branch(anchor: Any, u: Any) -> tuple[Any, Any]:
+            # Anchor first: the samples of a branch then read along one row of a table.
+            return self.density.pair(at_node[anchor], u), 2.0 * tree.rising[anchor].astype(float)
+
         visited = None
         if self.up is not None:
             before = state.visited if state is not None else None
             visited = running_extremes(seen, before or Visited.nothing(), starts)
         prepared = PreisachInput(
-            tree, sample, 2.0 * tree.rising[tree.anchor].astype(float),
-            node, 2.0 * tree.rising[tree.parent].astype(float),
+            tree, *branch(tree.anchor, seen), *branch(past_anchor, past), place,
             *self._place(u), self._unvisited(visited),
         )  # fmt: skip
         return jax.tree.map(_to_device, prepared)
 
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
+        return self.look_up(tabulate_once(self.density, prepared.tree.parent[0] == 0), prepared)
+
+    def look_up(self, table: Any, prepared: PreisachInput) -> Float[Array, " samples"]:
+        """`evaluate` with the density's table, `density.tabulate()`, at hand."""
         tree = prepared.tree
         true = tree.parent[0] == 0
-        table = tabulate_once(self.density, true)
-        rise = prepared.node_sign * self.density.everett(table, prepared.node)
+        if sum(part.size for part in jax.tree.leaves(table)) < SMALL_TABLE:
+            table = materialise(table, true)
+        past = prepared.past_sign * self.density.everett(table, prepared.past)
+        own = prepared.sign * self.density.everett(table, prepared.sample)
+        # The change from an anchor's parent to the anchor is what the sample it stands at has moved.
+        place = jnp.maximum(prepared.place - len(past), 0)
+        if 8 * len(place) > len(own):
+            own = materialise(own, true)
+            rise = read(own, place)
+        else:  # few are sooner done again than all are stored
+            at_node = jax.tree.map(lambda part: read(part, place), prepared.sample)
+            rise = read(prepared.sign, place) * self.density.everett(table, at_node)
+        of_past = read(past, jnp.minimum(prepared.place, len(past) - 1))
+        rise = jnp.where(prepared.place < len(past), of_past, rise)
         level = anchor_levels(tree, rise, true) - self.density.mass(table)
-        relays = read(level, tree.anchor)
-        relays += prepared.sign * self.density.everett(table, prepared.sample)
+        relays = read(level, tree.anchor) + own
         if self.up is not None:
             up = materialise(occupancy_table(jnp.asarray(self.up)), true)
             relays += 2 * bilinear(up, prepared.unvisited)
