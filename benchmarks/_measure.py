@@ -52,24 +52,24 @@ def interleaved(calls: Calls, rounds: int, moment: float = 2e-3) -> dict[str, np
 
     Every round runs every call, so that what disturbs the machine disturbs all alike and ratios
     within a round are fair. A call that takes less than a `moment` (seconds) is repeated for that
-    long and the mean taken: its caches may have been emptied by the call before, and it must not
-    slip through where a long one is disturbed. Two rounds before the first compile and warm up.
+    long and the fastest taken: its caches may have been emptied by the call before. Two rounds
+    before the first compile and warm up.
     """
     seconds = {name: np.empty(rounds) for name in calls}
     for k in range(-2, rounds):
         for name, call in calls.items():
-            taken = _mean_of(call, moment)
+            taken = _least_of(call, moment)
             if k >= 0:
                 seconds[name][k] = taken
     return seconds
 
 
-def _mean_of(call: Callable[[], Any], moment: float) -> float:
-    begin, runs, taken = time.perf_counter(), 0, 0.0
-    while taken < moment:
+def _least_of(call: Callable[[], Any], moment: float) -> float:
+    least, end = math.inf, time.perf_counter() + moment
+    while (begin := time.perf_counter()) < end:
         jax.block_until_ready(call())
-        runs, taken = runs + 1, time.perf_counter() - begin
-    return taken / runs
+        least = min(least, time.perf_counter() - begin)
+    return least
 
 
 def least_seconds(calls: Calls, rounds: int, moment: float = 2e-3) -> dict[str, float]:

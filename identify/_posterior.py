@@ -150,7 +150,8 @@ def _sample_parameters(
                 tell(
                     k * steps + step, ensembles * steps, f"ensemble {k + 1}, acceptance {rate:.2f}"
                 )
-        taus.append(sampler.get_autocorr_time(quiet=True, tol=0) if steps > 20 else np.nan)
+        short = np.full(dimension, np.nan)
+        taus.append(sampler.get_autocorr_time(quiet=True, tol=0) if steps > 20 else short)
         burn = min(int(5 * np.max(np.nan_to_num(taus[-1], nan=steps / 10))), steps // 2)
         chain = sampler.get_chain()
         assert chain is not None

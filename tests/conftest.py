@@ -35,7 +35,7 @@ settings.register_profile(
     "hysid",
     deadline=None,  # the first example compiles
     derandomize=True,
-    max_examples=50,
+    max_examples=30,
     print_blob=True,
 )
 settings.load_profile("hysid")

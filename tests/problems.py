@@ -19,7 +19,7 @@ from hysteresis import (
 )
 from hysteresis.preisach import GridDensity
 from tests.densities import CELLS as DENSITY_CELLS
-from tests.densities import Make, mixture, plain_everett, warped
+from tests.densities import Make, plain_everett, warped
 
 Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat"]
 Known = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -313,7 +313,6 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     _preisach_problem("negative", _preisach("negative"), "lagging"),
     _preisach_problem("positive", _preisach("positive", reversible=True), "lagging"),
-    _preisach_problem("demagnetised", _preisach("demagnetised", reversible=True), "lagging"),
     Problem(
         "preisach-up", _preisach("negative", reversible=True, share_up=True), LOW, HIGH,
         frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
@@ -324,7 +323,6 @@ PROBLEMS: tuple[Problem, ...] = (
         frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
     ),
     _density_problem("warped-grid", warped, "grid"),
-    _density_problem("sum-of-densities", mixture),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),
 )  # fmt: skip
