@@ -61,7 +61,8 @@ def solve_fine(
     for k in range(1, len(coarse)):
         inside = (spreads[k].T @ (spreads[k - 1] @ start)) != 0
         start = nonnegative_least_squares(coarse[k].H, coarse[k].b, coarse[k].meaning.free, inside)
-    first, near = coarse[0], np.diagonal(coarse[0].H - strength * _prior(coarse[0].meaning))
+    first = coarse[0]
+    near = np.diagonal(first.H) - strength * smoothness(first.meaning).diagonal()
     diagonal = (spreads[0] > 0) @ near + strength * K.diagonal()
     factor = scipy.linalg.cho_factor(first.H)
     return _pivot(
@@ -146,7 +147,3 @@ def _spread(coarse: Unknowns, fine: Unknowns) -> Any:
     size = np.concatenate([np.ones(1 + n), np.where(i == j, 0.5, 1.0)])
     share = size / np.bincount(column, size)[column]
     return sparse.csr_matrix((share, (np.arange(len(column)), column)))
-
-
-def _prior(meaning: Unknowns) -> np.ndarray:
-    return np.asarray(smoothness(meaning).todense())

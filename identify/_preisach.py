@@ -76,7 +76,6 @@ def fit_preisach(
     leadings: tuple[bool, ...],
     initials: tuple[Initial | str, ...],
     cells: tuple[int, ...] = GRIDS,
-    prior: str = "held-out",
     dead_band: float = 0.0,
 ) -> LinearFit:
     """Fit every shape, choose shape, grid and prior strength, refit on all the training parts.
@@ -87,8 +86,7 @@ def fit_preisach(
 
     Among the choices whose held-out error is above the best one's by less than the standard error
     of that difference, paired by blocks of rows, the simplest is taken: fewer cells, then a stronger prior.
-    A conditioning cycle is left out of the fit where that predicts the held-out one better. With
-    `prior="evidence"` the strength is that of the greatest marginal likelihood.
+    A conditioning cycle is left out of the fit where that predicts the held-out one better.
     """
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
@@ -97,8 +95,6 @@ def fit_preisach(
 
     def tried(meaning: Unknowns, strengths: Iterable[float]) -> list[_Choice]:
         problem = PreisachProblem(record, parts, meaning)
-        if prior == "evidence":
-            strengths = (problem.strength_by_evidence(),)
         return [
             _Choice(problem, strength, dropped, problem.held_out_errors(strength, dropped))
             for strength in strengths
