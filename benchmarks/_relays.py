@@ -74,7 +74,7 @@ def _dense_peers(
 @cache
 def compiled(loop: Callable[..., Any], reorder: bool = False) -> Callable[..., Any]:
     """`loop` compiled for one thread; `reorder` lets sums be taken in any order, for vectors."""
-    import numba
+    import numba  # pyright: ignore[reportMissingImports]  (an extra)
 
     return numba.njit(fastmath=reorder)(loop)
 

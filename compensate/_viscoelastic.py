@@ -42,7 +42,7 @@ class BurgersCompensator(AbstractCompensator[BurgersState]):
             if self.element.leading and self.element.hold == "constant" and is_concrete(t):
                 self._check_steps(np.asarray(t))
         value = self.element.simulate(t, y - self.offset, state)
-        value = jnp.where(latest < 0, self._now(state), value)
+        value = jnp.where(latest < 0, self._now(state), value[latest])
         return Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
 
     def _now(self, state: BurgersState) -> jax.Array:

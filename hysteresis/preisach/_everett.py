@@ -56,12 +56,12 @@ def _running_sum(rows: Array, from_the_end: bool = False) -> Array:
     return jax.lax.scan(add, jnp.zeros_like(rows[0]), rows, reverse=from_the_end)[1]
 
 
-def everett_look_up(table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
-    """E(a, b) of every pair. Four reads of the table, two of its diagonal, no case splits."""
+def everett_look_up(table: EverettTable, pairs: GridPairs) -> tuple[Array, Array, Array]:
+    """bilinear(T; a, b), h(a) and h(b) of every pair: four reads of the table, two of its diagonal."""
     f, g = pairs.fraction, pairs.fraction_b
     half_a = read(table.diagonal, pairs.cell) * f * (f - 1)
     half_b = read(table.diagonal, pairs.cell_b) * g * (g - 1)
-    return bilinear(table.node, pairs) + half_a + half_b
+    return bilinear(table.node, pairs), half_a, half_b
 
 
 def bilinear(table: Float[Array, "nodes nodes"], pairs: GridPairs) -> Float[Array, "*pairs"]:

@@ -241,18 +241,26 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         if sum(part.size for part in jax.tree.leaves(table)) < SMALL_TABLE:
             table = materialise(table, true)
         past = prepared.past_sign * self.density.everett(table, prepared.past)
-        own = prepared.sign * self.density.everett(table, prepared.sample)
         # The change from an anchor's parent to the anchor is what the sample it stands at has moved.
         place = jnp.maximum(prepared.place - len(past), 0)
-        if 8 * len(place) > len(own):
+        before, place_past = prepared.place < len(past), jnp.minimum(prepared.place, len(past) - 1)
+        if 8 * len(place) > len(prepared.sign):
+            own = prepared.sign * self.density.everett(table, prepared.sample)
             own = materialise(own, true)
-            rise = read(own, place)
-        else:  # few are sooner done again than all are stored
+            rise, of_anchor = read(own, place), 0.0
+        else:
+            # Few anchors are sooner looked up again than all samples are stored; an anchor's own term is
+            # found once for all its samples.
+            both, _, of_sample = self.density.everett_terms(table, prepared.sample)
+            own = prepared.sign * (both + of_sample)
             at_node = jax.tree.map(lambda part: read(part, place), prepared.sample)
             rise = read(prepared.sign, place) * self.density.everett(table, at_node)
-        of_past = read(past, jnp.minimum(prepared.place, len(past) - 1))
-        rise = jnp.where(prepared.place < len(past), of_past, rise)
-        level = anchor_levels(tree, rise, true) - self.density.mass(table)
+            of_node = self.density.everett_terms(table, at_node)[2]
+            of_past = self.density.everett_terms(table, prepared.past)[2]
+            of_anchor = jnp.where(before, read(of_past, place_past), of_node)
+            of_anchor *= 2 * tree.rising.astype(rise.dtype)
+        rise = jnp.where(before, read(past, place_past), rise)
+        level = anchor_levels(tree, rise, true) - self.density.mass(table) + of_anchor
         relays = read(level, tree.anchor) + own
         if self.up is not None:
             up = materialise(occupancy_table(jnp.asarray(self.up)), true)
