@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import is_concrete, parameter
-from ._everett import EverettTable, GridPairs, everett_look_up, everett_table
+from ._everett import EverettTable, GridPairs, everett_table, everett_terms
 
 Pairs = TypeVar("Pairs")
 Table = TypeVar("Table")
@@ -51,15 +51,6 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
     @abc.abstractmethod
     def everett(self, table: Table, pairs: Pairs) -> Float[Array, "*pairs"]:
         """E(a, b) of every pair."""
-
-    def everett_terms(self, table: Table, pairs: Pairs) -> tuple[Array, Array, Array]:
-        """E(a, b) as a sum: what depends on both, on a alone, on b alone.
-
-        Many pairs share an a; where its own term is known, it need not be found for each of them.
-        """
-        both = self.everett(table, pairs)
-        none = jnp.zeros_like(both)
-        return both, none, none
 
     @abc.abstractmethod
     def mass(self, table: Table) -> Float[Array, ""]:
@@ -145,11 +136,8 @@ class AbstractGridDensity(AbstractCellDensity[EverettTable]):
         return everett_table(self.masses())
 
     def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
-        both, of_a, of_b = everett_look_up(table, pairs)
+        both, of_a, of_b = everett_terms(table, pairs)
         return both + of_a + of_b
-
-    def everett_terms(self, table: EverettTable, pairs: GridPairs) -> tuple[Array, Array, Array]:
-        return everett_look_up(table, pairs)
 
     def mass(self, table: EverettTable) -> Float[Array, ""]:
         return table.node[-1, 0]

@@ -56,8 +56,11 @@ def _running_sum(rows: Array, from_the_end: bool = False) -> Array:
     return jax.lax.scan(add, jnp.zeros_like(rows[0]), rows, reverse=from_the_end)[1]
 
 
-def everett_look_up(table: EverettTable, pairs: GridPairs) -> tuple[Array, Array, Array]:
-    """bilinear(T; a, b), h(a) and h(b) of every pair: four reads of the table, two of its diagonal."""
+def everett_terms(table: EverettTable, pairs: GridPairs) -> tuple[Array, Array, Array]:
+    """E(a, b) of every pair as three terms: bilinear(T; a, b), h(a) and h(b).
+
+    Many pairs share an a: where h(a) is known, it need not be found for each of them.
+    """
     f, g = pairs.fraction, pairs.fraction_b
     half_a = read(table.diagonal, pairs.cell) * f * (f - 1)
     half_b = read(table.diagonal, pairs.cell_b) * g * (g - 1)

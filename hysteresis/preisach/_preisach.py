@@ -13,7 +13,7 @@ from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
 from ._dead_band import play, play_step
 from ._density import AbstractCellDensity, AbstractDensity, AbstractGridDensity
-from ._everett import bilinear, materialise, read, tabulate_once
+from ._everett import bilinear, everett_terms, materialise, read, tabulate_once
 from ._initial import Initial, check_initial, staircase, word_or_inputs
 from ._levels import anchor_levels
 from ._memory import MemoryTree
@@ -244,21 +244,21 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         # The change from an anchor's parent to the anchor is what the sample it stands at has moved.
         place = jnp.maximum(prepared.place - len(past), 0)
         before, place_past = prepared.place < len(past), jnp.minimum(prepared.place, len(past) - 1)
-        if 8 * len(place) > len(prepared.sign):
+        if 8 * len(place) < len(prepared.sign) and isinstance(self.density, AbstractGridDensity):
+            # Few anchors are sooner looked up again than all samples are stored, and an anchor's own term
+            # is found once for all its samples.
+            both, _, of_sample = everett_terms(table, prepared.sample)
+            own = prepared.sign * (both + of_sample)
+            at_node = jax.tree.map(lambda part: read(part, place), prepared.sample)
+            both, of_parent, of_node = everett_terms(table, at_node)
+            rise = read(prepared.sign, place) * (both + of_parent + of_node)
+            of_past = everett_terms(table, prepared.past)[2]
+            of_anchor = jnp.where(before, read(of_past, place_past), of_node)
+            of_anchor *= 2 * tree.rising.astype(rise.dtype)
+        else:
             own = prepared.sign * self.density.everett(table, prepared.sample)
             own = materialise(own, true)
             rise, of_anchor = read(own, place), 0.0
-        else:
-            # Few anchors are sooner looked up again than all samples are stored; an anchor's own term is
-            # found once for all its samples.
-            both, _, of_sample = self.density.everett_terms(table, prepared.sample)
-            own = prepared.sign * (both + of_sample)
-            at_node = jax.tree.map(lambda part: read(part, place), prepared.sample)
-            rise = read(prepared.sign, place) * self.density.everett(table, at_node)
-            of_node = self.density.everett_terms(table, at_node)[2]
-            of_past = self.density.everett_terms(table, prepared.past)[2]
-            of_anchor = jnp.where(before, read(of_past, place_past), of_node)
-            of_anchor *= 2 * tree.rising.astype(rise.dtype)
         rise = jnp.where(before, read(past, place_past), rise)
         level = anchor_levels(tree, rise, true) - self.density.mass(table) + of_anchor
         relays = read(level, tree.anchor) + own
