@@ -1,5 +1,8 @@
 """Fitted models run backwards."""
 
+from . import _bouc_wen as _bouc_wen
+from . import _compose as _compose
+from . import _curves as _curves
 from . import _moving as _moving
 from . import _output_dependent as _output_dependent
 from . import _prandtl_ishlinskii as _prandtl_ishlinskii

@@ -81,7 +81,7 @@ def inverse_of(model: AbstractModel) -> AbstractCompensator:
     raise InputError(
         "not-invertible",
         f"no inverse is known for {type(model).__name__}.",
-        fix="invert a LinearSponge, Burgers, PrandtlIshlinskii or Preisach model.",
+        fix="BracketedCompensator(model, low, high), if its output rises with its input.",
     )
 
 

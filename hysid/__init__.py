@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compensate import invert as invert
+    from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
+    from hysteresis import FoamCurve as FoamCurve
+    from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
+    from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
     from hysteresis import InputError as InputError
     from hysteresis import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
     from hysteresis import LinearSponge as LinearSponge
     from hysteresis import PrandtlIshlinskii as PrandtlIshlinskii
     from hysteresis import Preisach as Preisach
     from hysteresis import Record as Record
+    from hysteresis import StandardLinearSolid as StandardLinearSolid
     from hysteresis import read_csv as read_csv
     from hysteresis.preisach import GaussianDensity as GaussianDensity
     from hysteresis.preisach import GridDensity as GridDensity
@@ -26,21 +31,36 @@ if TYPE_CHECKING:
     from identify import load as load
     from identify import sample as sample
     from identify import save as save
+    from identify import spectrum as spectrum
 
 _HOME = {
     "compensate": ("invert",),
     "hysteresis": (
+        "BoucWen",
         "Burgers",
+        "FoamCurve",
+        "GeneralizedKelvinVoigt",
+        "GeneralizedMaxwell",
         "InputError",
         "KrasnoselskiiPokrovskii",
         "LinearSponge",
         "PrandtlIshlinskii",
         "Preisach",
         "Record",
+        "StandardLinearSolid",
         "read_csv",
     ),
     "hysteresis.preisach": ("GaussianDensity", "GridDensity", "LorentzianDensity"),
-    "identify": ("everett_surface", "fit", "forc_curves", "forc_diagram", "load", "sample", "save"),
+    "identify": (
+        "everett_surface",
+        "fit",
+        "forc_curves",
+        "forc_diagram",
+        "load",
+        "sample",
+        "save",
+        "spectrum",
+    ),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)

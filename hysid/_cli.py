@@ -150,6 +150,13 @@ def fit(
             help="auto: leave the first cycle out where that predicts better; or keep.",
         ),
     ] = "auto",
+    clocks: Annotated[
+        str,
+        typer.Option(
+            callback=_one_of("auto", "keep"),
+            help="auto: take out a lag between input and output, smooth a staircase; or keep.",
+        ),
+    ] = "auto",
     starts: Annotated[
         int, typer.Option(min=1, help="Random starts for non-linear parameters.")
     ] = 32,
@@ -173,7 +180,7 @@ def fit(
     jobs = _start(double=not allow_float32)
     document = jobs.fit(
         file, jobs.Selection(**options), out, overwrite=overwrite, say=_say, model=model,
-        initial=initial, conditioning=conditioning, starts=starts, seed=seed,
+        initial=initial, conditioning=conditioning, clocks=clocks, starts=starts, seed=seed,
         allow_float32=allow_float32,
     )  # fmt: skip
     _print(document, as_json, [*_verdict_lines(document), f"Results: {out}"])

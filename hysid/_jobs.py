@@ -271,7 +271,7 @@ def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarr
         t = None if record.time is None else record.time[rows]
         estimate = compensator.simulate(t, record.output[rows])
         value[rows], status[rows] = np.asarray(estimate.value), np.asarray(estimate.status)
-    return value, status
+    return fitted.clocks.undone(record, value), status
 
 
 def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
@@ -326,6 +326,9 @@ def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def _mean_parameters(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
     status = {"stderr": None, "status": f"mean of {len(documents)}"}
+    names = {tuple(p["name"] for p in d["parameters"]) for d in documents}
+    if len(names) > 1:  # branches with other relaxation times have no mean
+        return []
     columns = zip(*(d["parameters"] for d in documents), strict=True)
     return [
         column[0] | {"value": _mean([p["value"] for p in column])} | status for column in columns

@@ -20,7 +20,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.tri import Triangulation
 
 from hysteresis.preisach import MemoryTree, memory_tree
-from identify import ForcDiagram, Identifiability
+from identify import FitResult, ForcDiagram, Identifiability
 
 from ._figures import BLUE, GREY, INK, VERMILLION, styled
 from ._words import label
@@ -197,6 +197,25 @@ def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
     for drawn in (colours, hatched, axes.add_collection(border)):
         drawn.set_clip_path(*inside)
     _bar(figure, axes, colours, "how much the data tell")
+    return figure
+
+
+@styled
+def candidates(fit: FitResult) -> Figure:
+    """The error of every model a fit tried, best first: held out in training, and on the test rows."""
+    names = [candidate.name for candidate in fit.candidates]
+    place = np.arange(len(names))[::-1]
+    figure = Figure(figsize=(6.4, 0.8 + 0.42 * len(names)))
+    axes = figure.subplots()
+    held_out = [candidate.score for candidate in fit.candidates]
+    axes.barh(place + 0.18, held_out, 0.34, color=BLUE, label="held out in training")
+    tests = [candidate.metrics["test"] for candidate in fit.candidates]
+    if all(test is not None for test in tests):
+        errors = [test.nrmse_percent for test in tests if test is not None]
+        axes.barh(place - 0.18, errors, 0.34, color=VERMILLION, label="test rows")
+    axes.set_yticks(place, names)
+    axes.set_xlabel("error, % of the output's range")
+    axes.legend(frameon=False)
     return figure
 
 

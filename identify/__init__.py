@@ -34,3 +34,5 @@ from ._save import read_document as read_document
 from ._save import save as save
 from ._save import to_json as to_json
 from ._save import write_json as write_json
+from ._spectrum import Spectrum as Spectrum
+from ._spectrum import spectrum as spectrum

@@ -18,9 +18,19 @@ from hysteresis import (
 )
 from hysteresis.preisach import AbstractGridDensity
 
+from ._clocks import Clocks, is_held, shifted
+from ._composition_fit import CompositionFit, find_lag, fit_compositions
 from ._evidence import evidence
 from ._folds import Parts, parts
-from ._guess import CANDIDATES, guess, initial_states, orientations, output_falls
+from ._guess import (
+    CANDIDATES,
+    COMPOSITION,
+    MODELS,
+    guess,
+    initial_states,
+    orientations,
+    output_falls,
+)
 from ._metrics import metrics
 from ._noise import Noise
 from ._parametric import fit_parametric
@@ -41,6 +51,7 @@ def fit(
     test_tail: float | None = None,
     initial: str = "auto",
     conditioning: str = "auto",
+    clocks: str = "auto",
     starts: int = 32,
     seed: int = 0,
     allow_float32: bool = False,
@@ -49,13 +60,15 @@ def fit(
     """Fit models to a record and give back the best, as a new model of its own type.
 
     Candidates are ranked by their error on parts of the training rows that were held out from them,
-    whole sequences or cycles; each is then refitted to all of the training part. The test rows are
+    whole sequences or cycles; the simplest within one standard error of the best is taken. Each is
+    refitted to all of the training part. The test rows are
     used for nothing but the reported figures.
 
     **Arguments:**
 
     - `record`: the measurements; its mask says which rows count.
-    - `model`: `"auto"`, a name or names out of LinearSponge, Burgers and Preisach, or a model to
+    - `model`: `"auto"`, a name or names out of LinearSponge, Burgers, Preisach, Composition, FoamCurve and
+      BoucWen, or a model to
       start from: its fixed parameters stay, the others are fitted.
     - `test`: a record to judge on; or `test_cycles`, the last so many of each sequence; or
       `test_tail`, the last fraction of each sequence.
@@ -67,6 +80,9 @@ def fit(
       middle of a history; `"auto"` tries those the record leaves open.
     - `conditioning`: `"auto"` leaves the first cycle of a single sequence out of the fit where that
       predicts a held-out later one better; `"keep"` never does.
+    - `clocks`: `"auto"` makes an input linear between updates that come less often than rows, and looks
+      for a constant lag between input and output where a composition predicts better with one; `"keep"`
+      takes the input as it is.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
@@ -82,10 +98,14 @@ def fit(
         record, test = record.split_cycles(test_cycles)
     elif test_tail is not None:
         record, test = record.split_tail(test_tail)
-    _check_choices(initial, conditioning, starts, seed)
+    _check_choices(initial, conditioning, clocks, starts, seed)
     names, template = _names(model)
     warnings = tuple(check_identifiable(record))
+    before = Clocks(interpolated=clocks == "auto" and record.time is not None and is_held(record))
+    record = before.applied(record)
     cut = parts(record, keep_conditioning=conditioning == "keep")
+    if before.interpolated:
+        say(f"{record.input_name} is updated less often than read: linear between its updates")
     say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
 
     found: list[FitResult] = []
@@ -96,22 +116,31 @@ def fit(
         try:
             if one_way and name == "Preisach" and len(names) > 1:
                 raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
-            candidate = _fit_one(name, template, record, cut, initial, starts, seed)
+            if name == COMPOSITION:
+                new = _fit_compositions(record, cut, initial, clocks == "auto", seed, say)
+            else:
+                new = [_fit_one(name, template, record, cut, initial, starts, seed)]
         except InputError as error:
             if len(names) == 1:
                 raise
             skipped[name] = str(error)
             say(f"{name}: left out. {error}")
             continue
-        candidate = replace(candidate, seconds=time.perf_counter() - since, test=test)
-        if test is not None:
-            held_out = metrics(test.output, predict(candidate.model, test), test.mask)
-            candidate = replace(candidate, metrics={**candidate.metrics, "test": held_out})
-        found.append(candidate)
-        say(f"{name}: held-out {candidate.score:.3g} %, {candidate.seconds:.1f} s")
+        seconds = time.perf_counter() - since
+        for candidate in new:
+            now = before._replace(lag=candidate.clocks.lag, lag_error=candidate.clocks.lag_error)
+            candidate = replace(candidate, seconds=seconds, clocks=now)
+            if test is not None:
+                judged = replace(candidate, test=now.applied(test))
+                held_out = metrics(test.output, judged.predict(test), test.mask)
+                candidate = replace(judged, metrics={**candidate.metrics, "test": held_out})
+            found.append(candidate)
+        say(f"{new[-1].name}: held-out {new[-1].score:.3g} %, {seconds:.1f} s")
     if not found:
         raise InputError("nothing-fits", " ".join(skipped.values()))
     ranked = sorted(found, key=lambda candidate: candidate.score)
+    chosen = next(c for c in found if _as_good(c, ranked[0]))
+    ranked = [chosen, *(c for c in ranked if c is not chosen)]
     ranked = [replace(c, verdict=judge(c, warnings)) for c in ranked]
     return replace(
         ranked[0],
@@ -119,6 +148,16 @@ def fit(
         skipped=skipped,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _as_good(simple: FitResult, best: FitResult) -> bool:
+    """Whether its held-out error is above the best one's by less than that difference's standard error."""
+    if simple is best:
+        return True
+    if simple.blocks is None or best.blocks is None or len(simple.blocks) != len(best.blocks):
+        return False
+    worse = simple.blocks - best.blocks
+    return bool(worse.mean() <= np.std(worse) / np.sqrt(len(worse)))
 
 
 def _names(
@@ -129,10 +168,10 @@ def _names(
     listed = model.split(",") if isinstance(model, str) else list(model)
     names = CANDIDATES if listed == ["auto"] else tuple(name.strip() for name in listed)
     for name in names:
-        if name not in CANDIDATES:
+        if name not in MODELS:
             raise InputError(
                 "unknown-model",
-                f"No model {name!r}; have {', '.join(CANDIDATES)}.",
+                f"No model {name!r}; have {', '.join(MODELS)}.",
                 fix="name one or several of them with commas between, or auto.",
             )
     return names, None
@@ -160,12 +199,7 @@ def _fit_preisach(
     template: AbstractModel | None, record: Record, cut: Parts, initial: str, seed: int
 ) -> FitResult:
     if output_falls(record):
-        raise InputError(
-            "output-falls",
-            f"{record.output_name} falls as {record.input_name} rises: no Preisach model does.",
-            cause="the sign convention of one column.",
-            fix="turn the sign of one column.",
-        )
+        raise _falls(record)
     leadings, cells, dead_band = orientations(record), GRIDS, 0.0
     initials: tuple[Any, ...] = initial_states(record) if initial == "auto" else (initial,)
     if isinstance(template, Preisach):
@@ -181,7 +215,7 @@ def _fit_preisach(
         f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
         f" {linear.meaning.block.max() + 1} blocks, chosen on {cut.how}."
     )
-    totals, covariance = _totals(linear, left.noise, record, seed)
+    totals, covariance = _totals(linear, TOTALS, left.noise, record, seed)
     return FitResult(
         name="Preisach",
         model=model,
@@ -191,6 +225,7 @@ def _fit_preisach(
         metrics=left.metrics,
         success=True,
         score=left.score,
+        blocks=linear.blocks * linear.meaning.scale**2,
         noise=left.noise,
         train=record,
         notes=(chosen, *left.notes),
@@ -199,10 +234,67 @@ def _fit_preisach(
     )
 
 
+def _fit_compositions(
+    record: Record, cut: Parts, initial: str, with_lag: bool, seed: int, say: Report
+) -> list[FitResult]:
+    """Compositions from a curve alone to the best one; see `fit_compositions`."""
+    if output_falls(record):
+        raise _falls(record)
+    state = "negative" if initial in ("auto", "fit") else initial
+    path, clocks = fit_compositions(record, cut, orientations(record), state), Clocks()
+    if with_lag and record.time is not None:
+        say(f"{path[-1].name}; is there a lag between the clocks?")
+        lag, error, leading = find_lag(record, path[-1].meaning.floor)
+        moved = shifted(record, lag)
+        again = fit_compositions(moved, cut, (leading,), state)
+        gain = path[-1].blocks - again[-1].blocks
+        # A lag is believed where it takes a tenth of the held-out error, beyond doubt.
+        if gain.mean() > max(2 * np.std(gain) / np.sqrt(len(gain)), 0.2 * path[-1].blocks.mean()):
+            record, path, clocks = moved, again, Clocks(lag, error)
+    return [_composed(fit, record, cut, clocks, seed) for fit in path]
+
+
+def _composed(
+    fit: CompositionFit, record: Record, cut: Parts, clocks: Clocks, seed: int
+) -> FitResult:
+    meaning, model = fit.meaning, fit.model
+    held_out = float(fit.blocks.mean()) * meaning.scale**2
+    left = evidence(record, cut, predict(model, record), False, held_out)
+    notes = [f"Prior strength {fit.strength:g}, chosen with the parts on {cut.how}."]
+    if clocks.lag:
+        notes.append(
+            f"{record.output_name} lags {record.input_name} by {clocks.lag:.3g} +- {clocks.lag_error:.1g}"
+            f" {record.time_unit}: taken out before the fit (--clocks keep leaves it in)."
+        )
+    names = meaning.total_names
+    totals, covariance = _totals(fit, names, left.noise, record, seed)
+    return FitResult(
+        name=fit.name,
+        model=model,
+        parameters=totals,
+        covariance=covariance,
+        residuals=left.residuals,
+        metrics=left.metrics,
+        success=True,
+        score=left.score,
+        blocks=fit.blocks * meaning.scale**2,
+        noise=left.noise,
+        train=record,
+        notes=(*notes, *left.notes),
+        internals={"used": left.used, "composition": fit},
+        clocks=clocks,
+        seed=seed,
+    )
+
+
 def _totals(
-    linear: LinearFit, noise: Noise, record: Record, seed: int
+    linear: LinearFit | CompositionFit,
+    names: tuple[str, ...],
+    noise: Noise,
+    record: Record,
+    seed: int,
 ) -> tuple[tuple[Parameter, ...], np.ndarray]:
-    """Offset, total rise of the reversible part and total mass of the relays, with their errors.
+    """The sums that tell what each part of a linear model does, with their errors.
 
     The covariance is that of projected draws about the fit, not about their mean: where the data
     leave much open the signs push the draws to one side, and the error has to reach there.
@@ -215,15 +307,25 @@ def _totals(
     errors = np.sqrt(np.diagonal(covariance))
     listed = tuple(
         Parameter(name, float(v), record.output_unit, float(e), "free")
-        for name, v, e in zip(TOTALS, values, errors, strict=True)
+        for name, v, e in zip(names, values, errors, strict=True)
     )
     return listed, covariance
 
 
-def _check_choices(initial: str, conditioning: str, starts: int, seed: int) -> None:
+def _falls(record: Record) -> InputError:
+    return InputError(
+        "output-falls",
+        f"{record.output_name} falls as {record.input_name} rises: no model of rising parts does.",
+        cause="the sign convention of one column.",
+        fix="turn the sign of one column.",
+    )
+
+
+def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, seed: int) -> None:
     for name, value, choices in (
         ("initial", initial, ("auto", "negative", "positive", "demagnetised", "fit")),
         ("conditioning", conditioning, ("auto", "keep")),
+        ("clocks", clocks, ("auto", "keep")),
     ):
         if value not in choices:
             raise InputError("bad-option", f"{name}={value!r}; have {', '.join(choices)}.")

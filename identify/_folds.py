@@ -56,7 +56,11 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
         every = range(number)
         folds = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
         return Parts(label, folds, None, f"{number} groups of sequences, each held out in turn")
-    cycle = np.where(record.mask, record.cycle, 0)
+    # Of a cycle that was held out a few rows may be left: it counts whole, or not at all.
+    rows = np.bincount(record.cycle)
+    share = np.bincount(record.cycle[record.mask], minlength=len(rows)) / np.maximum(rows, 1)
+    whole = np.flatnonzero(share > 0.5 * share[1:].max(initial=0.0))
+    cycle = np.where(record.mask & np.isin(record.cycle, whole), record.cycle, 0)
     numbers = np.unique(cycle[cycle > 0])
     if len(numbers) > 1:
         label = np.searchsorted(numbers, cycle)

@@ -2,10 +2,23 @@
 
 import numpy as np
 
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Record, loop_direction
+from hysteresis import (
+    AbstractModel,
+    BoucWen,
+    Burgers,
+    FoamCurve,
+    InputError,
+    LinearSponge,
+    Record,
+    loop_direction,
+)
 
-CANDIDATES = ("LinearSponge", "Burgers", "Preisach")
+COMPOSITION = "Composition"
+CANDIDATES = ("LinearSponge", "Burgers", "Preisach", COMPOSITION)
 """What `model="auto"` tries, the simplest first."""
+
+MODELS = (*CANDIDATES, "FoamCurve", "BoucWen")
+"""What can be asked for by name."""
 
 CONTACT_FORCE = 1.5
 """Threshold of first contact in N (Tsuji 2014), used where the input is a force well above it."""
@@ -13,7 +26,10 @@ CONTACT_FORCE = 1.5
 
 def guess(name: str, record: Record) -> AbstractModel:
     """A parametric model of this name with sizes taken from the record's ranges and times."""
-    return {"LinearSponge": _sponge, "Burgers": _burgers}[name](record)
+    known = {
+        "LinearSponge": _sponge, "Burgers": _burgers, "FoamCurve": _foam, "BoucWen": _bouc_wen,
+    }  # fmt: skip
+    return known[name](record)
 
 
 def _sponge(record: Record) -> LinearSponge:
@@ -39,6 +55,32 @@ def _burgers(record: Record) -> Burgers:
         stiffness, 3 * stiffness * span, 2 * stiffness, 2 * stiffness * delay, offset,
         leading=leading,
     )  # fmt: skip
+
+
+def _foam(record: Record) -> FoamCurve:
+    """Toe, linear part and plateau of a quarter of the compressions each, the rest densification."""
+    u, y = record.input[record.mask], record.output[record.mask]
+    part = np.ptp(u) / 4
+    toe_length = max(u.min() + part, 0.1 * part)
+    stiffness = np.ptp(y) / np.ptp(u)
+    return FoamCurve(stiffness, 0.5, 0.5, toe_length, part, part, part / 2, 1 / part, y[u.argmin()])
+
+
+def _bouc_wen(record: Record) -> BoucWen:
+    """Once it has yielded, the loss per way is the force of the yielding spring; the line is the rest."""
+    u, y = record.input[record.mask], record.output[record.mask]
+    across, gain = np.ptp(u), np.ptp(y) / np.ptp(u)
+    loss = way = 0.0
+    for _, rows in record.sequences():
+        du, left = np.diff(record.input[rows]), record.output[rows] - gain * record.input[rows]
+        counted = record.mask[rows][1:] & record.mask[rows][:-1]
+        loss += abs(np.sum((du * (left[1:] + left[:-1]) / 2)[counted]))
+        way += np.sum(np.abs(du[counted]))
+    force = np.clip(loss / way, 0.02 * np.ptp(y), 0.45 * np.ptp(y))
+    after = (np.ptp(y) - 2 * force) / across
+    yield_at = 0.1 * across
+    k = after + force / yield_at
+    return BoucWen(k, after / k, yield_at, 1.5, 0.0, (y.max() + y.min()) / 2)
 
 
 def orientations(record: Record) -> tuple[bool, ...]:

@@ -72,6 +72,7 @@ def fit_parametric(
         metrics=left.metrics,
         success=optimum.converged,
         score=left.score,
+        blocks=blocks[dropped],
         noise=left.noise,
         train=record,
         starts=tried,

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError
 
+from ._composition_fit import CompositionFit
 from ._preisach import LinearFit
 from ._preisach_unknowns import TOTALS
 from ._result import FitResult, prepare
@@ -99,7 +100,7 @@ def sample(
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)
-    if "linear" in fit.internals:
+    if "linear" in fit.internals or "composition" in fit.internals:
         return _sample_weights(fit, steps, ensembles, seed, tell, begin)
     return _sample_parameters(fit, steps, ensembles, seed, checkpoint, resume, tell, begin)
 
@@ -252,8 +253,15 @@ def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
 def _sample_weights(
     fit: FitResult, steps: int, ensembles: int, seed: int, tell: Progress, begin: float
 ) -> Posterior:
-    """Independent draws of a grid's weights, see `LinearFit.draws`; sigma from its own posterior."""
-    linear: LinearFit = fit.internals["linear"]
+    """Independent draws of linear unknowns, see `LinearFit.draws`; sigma from its own posterior."""
+    linear: LinearFit | CompositionFit
+    if "linear" in fit.internals:
+        grid: LinearFit = fit.internals["linear"]
+        linear, sums, model = grid, TOTALS, grid.meaning.model
+    else:
+        composed: CompositionFit = fit.internals["composition"]
+        linear, sums = composed, composed.meaning.total_names
+        model = jax.vmap(composed.meaning.model)
     draws = min(steps, 200)
     found = [
         linear.draws(
@@ -270,12 +278,12 @@ def _sample_weights(
     random = np.random.default_rng([seed, ensembles])
     sigma = fit.noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(unknowns), 1)))
     values = np.hstack([totals, sigma]).reshape(ensembles, draws, -1)
-    names = (*TOTALS, "sigma")
+    names = (*sums, "sigma")
     summaries = tuple(
         _summarise(name, values[..., j], float(ensembles * draws)) for j, name in enumerate(names)
     )
     return Posterior(
-        names, values, linear.meaning.model(unknowns), summaries,
+        names, values, model(unknowns), summaries,
         f"projected Gaussian, {ensembles} x {draws} independent draws",
         1.0, float("nan"), time.perf_counter() - begin,
     )  # fmt: skip

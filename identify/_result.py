@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from hysteresis import AbstractModel, Record
 
+from ._clocks import Clocks
 from ._least_squares import Starts
 from ._metrics import Metrics
 from ._noise import Noise
@@ -43,11 +44,13 @@ class FitResult:
     - `metrics`: {"train": Metrics, "test": Metrics or None}.
     - `success`: the solver converged. `trusted`: the answer can be used; `verdict` says why not.
     - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
+    - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
     - `noise`: size and correlation of the residuals. `rows`: how many rows were fitted.
     - `starts`: every start's objective, for parametric models.
     - `internals`: arrays the posterior of grid weights needs.
     - `candidates`: the other models tried, best first, this one included.
-    - `train`, `test`: the records it was fitted to and judged on.
+    - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
+    - `clocks`: what was done to their input before; `predict` does the same.
     """
 
     name: str
@@ -62,11 +65,13 @@ class FitResult:
     train: Record
     test: Record | None = None
     notes: tuple[str, ...] = ()
+    blocks: Float[np.ndarray, " blocks"] | None = None
     starts: Starts | None = None
     internals: dict[str, Any] = field(default_factory=dict)
     verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
     candidates: tuple["FitResult", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
+    clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
     seed: int = 0
     seconds: float = 0.0
 
@@ -77,7 +82,7 @@ class FitResult:
 
     def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
         """The model's output on a record, every sequence from the virgin state."""
-        return predict(self.model, record)
+        return predict(self.model, self.clocks.applied(record))
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:

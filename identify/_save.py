@@ -20,15 +20,27 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import (
+    BoucWen,
     Burgers,
+    FoamCurve,
+    GeneralizedKelvinVoigt,
+    GeneralizedMaxwell,
     InputError,
     LinearSponge,
+    MonotoneCurve,
     MovingPreisach,
+    NonlinearMaxwell,
     OutputDependentPreisach,
     PrandtlIshlinskii,
     Preisach,
     Record,
+    Scaled,
+    Series,
+    Softening,
+    StandardLinearSolid,
+    Sum,
 )
+from hysteresis.curves import Clip, PolynomialCurve
 from hysteresis.preisach import (
     FactorisedDensity,
     GaussianDensity,
@@ -40,6 +52,9 @@ from hysteresis.preisach import (
     SumDensity,
 )
 
+from ._clocks import Clocks
+from ._composition import Composition
+from ._composition_fit import CompositionFit
 from ._least_squares import Starts
 from ._metrics import Metrics
 from ._noise import Noise
@@ -54,6 +69,9 @@ _CLASSES = {
         LinearSponge, Burgers, PrandtlIshlinskii, Preisach, MovingPreisach, OutputDependentPreisach,
         GridDensity, FactorisedDensity, NetworkDensity, RidgeDensity, SumDensity,
         GaussianDensity, LorentzianDensity, LogNormalDensity,
+        StandardLinearSolid, GeneralizedKelvinVoigt, GeneralizedMaxwell,
+        FoamCurve, MonotoneCurve, PolynomialCurve, Clip, BoucWen,
+        NonlinearMaxwell, Softening, Sum, Series, Scaled,
     )
 }  # fmt: skip
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
@@ -104,6 +122,8 @@ def save(
             for name in ("model.npz", "data.npz", "fit.npz")
         },
     }
+    if "composition" in fit.internals:
+        document["composition"] = fit.internals["composition"].meaning._asdict()
     if "linear" in fit.internals:
         document["unknowns"] = fit.internals["linear"].meaning.words()
     write_json(folder / "fit.json", document | (extra or {}))
@@ -180,6 +200,13 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         meaning = Unknowns(**document["unknowns"], block=extra["block"])
         scalars = {"rows": int(extra["used"].sum()), "strength": 0.0, "dropped": False}
         internals["linear"] = LinearFit(meaning=meaning, **own, **scalars)
+    if "composition" in document:
+        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
+        words: Any = document["composition"]
+        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
+        internals["composition"] = CompositionFit(
+            meaning=Composition(**words), rows=int(extra["rows"]), strength=0.0, **own
+        )
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
         name=document["model"],
@@ -198,6 +225,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         internals=internals,
         verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
         skipped=document["skipped"],
+        clocks=Clocks(**document.get("clocks", {})),
         seed=document["seed"],
         seconds=document["seconds"],
     )
@@ -261,6 +289,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
             "time_unit": record.time_unit,
             "history": list(record.history),
         },
+        "clocks": fit.clocks._asdict(),
         "seed": fit.seed,
         "versions": versions(),
     }
@@ -370,6 +399,8 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
     if (linear := fit.internals.get("linear")) is not None:
         arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
         arrays["block"] = linear.meaning.block
+    if (composition := fit.internals.get("composition")) is not None:
+        arrays |= {k: getattr(composition, k) for k in ("at", "H", "b", "rows", "blocks")}
     return arrays
 
 

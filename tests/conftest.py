@@ -46,6 +46,13 @@ settings.register_profile(
 settings.load_profile("hysid")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forget_compiled():
+    """Compiled code piles up until a process runs out of memory maps."""
+    yield
+    jax.clear_caches()
+
+
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
     """Folder of real measurements by third parties, which the repository may not contain."""

@@ -7,17 +7,27 @@ from typing import Literal, get_args
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from hysteresis import (
     AbstractModel,
+    AbstractViscoelastic,
+    BoucWen,
     Burgers,
+    FoamCurve,
+    GeneralizedKelvinVoigt,
+    GeneralizedMaxwell,
     LinearSponge,
+    MonotoneCurve,
     MovingPreisach,
     OutputDependentPreisach,
     PrandtlIshlinskii,
     Preisach,
+    StandardLinearSolid,
+    parameters,
 )
 from hysteresis.preisach import GridDensity
+from tests import compositions
 from tests.densities import CELLS as DENSITY_CELLS
 from tests.densities import Make, plain_everett, warped
 
@@ -108,14 +118,29 @@ def _burgers(leading: bool, hold: Literal["linear", "constant"]):
     return make
 
 
-def _burgers_known(model: AbstractModel) -> Known:
-    """A unit step: creep, or relaxation where the input between samples is what the law assumes."""
-    assert isinstance(model, Burgers)
+def _kelvin_voigt(rng: np.random.Generator) -> GeneralizedKelvinVoigt:
+    E, eta = rng.uniform(1, 4, 3), np.array([0.1, 1.0, 10.0]) * rng.uniform(1, 4, 3)
+    return GeneralizedKelvinVoigt(
+        rng.uniform(1, 4), E, eta, rng.uniform(20, 80), rng.normal(), leading=True
+    )
+
+
+def _maxwell(rng: np.random.Generator) -> GeneralizedMaxwell:
+    tau = np.array([0.1, 1.0, 10.0]) * rng.uniform(0.5, 2, 3)
+    return GeneralizedMaxwell(rng.uniform(1, 4), rng.uniform(1, 4, 3), tau, rng.normal())
+
+
+def _solid(rng: np.random.Generator) -> StandardLinearSolid:
+    return StandardLinearSolid(*rng.uniform(1, 4, 2), rng.uniform(2, 10), rng.normal())
+
+
+def _viscoelastic_known(model: AbstractModel) -> Known:
+    """A unit step of what drives the chain: creep, or relaxation."""
+    assert isinstance(model, AbstractViscoelastic)
     t = np.concatenate([[0.0], np.cumsum(np.geomspace(1e-3, 2.0, 60))])
-    if not model.leading:
-        return t, np.ones_like(t), np.asarray(model.creep_compliance(t) + model.offset)
-    # The leading element follows the load it was solved for: the inverse of the creep curve is 1.
-    return t, np.asarray(model.creep_compliance(t)), np.ones_like(t) + float(model.offset)
+    answer = np.asarray(model.creep_compliance(t) if model.creeps else model.relaxation_modulus(t))
+    u, y = (answer, np.ones_like(t)) if model.against_chain else (np.ones_like(t), answer)
+    return t, u, y + float(model.offset)
 
 
 def _preisach(
@@ -265,6 +290,73 @@ def _density_known(model: AbstractModel) -> Known:
     return np.zeros_like(u), u, np.array(rising + falling[::-1]) + R + float(model.offset)
 
 
+def _foam(rng: np.random.Generator) -> FoamCurve:
+    parts, lengths = rng.uniform(0.5, 2.0, (2, 4))
+    return FoamCurve(
+        parts[0], parts[1] / 3, parts[2], lengths[0], lengths[1], lengths[2],
+        rounding=lengths[3], densification=parts[3], offset=rng.normal(),
+    )  # fmt: skip
+
+
+def _foam_known(model: AbstractModel) -> Known:
+    """The slope, integrated by quadrature."""
+    assert isinstance(model, FoamCurve)
+    linear, toe, plateau, *lengths, w, growth, offset = (float(p) for _, _, p in parameters(model))
+    u1, u2, u3 = np.cumsum(lengths)
+
+    def slope(u: float) -> float:
+        first, second = ((1 + (u - at) / np.hypot(u - at, w)) / 2 for at in (u1, u2))
+        ramp = (u - u3 + np.hypot(u - u3, w)) / 2
+        return toe * (1 - first) + first - second + plateau * second + growth * ramp
+
+    u = np.linspace(-2.0, 10.0, 25)
+    y = np.array([quad(slope, 0, end, epsabs=0, epsrel=1e-13)[0] for end in u])
+    return u, u, offset + linear * y
+
+
+def _curve(rng: np.random.Generator) -> MonotoneCurve:
+    nodes = np.append(0.0, np.cumsum(rng.uniform(0.1, 1.0, 5)))
+    nodes = LOW + (HIGH - LOW) * nodes / nodes[-1]
+    return MonotoneCurve(nodes, rng.uniform(0.1, 1.0, 5), rng.normal())
+
+
+def _curve_known(model: AbstractModel) -> Known:
+    """At the nodes, and as far beyond as the end cells are wide."""
+    assert isinstance(model, MonotoneCurve)
+    u = np.asarray(model.nodes)
+    y = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.increments)))
+    u, y = (np.concatenate([[2 * a[0] - a[1]], a, [2 * a[-1] - a[-2]]]) for a in (u, y))
+    return u, u, y
+
+
+def _bouc_wen(rng: np.random.Generator) -> BoucWen:
+    return BoucWen(rng.uniform(0.5, 2), rng.uniform(0.05, 0.5), rng.uniform(0.3, 1), 1.0,
+                   rng.uniform(-0.5, 0.9), rng.normal())  # fmt: skip
+
+
+def _bouc_wen_known(model: AbstractModel) -> Known:
+    """n = 1: exponentials towards +-1, from 0 to 2, down to -2, and up again."""
+    assert isinstance(model, BoucWen)
+    k, alpha, Z, _, ratio, offset = (float(p) for _, _, p in parameters(model))
+    q = (1 - ratio) / (1 + ratio)
+
+    def after(w: float, way: np.ndarray) -> np.ndarray:
+        """w after a way up, in parts of Z."""
+        if w >= 0:
+            return 1 - (1 - w) * np.exp(-way)
+        to_zero = np.log1p(-q * w) / q
+        below = -np.expm1(q * (to_zero - way)) / q
+        return np.where(way < to_zero, below, -np.expm1(-(way - to_zero)))
+
+    way = np.linspace(0.0, 4.0, 21)
+    first = after(0.0, way[:11] / Z)
+    second = -after(-first[-1], way / Z)
+    third = after(second[-1], way / Z)
+    u = np.concatenate([way[:11], 2 - way, way - 2])
+    y = k * (alpha * u + (1 - alpha) * Z * np.concatenate([first, second, third]))
+    return u, u, y + offset
+
+
 def _density_problem(name: str, make_density: Make, *tags: Tag) -> Problem:
     make = _with_density(make_density)
     return Problem(name, make, LOW, HIGH, frozenset({"lagging", *tags}), _density_known)
@@ -275,7 +367,7 @@ def _burgers_problem(
 ) -> Problem:
     make = _burgers(orientation == "leading", hold)
     tags: frozenset[Tag] = frozenset({"rates", orientation})
-    return Problem(f"burgers-{orientation}-{hold}", make, -2.0, 5.0, tags, _burgers_known)
+    return Problem(f"burgers-{orientation}-{hold}", make, -2.0, 5.0, tags, _viscoelastic_known)
 
 
 def _preisach_problem(
@@ -297,6 +389,21 @@ PROBLEMS: tuple[Problem, ...] = (
     _burgers_problem("lagging", "constant"),
     _burgers_problem("leading", "linear"),
     _burgers_problem("leading", "constant"),
+    Problem(
+        "kelvin-voigt", _kelvin_voigt, -2.0, 5.0, frozenset[Tag]({"rates", "leading"}),
+        _viscoelastic_known,
+    ),
+    Problem(
+        "maxwell", _maxwell, -2.0, 5.0, frozenset[Tag]({"rates", "leading"}), _viscoelastic_known
+    ),
+    Problem(
+        "standard-solid", _solid, -2.0, 5.0, frozenset[Tag]({"rates", "lagging"}),
+        _viscoelastic_known,
+    ),
+    *(
+        Problem(name, make, LOW, HIGH, frozenset[Tag]({"rates"}), compositions.held)
+        for name, make in compositions.MAKERS.items()
+    ),
     Problem(
         "moving", _moving(0.5), -0.6, 1.55, frozenset[Tag]({"grid", "lagging"}), _moving_known
     ),
@@ -322,6 +429,9 @@ PROBLEMS: tuple[Problem, ...] = (
         _preisach("negative", reversible=True, dead_band=(HIGH - LOW) / CELLS), LOW, HIGH,
         frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
     ),
+    Problem("foam", _foam, 0.0, 8.0, frozenset[Tag]({"memoryless"}), _foam_known),
+    Problem("curve", _curve, LOW, HIGH, frozenset[Tag]({"memoryless"}), _curve_known),
+    Problem("bouc-wen", _bouc_wen, -3.0, 3.0, frozenset[Tag]({"leading"}), _bouc_wen_known),
     _density_problem("warped-grid", warped, "grid"),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),

@@ -49,7 +49,7 @@ class PreisachInput(NamedTuple):
     """The memory tree of an input with its pairs located on the density; see `MemoryTree`.
 
     - `sample`, `sign` (samples,): each sample's anchor and itself, and 2 rising or -2 falling.
-    - `past`, `past_sign`: the same of the paths to the first state.
+    - `past`, `past_sign`: the same of the paths to the first state, whose inputs are `before`.
     - `place` (anchors,): where each anchor stands in the past and the samples, one after the other.
     - `cell`, `within` (samples,): the place on the reversible part, or None.
     - `unvisited` (samples,): greatest and least input so far, or None.
@@ -60,6 +60,7 @@ class PreisachInput(NamedTuple):
     sign: Any
     past: Any
     past_sign: Any
+    before: Any
     place: Any
     cell: Array | None
     within: Array | None
@@ -226,10 +227,23 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             before = state.visited if state is not None else None
             visited = running_extremes(seen, before or Visited.nothing(), starts)
         prepared = PreisachInput(
-            tree, *branch(tree.anchor, seen), *branch(past_anchor, past), place,
+            tree, *branch(tree.anchor, seen), *branch(past_anchor, past), past, place,
             *self._place(u), self._unvisited(visited),
         )  # fmt: skip
         return jax.tree.map(_to_device, prepared)
+
+    @property
+    def may_be_redriven(self) -> bool:
+        """Whether `redriven` can be had: not with a dead band or a fitted first state."""
+        return not self.dead_band and self.up is None
+
+    def redriven(self, prepared: PreisachInput, u: Float[Array, " samples"]) -> PreisachInput:
+        """`prepare` of other inputs that rise and fall where the prepared ones did: the tree is kept."""
+        seen = jnp.clip(u, self.density.low, self.density.high)
+        at_node = read(jnp.concatenate([prepared.before, seen]), prepared.place)
+        sample = self.density.pair(read(at_node, prepared.tree.anchor), seen)
+        cell, within = self._place(u)
+        return prepared._replace(sample=sample, cell=cell, within=within)
 
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
         return self.look_up(tabulate_once(self.density, prepared.tree.parent[0] == 0), prepared)

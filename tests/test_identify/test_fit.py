@@ -88,7 +88,8 @@ def sponge_fit(sponge: Record) -> FitResult:
 
 def test_auto_finds_the_hysteresis(sponge_fit: FitResult) -> None:
     names = [c.name for c in sponge_fit.candidates]
-    assert names == ["Preisach", "Burgers", "LinearSponge"]
+    assert names[0] == "Preisach"  # a composition is no better beyond doubt, and less simple
+    assert {"Burgers", "LinearSponge", "curve"} < set(names)
     assert isinstance(sponge_fit.model, Preisach)
     assert not sponge_fit.model.leading
     assert sponge_fit.verdict.level == "PASS"

@@ -1,0 +1,163 @@
+"""A spring and branches that relax, each on its own: what every viscoelastic model is underneath."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+Hold = Literal["linear", "constant"]
+
+
+class Step(NamedTuple):
+    """One exact step of the branches: x = decay * x + before * (input before) + now * (input now)."""
+
+    decay: Float[Array, "branches *samples"]
+    before: Float[Array, "branches *samples"]
+    now: Float[Array, "branches *samples"]
+
+
+class Chain(NamedTuple):
+    """A linear element with decoupled internal states, all at rest where it has had no input:
+
+        x_0' = flow u,    x_k' = drives_k u - rates_k x_k,    y = direct u + sum of x
+
+    - `direct`: the answer at once.
+    - `rates` (n,): 1 / time constant, at least 0.
+    - `drives` (n,): all positive, so that the output lags (creep), or all negative (relaxation).
+    - `flow`: drive of a branch that keeps what it has, the first one; None for no such branch.
+    """
+
+    direct: Float[Array, ""]
+    rates: Float[Array, " branches"]
+    drives: Float[Array, " branches"]
+    flow: Float[Array, ""] | None = None
+
+    @property
+    def all_rates(self) -> Array:
+        """Rates of all branches, 0 for the one that flows."""
+        if self.flow is None:
+            return self.rates
+        return jnp.append(jnp.zeros_like(self.flow), self.rates)
+
+    @property
+    def all_drives(self) -> Array:
+        """Drives of all branches."""
+        return self.drives if self.flow is None else jnp.append(self.flow, self.drives)
+
+    def to_step(self, t: Any) -> Array:
+        """Output after a unit step at t = 0: direct + sum of drive t phi(rate t)."""
+        t = jnp.asarray(t, self.direct.dtype)
+        return self.direct + self._sum(t, lambda r, d: d * t * moments(r * t)[1])
+
+    def to_ramp(self, t: Any) -> Array:
+        """Output under the input t from t = 0 on: direct t + sum of drive t^2 psi(rate t)."""
+        t = jnp.asarray(t, self.direct.dtype)
+        return self.direct * t + self._sum(t, lambda r, d: d * t**2 * moments(r * t)[2])
+
+    def at_frequency(self, omega: Any) -> Array:
+        """Complex output over input exp(i omega t): direct + sum of drive / (rate + i omega)."""
+        w = jnp.asarray(omega, self.direct.dtype)
+        real = self._sum(w, lambda r, d: d * r / (r**2 + w**2))
+        imaginary = self._sum(w, lambda r, d: -d * w / (r**2 + w**2))
+        return jax.lax.complex(self.direct + real, imaginary)
+
+    def turned(self) -> "Chain":
+        """The same element driven from its other side, u from y, decoupled again.
+
+        Its states move by -(diag(rates) + drives 1^T / direct), which scaling by sqrt|drives| makes
+        symmetric; with eigenvalues mu_k and orthonormal eigenvectors v_k of that,
+
+            direct' = 1 / direct,    rates' = mu,    drives'_k = -+ (v_k . sqrt|drives|)^2 / direct^2.
+
+        mu is right to rounding of its largest.
+        """
+        drives = self.all_drives
+        root, sign = jnp.sqrt(jnp.abs(drives)), jnp.sign(drives)
+        matrix = jnp.diag(self.all_rates) + jnp.outer(sign * root, root) / self.direct
+        mu, v = jnp.linalg.eigh(matrix)
+        turned = -sign * jnp.square((v * root[:, None]).sum(0) / self.direct)
+        # What never relaxes, a dashpot by itself, comes out as rounding of either sign.
+        return Chain(1 / self.direct, jnp.maximum(mu, 0.0), turned)
+
+    def step(self, dt: Float[Array, " *samples"], hold: Hold) -> Step:
+        """The exact step over dt for an input that is linear, or keeps its first value, within it."""
+
+        def branch(rate: Array, drive: Array) -> Step:
+            decay, phi, psi = moments(rate * dt)
+            swept = drive * dt
+            if hold == "constant":
+                return Step(decay, swept * phi, jnp.zeros_like(swept))
+            return Step(decay, swept * (phi - psi), swept * psi)
+
+        step = jax.vmap(branch)(self.rates, self.drives)
+        if self.flow is None:
+            return step
+        swept = self.flow * dt
+        one, none = jnp.ones_like(swept), jnp.zeros_like(swept)
+        flow = Step(one, swept, none) if hold == "constant" else Step(one, swept / 2, swept / 2)
+        return jax.tree.map(lambda x, rest: jnp.concatenate([x[None], rest]), flow, step)
+
+    def largest_stable_step(self, hold: Hold) -> float:
+        """The largest even step at which running the other way round does not grow.
+
+        Infinite for `hold="linear"`. For `hold="constant"` each step's matrix
+        diag(decay) - before 1^T / direct passes the eigenvalue -1 where
+
+            sum of before_k / (1 + decay_k) = sum of drive_k dt/2 tanhc(rate_k dt/2) = direct,
+
+        tanhc(x) = tanh(x) / x. The left side grows with dt; the place is found by bisection.
+        """
+        parts = self.direct, self.all_rates, self.all_drives
+        direct, rates, drives = (np.asarray(part, float) for part in parts)
+        still = rates == 0
+        safe = np.where(still, 1.0, rates)
+
+        def stable(dt: float) -> bool:
+            halves = np.where(still, dt / 2, np.tanh(safe * dt / 2) / safe)
+            return bool(drives @ halves <= direct)
+
+        bounded = not (drives * still).any() and (drives / safe).sum() <= direct
+        if hold == "linear" or bounded:
+            return float("inf")
+        low, high = 0.0, float(2 * direct / drives.sum())
+        while stable(high):
+            low, high = high, 2 * high
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if stable(middle) else (low, middle)
+        return low
+
+    def _sum(self, at: Array, answer: Callable[[Array, Array], Array]) -> Array:
+        """Of every branch's answer, from its rate and its drive, of the shape of `at`."""
+        return sum(map(answer, self.all_rates, self.all_drives), start=jnp.zeros_like(at))
+
+
+@jax.custom_jvp
+def moments(x: Array) -> tuple[Array, Array, Array]:
+    """exp(-x), phi(x) = (1 - exp(-x)) / x and psi(x) = (1 - phi(x)) / x to rounding, at any x >= 0."""
+    return _moments(x)[:3]
+
+
+@moments.defjvp
+def _slopes(x: tuple[Array], dx: tuple[Array]) -> Any:
+    """phi' = psi - phi and psi' = 2 chi - psi, with chi(x) = (1/2 - psi(x)) / x."""
+    decay, phi, psi, chi = _moments(x[0])
+    return (decay, phi, psi), (-decay * dx[0], (psi - phi) * dx[0], (2 * chi - psi) * dx[0])
+
+
+def _moments(x: Array) -> tuple[Array, Array, Array, Array]:
+    # Below 0.1 chi by its series, 1/3! - x/4! + ...: the first term left out is 0.1^9 / 12! = 2e-18.
+    small = x < 0.1
+    chi = jnp.full_like(x, 1 / math.factorial(11))
+    for k in range(10, 2, -1):
+        chi = 1 / math.factorial(k) - x * chi
+    over = 1 / jnp.where(small, 1.0, x)
+    decay = jnp.exp(-x)
+    psi = 0.5 - x * chi
+    phi = jnp.where(small, 1 - x * psi, (1 - decay) * over)
+    psi = jnp.where(small, psi, (1 - phi) * over)
+    return decay, phi, psi, jnp.where(small, chi, (0.5 - psi) * over)

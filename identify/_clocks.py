@@ -1,0 +1,114 @@
+"""Two clocks in one record: an input that is updated less often than it is read, or read too late."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import Record
+
+
+class Clocks(NamedTuple):
+    """What was done to the input before a model saw it.
+
+    - `lag`: the model answers to u(t - lag), and `lag_error`: its standard error, None where it was not
+      looked for.
+    - `interpolated`: a staircase was made linear between its updates.
+    """
+
+    lag: float = 0.0
+    lag_error: float | None = None
+    interpolated: bool = False
+
+    def applied(self, record: Record) -> Record:
+        """The record as the model sees it."""
+        return shifted(interpolated(record) if self.interpolated else record, self.lag)
+
+    def undone(self, record: Record, u: Float[np.ndarray, " samples"]) -> np.ndarray:
+        """Inputs on the record's own clock, from those the model was found to answer to."""
+        return shifted(replace(record, input=u), -self.lag).input
+
+
+HELD = 3
+"""Rows an input repeats, in the middle, from which on it is taken for held between its updates."""
+
+
+def shifted(record: Record, lag: float) -> Record:
+    """The record with u(t - lag) for its input: what the output answered to, if the input came early.
+
+    Linear between samples; at the ends of a sequence the first and last input stay. A negative lag
+    moves the input of a later time to the output, for a slow reading of the input.
+    """
+    if lag == 0 or record.time is None:
+        return record
+    u = np.empty_like(record.input)
+    for _, rows in record.sequences():
+        t = record.time[rows]
+        u[rows] = np.interp(t - lag, t, record.input[rows])
+    return replace(record, input=u, history=(*record.history, f"input moved by a lag of {lag:.4g}"))
+
+
+def is_held(record: Record) -> bool:
+    """Whether the input repeats each reading for several rows while the output goes on."""
+    moving = [n for runs in _runs(record) for n in runs if n < 50]
+    return len(moving) > 20 and float(np.median(moving)) >= HELD
+
+
+def interpolated(record: Record) -> Record:
+    """The record with an input that is linear between its updates instead of a staircase.
+
+    A reading is right when it changes. One that stays for long is a rest, and stays.
+    """
+    if record.time is None:
+        return record
+    u = record.input.copy()
+    usual = int(np.median([n for runs in _runs(record) for n in runs if n < 50]))
+    for _, rows in record.sequences():
+        t, v = record.time[rows], record.input[rows]
+        change = np.flatnonzero(np.diff(v, prepend=np.nan) != 0)
+        rests = [b - usual for a, b in pairwise(change) if b - a > 5 * usual]
+        knots = np.union1d(change, rests).astype(int)
+        u[rows] = np.interp(t, t[knots], v[knots])
+    return replace(
+        record, input=u, history=(*record.history, "input made linear between its updates")
+    )
+
+
+def _runs(record: Record) -> list[np.ndarray]:
+    """Lengths of runs of equal inputs, of each sequence."""
+    found = []
+    for _, rows in record.sequences():
+        change = np.flatnonzero(np.diff(record.input[rows], prepend=np.nan) != 0)
+        found.append(np.diff(change))
+    return found
+
+
+def least_at(objective: Callable[[float], float], step: float, most: float) -> tuple[float, float]:
+    """Where a smooth function of a lag is least, and its second derivative there.
+
+    Strides of `step` go downhill from 0, as far as `most`; three halvings and a parabola follow.
+    """
+    seen: dict[float, float] = {}
+
+    def at(lag: float) -> float:
+        if lag not in seen:
+            seen[lag] = objective(lag)
+        return seen[lag]
+
+    middle, stride = 0.0, step
+    for _ in range(40):
+        around = [middle - stride, middle, middle + stride]
+        best = min(around, key=at)
+        if best == middle or abs(best) > most:
+            if stride <= step / 4:
+                break
+            stride /= 2
+        else:
+            middle = best
+    a, b, c = (at(middle + k * stride) for k in (-1, 0, 1))
+    curvature = max((a - 2 * b + c) / stride**2, 0.0)
+    away = (a - c) / (2 * stride * curvature) if curvature > 0 else 0.0
+    return middle + float(np.clip(away, -stride, stride)), curvature

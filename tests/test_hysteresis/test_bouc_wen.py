@@ -1,0 +1,164 @@
+"""Bouc-Wen: against stiff solvers and closed forms, and the laws of a function of the path."""
+
+from itertools import pairwise
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from hysteresis import BoucWen, InputError
+from tests.problems import SAMPLES, histories
+
+seeds = st.integers(0, 2**32 - 1)
+simulate = eqx.filter_jit(lambda model, u: model.simulate(None, u))
+after = eqx.filter_jit(lambda model, w, way: jax.vmap(model.after)(w, way))
+
+
+def drawn(seed: int, least: float = -0.9) -> BoucWen:
+    rng = np.random.default_rng(seed)
+    n, ratio = rng.uniform(0.5, 10), rng.uniform(least, 1)
+    return BoucWen(rng.uniform(0.5, 5), rng.random(), rng.uniform(0.1, 2), n, ratio, rng.normal())
+
+
+def with_shape(n: float, ratio: float) -> BoucWen:
+    return BoucWen(2.0, 0.2, 0.5, n, ratio, 0.1)
+
+
+@pytest.mark.parametrize("ratio", [-0.5, 0.0, 0.3, 1.0])
+@pytest.mark.parametrize("n", [1.0, 1.5, 3.0])
+def test_against_a_stiff_solver(n: float, ratio: float):
+    """The equation as it stands in the literature, along a path with minor loops."""
+    k, alpha, beta, offset = 2.0, 0.2, 1.7, 0.1
+    model = BoucWen.of_coefficients(
+        k=k, alpha=alpha, beta=beta, gamma=ratio * beta, n=n, A=1.3, offset=offset
+    )
+    turns = np.array([0.0, 2.0, -1.5, 0.4, -0.6, 1.0, 0.9])
+    z, u, wanted = 0.0, [], []
+    for start, end in pairwise(turns):
+        sign = np.sign(end - start)
+
+        def slope(x: float, z: np.ndarray, sign: float = sign) -> np.ndarray:
+            return 1.3 - beta * sign * abs(z) ** (n - 1) * z - ratio * beta * abs(z) ** n
+
+        x = np.linspace(start, end, 12)
+        solved = solve_ivp(
+            slope, (start, end), [z], "Radau", x, rtol=1e-11, atol=1e-12, max_step=0.05
+        )
+        z = solved.y[0, -1]
+        u.append(x)
+        wanted.append(offset + alpha * k * x + (1 - alpha) * k * solved.y[0])
+    got = np.asarray(model.simulate(None, np.concatenate(u)))
+    # What the solver was asked for, with some error per step gathered.
+    assert np.abs(got - np.concatenate(wanted)).max() <= 1e-8 * np.ptp(got)
+
+
+@pytest.mark.parametrize("ratio", [-0.8, 0.0, 1.0])
+def test_against_closed_forms(ratio: float):
+    """n = 1 is an exponential to either side of 0, n = 2 a tangent and a hyperbolic tangent."""
+    q, rng = (1 - ratio) / (1 + ratio), np.random.default_rng(0)
+    w, way = rng.uniform(-1, 1, 200), 10.0 ** rng.uniform(-3, 1, 200)
+    down = np.maximum(-w, 0)
+    # Above 0, from w or from 0, with what is left of the way.
+    to_zero = np.log1p(q * down) / q if q else down
+    left = np.maximum(way - to_zero, 0)
+    up = 1 - (1 - np.maximum(w, 0)) * np.exp(-left)
+    below = -np.expm1(q * (to_zero - way)) / q if q else w + way
+    one = np.where(way < to_zero, below, up)
+    np.testing.assert_allclose(after(with_shape(1.0, ratio), w, way), one, rtol=0, atol=1e-13)
+    root = np.sqrt(q)
+    to_zero = np.arctan(root * down) / root if q else down
+    left = np.tanh(np.maximum(way - to_zero, 0))
+    up = (np.maximum(w, 0) + left) / (1 + np.maximum(w, 0) * left)
+    below = -np.tan(root * np.maximum(to_zero - way, 0)) / root if q else w + way
+    two = np.where(way < to_zero, below, up)
+    np.testing.assert_allclose(after(with_shape(2.0, ratio), w, way), two, rtol=0, atol=1e-13)
+
+
+@given(seed=seeds, w=st.floats(-1, 1), way=st.floats(0, 20), cut=st.floats(0, 1))
+def test_a_way_in_two_parts_is_the_way(seed: int, w: float, way: float, cut: float):
+    """The number of samples does not matter: a law to rounding, whatever the quadrature's error."""
+    model = drawn(seed)
+    whole = after(model, np.array([w]), np.array([way]))
+    half = after(model, np.array([w]), np.array([cut * way]))
+    # Roundings of 1 in w are e^v in v, which nothing sees; 1e-12 is for q up to 19.
+    np.testing.assert_allclose(
+        after(model, half, np.array([way - cut * way])), whole, rtol=0, atol=1e-12
+    )
+
+
+@given(seed=seeds, u=histories(-3.0, 3.0))
+def test_bounded_and_rising(seed: int, u: np.ndarray):
+    model = drawn(seed)
+    y = np.asarray(simulate(model, u))
+    k, alpha = float(model.k), float(model.alpha)
+    z = (y - float(model.offset) - alpha * k * u) / ((1 - alpha) * k)
+    # z is a difference of numbers of the output's size, divided by a share of k.
+    rounding = 1e-14 * (1 + np.abs(y).max()) / ((1 - alpha) * k)
+    assert np.abs(z).max() <= float(model.yield_at) + rounding
+    # The output goes where the input goes.
+    du, dy = np.diff(u), np.diff(y)
+    assert np.all(dy * np.sign(du) >= alpha * k * np.abs(du) - 1e-13 * (1 + np.abs(y).max()))
+    assert np.all(np.abs(dy[du == 0]) <= 1e-14 * (1 + np.abs(y).max()))
+
+
+@given(seed=seeds, u=histories(-3.0, 3.0))
+def test_the_yielding_spring_gives_back_no_more_than_it_stores(seed: int, u: np.ndarray):
+    """Integral of z dx >= change of z^2 / 2 on any path, so that no closed one gives energy.
+
+    z is concave along its way, so its values in the middle of the steps give no less than the integral.
+    """
+    model = eqx.tree_at(lambda m: (m.k, m.alpha, m.offset), drawn(seed), (1.0, 0.0, 0.0))
+    at = np.arange(SAMPLES)
+    z = np.asarray(simulate(model, np.interp(np.arange(2 * SAMPLES - 1) / 2, at, u)))
+    z, middle = z[::2], z[1::2]
+    work = np.cumsum(np.diff(u) * middle)
+    assert np.all(work >= (z[1:] ** 2 - z[0] ** 2) / 2 - 1e-13)
+
+
+@given(u=histories(-2.0, 2.0))
+def test_the_path_alone_counts(u: np.ndarray):
+    model = with_shape(1.7, 0.3)
+    dense = np.interp(np.linspace(0, SAMPLES - 1, 10 * (SAMPLES - 1) + 1), np.arange(SAMPLES), u)
+    np.testing.assert_allclose(simulate(model, dense)[::10], simulate(model, u), atol=1e-12)
+
+
+def test_gradients_stay_finite_at_saturation_and_at_rest():
+    """Where 1 - w rounds to 0, where the input turns, stands still or starts, and where z is 0."""
+    u = jnp.array([0.0, 0.0, 40.0, 80.0, 80.0, -80.0, -79.9999, 3.0, 3.0, 0.0])
+    gradient = eqx.filter_jit(jax.grad(lambda point: point[0].simulate(None, point[1]).sum()))
+    for n in (0.5, 1.0, 10.0):
+        point = (with_shape(n, 0.5), u)
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient(point)))
+
+
+def test_coefficients_there_and_back():
+    model = BoucWen.of_coefficients(k=3.0, alpha=0.1, beta=0.7, gamma=-0.2, n=1.5)
+    np.testing.assert_allclose(model.coefficients(), [0.7, -0.2], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"k": 0.0}, "k = 0"),
+        ({"alpha": 1.1}, "alpha"),
+        ({"yield_at": np.nan}, "yield_at"),
+        ({"n": 0.4}, "n = "),
+        ({"gamma_over_beta": -1.0}, "gamma_over_beta"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments: dict[str, float], words: str):
+    good = {"k": 1.0, "alpha": 0.5, "yield_at": 1.0}
+    with pytest.raises(InputError, match="parameter-out-of-bounds") as caught:
+        BoucWen(**(good | arguments))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("A", "beta", "gamma"), [(0.0, 1.0, 0.0), (1.0, 0.5, -0.5), (1, 0.5, 0.6)])
+def test_inadmissible_coefficients_are_refused(A: float, beta: float, gamma: float):
+    with pytest.raises(InputError, match="parameter-out-of-bounds"):
+        BoucWen.of_coefficients(k=1.0, alpha=0.5, beta=beta, gamma=gamma, n=1.0, A=A)

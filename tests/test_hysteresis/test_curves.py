@@ -1,0 +1,116 @@
+"""Curves: shapes by plain equations, what beyond the ends, scaling, and what is refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import FoamCurve, InputError, MonotoneCurve
+from hysteresis.curves import AbstractCurve, Clip, PolynomialCurve
+
+sizes = st.floats(0.01, 100.0)
+FOAM = FoamCurve(1.0, 0.05, 0.2, 1.5, 5.0, 8.0, 0.5, 0.1, 0.3)
+
+
+def slope(model: AbstractCurve, u: jax.Array) -> np.ndarray:
+    return np.asarray(jax.jvp(model.curve, (u,), (jnp.ones_like(u),))[1])
+
+
+@given(parts=st.tuples(*[sizes] * 6), toe=st.floats(0.001, 0.999), rounding=st.floats(0.01, 100))
+def test_foam_rises_everywhere(parts: tuple[float, ...], toe: float, rounding: float):
+    """By at least its smallest stiffness, but for the rounding of lengths and stiffnesses."""
+    linear, plateau, *lengths, dense = parts
+    model = FoamCurve(linear, toe, plateau, lengths[0], lengths[1], lengths[2], rounding, dense)
+    u = jnp.linspace(-2.0, 2.0, 101) * sum(lengths)
+    assert slope(model, u).min() >= linear * min(toe, plateau, 1.0) * (1 - 1e-9)
+
+
+def test_foam_has_its_stiffnesses_where_it_should():
+    """In the middle of a part that is long beside the rounding: the tails fall with its square."""
+    model = FoamCurve(2.0, 0.1, 0.3, 10.0, 10.0, 10.0, 0.01, 0.5)
+    got = slope(model, jnp.array([-5.0, 5.0, 15.0, 25.0, 40.0]))
+    np.testing.assert_allclose(got, [0.2, 0.2, 2.0, 0.6, 0.6 + 2.0 * 0.5 * 10.0], rtol=1e-4)
+    assert float(FOAM.curve(jnp.asarray(0.0))) == pytest.approx(0.3, abs=1e-15)
+
+
+def test_foam_of_another_size():
+    """Equal force at equal strain; forces as the areas, at equal compression."""
+    strain = jnp.linspace(-0.1, 0.8, 50)
+    thin = FOAM.of_thickness(10.0, 30.0)
+    # The same operations on scaled numbers: rounding alone.
+    np.testing.assert_allclose(thin.curve(10 * strain), FOAM.curve(30 * strain), rtol=1e-12)
+    small = FOAM.of_area(1.0, 4.0)
+    np.testing.assert_allclose(4 * small.curve(30 * strain), FOAM.curve(30 * strain), rtol=1e-12)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_polygon_is_numpys_inside_and_goes_straight_on(seed: int):
+    rng = np.random.default_rng(seed)
+    nodes, increments = np.cumsum(rng.uniform(0.1, 1, 6)), rng.uniform(0, 1, 5)
+    model = MonotoneCurve(nodes, increments, 0.7)
+    y = 0.7 + np.append(0, increments.cumsum())
+    u = np.append(rng.uniform(nodes[0], nodes[-1], 20), nodes)
+    np.testing.assert_allclose(model.simulate(None, u), np.interp(u, nodes, y), atol=1e-14)
+    ends = np.array([nodes[0] - 2.0, nodes[-1] + 3.0])
+    wanted = [
+        y[0] - 2 * increments[0] / (nodes[1] - nodes[0]),
+        y[-1] + 3 * increments[-1] / (nodes[-1] - nodes[-2]),
+    ]
+    np.testing.assert_allclose(model.simulate(None, ends), wanted, rtol=1e-12)
+
+
+def test_even_cells():
+    model = MonotoneCurve.even(-1.0, 2.0, [0.0, 1.0, 2.0], 4.0)
+    np.testing.assert_allclose(model.nodes, [-1.0, 0.0, 1.0, 2.0])
+    np.testing.assert_allclose(model.outputs(), [4.0, 4.0, 5.0, 7.0])
+
+
+def test_polynomial_is_numpys_inside_and_tangent_beyond():
+    c = np.array([0.3, 1.0, -0.2, 0.4])
+    model = PolynomialCurve(c, low=2.0, high=6.0)
+    known = np.polynomial.Polynomial(c, domain=[2.0, 6.0])
+    u = np.linspace(2.0, 6.0, 9)
+    np.testing.assert_allclose(model.simulate(None, u), known(u), atol=1e-14)
+    beyond = known(6.0) + 1.5 * known.deriv()(6.0)
+    assert float(model.simulate(None, [7.5])[0]) == pytest.approx(beyond, rel=1e-14)
+
+
+def test_clip():
+    np.testing.assert_array_equal(Clip(low=0.0).simulate(None, [-2.0, 0.5, 9.0]), [0.0, 0.5, 9.0])
+    np.testing.assert_array_equal(Clip(0.0, 1.0).simulate(None, [-2.0, 0.5, 9.0]), [0.0, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("model", [PolynomialCurve([0.1, 1.0, 0.2], 0.0, 3.0), Clip(0.5, 2.0)])
+def test_curves_keep_the_contract(model: AbstractCurve):
+    """The laws of all models, on the ones that the table of problems does not hold."""
+    u = np.random.default_rng(0).uniform(-1, 4, 30)
+    whole = model.simulate(None, u)
+    np.testing.assert_allclose(model.stream(None, u)[1], whole, rtol=0, atol=1e-14)
+    gradient = jax.grad(lambda u: model.simulate(None, u).sum())(jnp.asarray(u))
+    h = 1e-6
+    difference = (model.simulate(None, u + h) - model.simulate(None, u - h)) / (2 * h)
+    # Rounding over h: 1e-16 / 1e-6 of outputs of size 3.
+    np.testing.assert_allclose(gradient, difference, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("make", "code", "words"),
+    [
+        (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "lengths-differ", "(2,) and (2,)"),
+        (lambda: MonotoneCurve([0.0], []), "lengths-differ", "(1,) and (0,)"),
+        (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
+        (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
+        (lambda: PolynomialCurve([1.0], 2.0, 2.0), "parameter-out-of-bounds", "below high"),
+        (lambda: PolynomialCurve([]), "parameter-out-of-bounds", "coefficients"),
+        (lambda: Clip(1.0, 0.0), "parameter-out-of-bounds", "below high"),
+        (lambda: FoamCurve(1, 1.0, 1, 1, 1, 1, 1, 1), "parameter-out-of-bounds", "toe"),
+        (lambda: FoamCurve(1, 0.5, 1, 1, 0.0, 1, 1, 1), "parameter-out-of-bounds", "linear_length"),
+    ],
+)
+def test_bad_arguments_are_refused(make, code: str, words: str):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert caught.value.code == code
+    assert words in str(caught.value)

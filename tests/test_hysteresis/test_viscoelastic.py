@@ -1,0 +1,277 @@
+"""Chains of any order, both ways: closed forms, a stiff ODE solver, and one another."""
+
+import math
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from hysteresis import (
+    AbstractViscoelastic,
+    Burgers,
+    GeneralizedKelvinVoigt,
+    GeneralizedMaxwell,
+    InputError,
+    StandardLinearSolid,
+)
+from hysteresis._chain import moments
+from hysteresis._recurrence import linear_recurrence
+from tests.problems import clock
+
+EPS = np.finfo(float).eps
+BRANCHES = 3
+seeds = st.integers(0, 2**32 - 1)
+simulate = eqx.filter_jit(lambda model, t, u: model.simulate(t, u))
+
+
+def numbers(seed: int) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Stiffnesses and time constants of the branches over four decades, a spring, a dashpot."""
+    rng = np.random.default_rng(seed)
+    E, tau = 10 ** rng.uniform(-1, 1, BRANCHES), 10 ** rng.uniform(-2, 2, BRANCHES)
+    return E, tau, *map(float, 10 ** rng.uniform(-1, 1, 2))
+
+
+def kelvin_voigt(seed: int, **options: Any) -> GeneralizedKelvinVoigt:
+    E, tau, E0, eta0 = numbers(seed)
+    return GeneralizedKelvinVoigt(E0, E, E * tau, eta0, **options)
+
+
+def maxwell(seed: int, **options: Any) -> GeneralizedMaxwell:
+    E, tau, E_inf, _ = numbers(seed)
+    return GeneralizedMaxwell(E_inf, E, tau, **options)
+
+
+@given(seeds)
+def test_creep_compliance_and_its_integral(seed: int):
+    E, tau, E0, eta0 = numbers(seed)
+    model, t = kelvin_voigt(seed), np.append(0.0, np.geomspace(1e-4, 1e3, 30))
+    x = t[:, None] / tau
+    J = 1 / E0 + t / eta0 - (np.expm1(-x) / E).sum(1)
+    np.testing.assert_allclose(model.creep_compliance(t), J, rtol=1e-14)
+    # x + expm1(-x) loses eps * x of x^2 / 2; the spring's term t / E0 is far larger.
+    integral = t / E0 + t**2 / (2 * eta0) + ((x + np.expm1(-x)) * tau / E).sum(1)
+    np.testing.assert_allclose(model.ramp(t), integral, rtol=1e-12)
+
+
+@given(seeds)
+def test_relaxation_modulus_and_its_integral(seed: int):
+    E, tau, E_inf, _ = numbers(seed)
+    model, t = maxwell(seed), np.append(0.0, np.geomspace(1e-4, 1e3, 30))
+    x = t[:, None] / tau
+    G = E_inf + (E * np.exp(-x)).sum(1)
+    # The model sums falls from G(0): eps of that.
+    np.testing.assert_allclose(model.relaxation_modulus(t), G, rtol=0, atol=8 * EPS * G[0])
+    integral = E_inf * t - (E * tau * np.expm1(-x)).sum(1)
+    np.testing.assert_allclose(model.ramp(t), integral, rtol=0, atol=8 * EPS * G[0] * t.max())
+
+
+@given(seeds)
+def test_complex_modulus(seed: int):
+    E, tau, E0, eta0 = numbers(seed)
+    omega = np.geomspace(1e-3, 1e3, 13)
+    s = 1j * omega[:, None]
+    in_series = 1 / (1 / E0 + 1 / (s[:, 0] * eta0) + (1 / (E * (1 + s * tau))).sum(1))
+    np.testing.assert_allclose(kelvin_voigt(seed).complex_modulus(omega), in_series, rtol=1e-13)
+    beside = E0 + (E * s * tau / (1 + s * tau)).sum(1)
+    np.testing.assert_allclose(maxwell(seed).complex_modulus(omega), beside, rtol=1e-12)
+
+
+@pytest.mark.parametrize("make", [kelvin_voigt, maxwell])
+@given(seed=seeds)
+@settings(max_examples=15)
+def test_the_turned_chain_is_the_inverse_at_every_frequency(make: Any, seed: int):
+    chain = make(seed).chain()
+    omega = np.geomspace(1e-3, 1e3, 13)
+    product = chain.at_frequency(omega) * chain.turned().at_frequency(omega)
+    # Eigenvalues are right to eps of the largest, here up to 1e5 over the smallest frequency 1e-3.
+    np.testing.assert_allclose(product, 1.0, rtol=0, atol=1e-6)
+
+
+def test_one_branch_turned_in_closed_form():
+    """Zener's solid: E_inf = E1 E2 / (E1 + E2), tau = eta2 / (E1 + E2)."""
+    E1, E2, eta2 = 3.0, 1.5, 4.0
+    solid = StandardLinearSolid(E1, E2, eta2)
+    rest, tau = E1 * E2 / (E1 + E2), eta2 / (E1 + E2)
+    same = GeneralizedMaxwell(rest, [E1 - rest], [tau])
+    t = np.linspace(0.0, 10.0, 21)
+    for name in ("creep_compliance", "relaxation_modulus", "complex_modulus"):
+        np.testing.assert_allclose(
+            getattr(solid, name)(t[1:]), getattr(same, name)(t[1:]), rtol=1e-13
+        )
+    # Driven by a ramp the two ways of holding the load agree with the closed form, each in its own.
+    np.testing.assert_allclose(simulate(solid, t, t), solid.ramp(t), rtol=0, atol=1e-13 * 20)
+    np.testing.assert_allclose(simulate(same, t, t), same.ramp(t), rtol=0, atol=1e-13 * 20)
+
+
+def test_a_burgers_element_as_a_maxwell_chain():
+    """Two relaxation times and no stiffness at rest, from the eigenvalues."""
+    burgers = Burgers(2.0, 40.0, 1.0, 5.0)
+    _, rates, drives, _ = burgers.chain().turned()
+    same = GeneralizedMaxwell(0.0, -drives / rates, 1 / rates)
+    t = np.linspace(0.0, 100.0, 31)
+    np.testing.assert_allclose(
+        same.relaxation_modulus(t), burgers.relaxation_modulus(t), atol=1e-14
+    )
+    np.testing.assert_allclose(same.creep_compliance(t), burgers.creep_compliance(t), rtol=1e-13)
+
+
+def stiff(model: AbstractViscoelastic, t: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """The slow oracle: Radau from knot to knot of a piecewise-linear load, from the elements' laws."""
+    if isinstance(model, GeneralizedKelvinVoigt):
+        E, eta, eta0 = (np.asarray(v) for v in (model.E, model.eta, model.eta0))
+        rates = lambda u, x: np.append(u / eta0, (u - E * x[1:]) / eta)  # noqa: E731
+        answer = lambda u, x: u / float(model.E0) + x.sum()  # noqa: E731
+    else:
+        assert isinstance(model, GeneralizedMaxwell)
+        E, tau = np.asarray(model.E), np.asarray(model.tau)
+        # x: the strains of the dashpots.
+        rates = lambda u, x: (u - x) / tau  # noqa: E731
+        answer = lambda u, x: float(model.E_inf) * u + E @ (u - x)  # noqa: E731
+    x, found = (
+        np.zeros(BRANCHES + isinstance(model, GeneralizedKelvinVoigt)),
+        [answer(load[0], 0 * E)],
+    )
+    for a, b, ua, ub in zip(t[:-1], t[1:], load[:-1], load[1:], strict=True):
+        law = lambda s, x, a=a, b=b, ua=ua, ub=ub: rates(ua + (ub - ua) * (s - a) / (b - a), x)  # noqa: E731
+        x = solve_ivp(law, (a, b), x, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
+        found.append(answer(ub, x))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("make", [kelvin_voigt, maxwell])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_against_a_stiff_solver_both_ways(make: Any, seed: int):
+    rng = np.random.default_rng(seed)
+    t, load = np.cumsum(10 ** rng.uniform(-3, 1, 12)), rng.normal(size=12)
+    model = make(seed)
+    wanted = stiff(model, t, load)
+    scale = np.abs(wanted).max()
+    np.testing.assert_allclose(simulate(model, t, load), wanted, rtol=0, atol=1e-7 * scale)
+    other = make(seed, leading=not model.leading)
+    # Exactly the inverse: the load comes back to the solver's tolerance, times the condition.
+    np.testing.assert_allclose(simulate(other, t, wanted), load, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("make", [kelvin_voigt, maxwell])
+@pytest.mark.parametrize("hold", ["linear", "constant"])
+@given(seed=seeds)
+@settings(max_examples=10)
+def test_a_step_is_exact_on_any_clock(make: Any, hold: str, seed: int):
+    model, t = make(seed, hold=hold), clock(seed)
+    answer = model.creep_compliance if model.creeps else model.relaxation_modulus
+    wanted = np.asarray(answer(t - t[0]))
+    got = simulate(model, t, np.ones_like(t))
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=16 * len(t) * EPS * np.abs(wanted).max())
+
+
+def spectral_radius(model: AbstractViscoelastic, dt: float) -> float:
+    """Of the step of (load, branches), run against the chain with no input."""
+    n = model.chain().all_rates.size
+    states = jnp.eye(n + 1)
+    rest = model.init(0.0)
+
+    def move(state: jax.Array) -> jax.Array:
+        after, _ = model.step(rest._replace(load=state[0], branches=state[1:]), dt, 0.0)
+        return jnp.append(after.load, after.branches)
+
+    return float(np.abs(np.linalg.eigvals(np.asarray(jax.vmap(move)(states)))).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_largest_stable_step(seed: int):
+    E, tau, *_ = numbers(seed)
+    held = {"leading": True, "hold": "constant"}
+    for model in (
+        kelvin_voigt(seed, **held),
+        GeneralizedKelvinVoigt(3 * E.sum(), E, E * tau, **held),
+    ):
+        limit = model.largest_stable_step()
+        assert spectral_radius(model, (1 - 1e-6) * limit) <= 1 + 1e-11
+        assert spectral_radius(model, (1 + 1e-6) * limit) > 1
+    # Delayed parts stiffer in sum than the spring can never throw it over; relaxation never does.
+    stiffest = GeneralizedKelvinVoigt(0.9 / (1 / E).sum(), E, E * tau, **held)
+    relaxing = maxwell(seed, leading=False, hold="constant")
+    for model in (
+        stiffest,
+        relaxing,
+        kelvin_voigt(seed, leading=True),
+        maxwell(seed, leading=False),
+    ):
+        assert model.largest_stable_step() == np.inf
+        assert max(spectral_radius(model, dt) for dt in (1e-3, 0.1, 10.0, 1e3)) <= 1 + 1e-11
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9, 1e-4, 0.0999, 0.1001, 1.0, 30.0])
+def test_moments_and_their_derivatives(x: float):
+    """phi = sum of (-x)^k / (k+1)!, psi = sum of (-x)^k / (k+2)!, in exact fractions."""
+    exact = Fraction(x)
+
+    def series(n: int) -> float:
+        return float(sum((-exact) ** k / math.factorial(k + n) for k in range(150)))
+
+    def slope(n: int) -> float:
+        return -float(sum((k + 1) * (-exact) ** k / math.factorial(k + 1 + n) for k in range(150)))
+
+    at = jnp.asarray(x)
+    # 1 - exp(-x) over x = 0.1 at least: ten roundings; again so for psi, and for its slope.
+    np.testing.assert_allclose(moments(at)[1:], [series(1), series(2)], rtol=200 * EPS)
+    np.testing.assert_allclose(jax.jacfwd(moments)(at)[1:], [slope(1), slope(2)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_derivatives_of_the_recurrence(coupled: bool):
+    """Both modes against the plain loop's, and the second derivative too."""
+    rng = np.random.default_rng(0)
+    a = jnp.asarray(rng.uniform(-1, 1, (5, 2, 2) if coupled else (5, 2)))
+    b, c = jnp.asarray(rng.normal(size=(5, 2))), jnp.asarray(rng.normal(size=(5, 2)))
+
+    def loop(a: jax.Array, b: jax.Array) -> jax.Array:
+        z, found = jnp.zeros(2), []
+        for k in range(5):
+            z = (a[k] @ z if coupled else a[k] * z) + b[k]
+            found.append(z)
+        return jnp.stack(found)
+
+    def value(solve: Any, ab: tuple[jax.Array, jax.Array]) -> jax.Array:
+        return jnp.sum(c * solve(*ab) ** 2)
+
+    for derivative in (jax.grad, jax.jacfwd, jax.hessian):
+        ours, plain = (
+            jax.tree.leaves(jax.jit(derivative(partial(value, f)))((a, b)))
+            for f in (linear_recurrence, loop)
+        )
+        for x, y in zip(ours, plain, strict=True):
+            np.testing.assert_allclose(x, y, rtol=0, atol=1e-13 * float(jnp.abs(y).max()))
+
+
+def test_states_that_a_burgers_element_names():
+    model = Burgers(2.0, 40.0, 1.0, 5.0)
+    state, _ = model.stream([0.0, 3.0], [1.0, 1.0])
+    np.testing.assert_allclose(state.dashpot, 3 / 40)
+    np.testing.assert_allclose(state.kelvin, 1 - np.exp(-3 / 5))
+    assert float(state.force) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "code"),
+    [
+        (lambda: StandardLinearSolid(1.0, 0.0, 1.0), "not-positive"),
+        (lambda: GeneralizedKelvinVoigt(1.0, [1.0, -1.0], [1.0, 1.0]), "not-positive"),
+        (lambda: GeneralizedKelvinVoigt(1.0, [1.0], [1.0], 0.0), "not-positive"),
+        (lambda: GeneralizedKelvinVoigt(np.inf, [1.0], [1.0], leading=True), "not-invertible"),
+        (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "not-positive"),
+        (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "not-positive"),
+        (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
+    ],
+)
+def test_what_is_refused(make: Any, code: str):
+    with pytest.raises(InputError, match=rf"\[{code}\]"):
+        make()

@@ -1,0 +1,164 @@
+"""Compositions: columns are the model, parts are found, clocks are told from memory."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from compensate import invert
+from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
+from identify import fit, load, sample, save
+from identify._clocks import Clocks, interpolated, is_held, least_at, shifted
+from identify._composition import PARTS, Composition
+from identify._composition_fit import fit_compositions, relaxation_times, slack
+from identify._folds import parts
+from identify._result import predict
+
+SAMPLES = 900
+
+
+def walk(seed: int = 0, samples: int = SAMPLES) -> tuple[np.ndarray, np.ndarray]:
+    """Times of uneven steps, and triangles of changing height and speed."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.05, 0.15, samples))
+    turns = np.cumsum(np.append(0, rng.uniform(2, 8, 60)))
+    heights = np.where(np.arange(61) % 2, rng.uniform(0.5, 1.0, 61), rng.uniform(0.0, 0.3, 61))
+    heights[0] = 0.0
+    return t, np.interp(t, turns, heights)
+
+
+def branches() -> Sum:
+    """A curve and three relaxing branches, one of which is felt at high levels alone."""
+    springs = np.array([np.linspace(0.2, 1.0, 6), np.zeros(6), np.full(6, 0.3)])
+    curve = MonotoneCurve.even(0.0, 1.0, np.array([0.2, 0.4, 0.6, 1.0, 1.2, 1.6]), 0.3)
+    return Sum([curve, NonlinearMaxwell(0.0, 1.0, np.array([0.3, 3.0, 30.0]), springs)])
+
+
+def record(noise: float = 0.0, lag: float = 0.0, seed: int = 0) -> Record:
+    t, u = walk(seed)
+    y = np.asarray(branches().simulate(t, np.interp(t - lag, t, u)))
+    y = y + noise * np.random.default_rng(seed + 1).normal(size=len(y))
+    return Record.from_arrays(u, y, t)
+
+
+@pytest.mark.parametrize("leading", [False, True])
+def test_columns_times_unknowns_are_the_model(leading: bool):
+    data = record()
+    meaning = Composition(PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative")
+    x = np.random.default_rng(0).uniform(0, 1, meaning.count)
+    rows = np.arange(0, SAMPLES, 7)
+    columns = meaning.columns(data, rows)
+    expected = predict(meaning.model(x), data)[rows]
+    # A thousand products of numbers up to a hundred, each rounded.
+    np.testing.assert_allclose(2.0 * columns @ x, expected, rtol=0, atol=1e-9)
+    assert columns.shape[1] == meaning.count == len(meaning.totals.T)
+    assert len(meaning.totals) == len(meaning.total_names)
+
+
+def test_all_parts_but_the_strengths_rise_with_the_input():
+    meaning = Composition(PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative").of(
+        *(p for p in PARTS if p != "strengths")
+    )
+    model = meaning.model(np.random.default_rng(1).uniform(0, 1, meaning.count))
+    t, u = walk(3)
+    state = model.init()
+    step = jax.jit(lambda state, t, u: model.step(state, t, u))
+    for k in range(0, 200, 2):
+        answers = [float(step(state, t[k], v)[1]) for v in np.linspace(0, 1, 9)]
+        assert np.all(np.diff(answers) > -1e-12)
+        state, _ = step(state, t[k], u[k])
+
+
+def test_relaxing_branches_are_found_and_predict_other_histories():
+    data, other = record(noise=0.003), record(seed=7)
+    found = fit(data, "Composition", test_tail=0.3)
+    assert "Maxwell" in found.name
+    assert found.clocks.lag == 0.0
+    predicted = found.predict(other)
+    # Half a per cent of the range: the times are those of a grid, and the springs' nodes are others.
+    assert np.sqrt(np.mean((predicted - other.output) ** 2)) < 0.005 * np.ptp(other.output)
+
+
+def test_a_lag_is_told_from_relaxation():
+    found = fit(record(noise=0.003, lag=0.23), "Composition", test_tail=0.3)
+    assert found.clocks.lag_error is not None
+    assert abs(found.clocks.lag - 0.23) < max(4 * found.clocks.lag_error, 0.01)
+    assert any("lags" in note for note in found.notes)
+    kept = fit(record(noise=0.003, lag=0.23), "Composition", test_tail=0.3, clocks="keep")
+    assert kept.clocks.lag == 0.0
+    assert kept.score > found.score
+
+
+def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
+    data = record(noise=0.003, lag=0.23)
+    found = fit(data, "Composition", test_tail=0.3)
+    again = load(save(found, tmp_path / "fit"))
+    assert again.clocks == found.clocks
+    np.testing.assert_array_equal(again.predict(data), found.predict(data))
+    posterior = sample(again, steps=20, ensembles=2)
+    assert posterior.names[0] == "offset"
+    assert posterior.names[-1] == "sigma"
+    # Back through the inverse and the clocks: the input, as far as the noise lets it be seen.
+    estimate = invert(found.model).simulate(data.time, data.output)
+    u = found.clocks.undone(data, np.asarray(estimate.value))
+    assert np.sqrt(np.mean((u - data.input)[20:] ** 2)) < 0.02
+
+
+def test_slack_is_seen_and_the_model_has_a_floor():
+    data = record()
+    floor = float(np.quantile(data.output, 0.3))
+    cut = replace(data, output=np.maximum(data.output, floor))
+    assert slack(data) == ()
+    assert slack(cut)[0] == pytest.approx(floor)
+    found = fit_compositions(cut, parts(cut), (True,))[-1]
+    assert found.meaning.floor == pytest.approx(floor)
+    assert predict(found.model, cut).min() == pytest.approx(floor)
+
+
+def test_no_time_no_rate_dependent_part():
+    data = replace(record(), time=None)
+    assert relaxation_times(data) == ()
+    found = fit(data, "Composition", test_tail=0.3)
+    assert "Maxwell" not in found.name
+
+
+def test_a_staircase_is_made_linear_and_a_rest_stays():
+    t = np.arange(400) * 0.1
+    smooth = np.interp(t, [0, 10, 25, 40], [0, 1, 1, 0])
+    stairs = Record.from_arrays(smooth[(np.arange(400) // 5) * 5], smooth, t)
+    assert is_held(stairs)
+    assert not is_held(replace(stairs, input=smooth + 1e-3 * np.sin(t)))
+    error = np.abs(interpolated(stairs).input - smooth)
+    # Within a step's height where it moves, at a corner as much; exact in the rest.
+    assert error.max() <= 0.06
+    assert error[(t > 11) & (t < 24)].max() < 1e-12
+    assert np.median(error) < 1e-9
+
+
+def test_clocks_are_undone():
+    data = record()
+    moved = Clocks(lag=0.4).applied(data)
+    assert np.abs(Clocks(lag=0.4).undone(data, moved.input) - data.input)[20:-20].max() < 0.1
+    assert shifted(data, 0.0) is data
+
+
+def test_least_at_finds_a_parabola():
+    lag, curvature = least_at(lambda x: 3 * (x - 0.37) ** 2 + 1, 0.1, 2.0)
+    assert lag == pytest.approx(0.37)
+    assert curvature == pytest.approx(6)
+
+
+def test_a_falling_output_is_refused_with_the_remedy():
+    data = record()
+    with pytest.raises(ValueError, match="turn the sign"):
+        fit(replace(data, output=-data.output), "Composition", test_tail=0.3)
+
+
+def test_a_line_needs_no_parts():
+    t, u = walk()
+    y = np.asarray(LinearSponge(2.0, 1.0).simulate(t, u))
+    y = y + 0.01 * np.random.default_rng(0).normal(size=len(y))
+    found = fit(Record.from_arrays(u, y, t), "Composition", test_tail=0.3)
+    assert found.name == "curve"
