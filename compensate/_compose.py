@@ -14,6 +14,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    is_concrete,
 )
 
 from ._bracketed import BracketedCompensator
@@ -88,6 +89,8 @@ def _(model: Scaled) -> ScaledCompensator:
 
 @inverse_of.register
 def _(model: Sum) -> AbstractCompensator:
+    if len(model.parts) == 1:
+        return inverse_of(model.parts[0])
     ranges = [found for part in model.parts if (found := _range_of(part)) is not None]
     if not ranges:
         raise InputError(
@@ -110,10 +113,12 @@ def _(model: Softening) -> BracketedCompensator:
 
 
 def _range_of(part: AbstractModel) -> tuple[float, float] | None:
-    """The inputs a part was made for."""
+    """The inputs a part was made for, as far as they are known before JAX runs."""
     place: Any = getattr(part, "density", part)
-    if hasattr(place, "nodes") and place.nodes is not None:
-        return float(place.nodes[0]), float(place.nodes[-1])
-    if hasattr(place, "low") and hasattr(place, "high"):
-        return float(place.low), float(place.high)
-    return None
+    ends = getattr(place, "low", None), getattr(place, "high", None)
+    if (nodes := getattr(place, "nodes", None)) is not None:
+        ends = nodes[0], nodes[-1]
+    if not all(is_concrete(end) for end in ends):
+        return None
+    low, high = (float(end) for end in ends)
+    return low, high

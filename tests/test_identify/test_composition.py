@@ -100,6 +100,9 @@ def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
     posterior = sample(again, steps=20, ensembles=2)
     assert posterior.names[0] == "offset"
     assert posterior.names[-1] == "sigma"
+    few = jax.tree.map(lambda draw: draw[:3], posterior.model)
+    spread = jax.vmap(lambda model: invert(model).simulate(data.time, data.output).value)(few)
+    assert spread.shape == (3, SAMPLES)
     # Back through the inverse and the clocks: the input, as far as the noise lets it be seen.
     estimate = invert(found.model).simulate(data.time, data.output)
     u = found.clocks.undone(data, np.asarray(estimate.value))
