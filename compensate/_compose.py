@@ -115,7 +115,7 @@ def _(model: Softening) -> BracketedCompensator:
 def _range_of(part: AbstractModel) -> tuple[float, float] | None:
     """The inputs a part was made for, as far as they are known before JAX runs."""
     place: Any = getattr(part, "density", part)
-    ends = getattr(place, "low", None), getattr(place, "high", None)
+    ends: Any = getattr(place, "low", None), getattr(place, "high", None)
     if (nodes := getattr(place, "nodes", None)) is not None:
         ends = nodes[0], nodes[-1]
     if not all(is_concrete(end) for end in ends):
