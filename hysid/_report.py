@@ -163,6 +163,15 @@ def facts(case: Case) -> list[tuple[str, str]]:
     return facts
 
 
+PARTS_IN_WORDS = {
+    "curve": "a rising curve",
+    "Maxwell": "branches that relax, with springs of their own",
+    "strengths": "relaxation that is felt more at some levels than at others",
+    "softening": "stiffness of what was never reached before",
+    "relays": "relays that remember where the input turned",
+}
+
+
 def in_words(case: Case) -> str:
     model, (input_unit, output_unit) = case.fit.model, case.units
     if isinstance(model, LinearSponge):
@@ -176,7 +185,17 @@ def in_words(case: Case) -> str:
             "A Burgers element, a spring and a dashpot in series with a spring beside a dashpot:"
             f" its {case.output} creeps and depends on the rate."
         )
-    assert isinstance(model, Preisach)
+    if (composed := case.fit.internals.get("composition")) is not None:
+        said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
+        text = f"A sum of {', '.join(said)}"
+        if composed.meaning.floor is not None:
+            text += f", on a floor at {quantity(composed.meaning.floor, output_unit)}"
+        if lag := case.fit.clocks.lag:
+            text += f"; its input is taken {quantity(lag, case.fit.train.time_unit)} earlier"
+        return f"{text}."
+    if not isinstance(model, Preisach):
+        first = (type(model).__doc__ or type(model).__name__).split("\n")[0]
+        return first if first.endswith(".") else f"{first.rstrip(':,')}."
     return (
         "A Preisach model, a density of relays beside a memoryless curve:"
         f" its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
