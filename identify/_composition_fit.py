@@ -1,10 +1,8 @@
 """Fitting a composition: which parts, how strong a prior, then all unknowns at once, exactly."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 
 from hysteresis import Record, Series, Sum
@@ -12,6 +10,7 @@ from hysteresis.preisach import Initial
 
 from ._clocks import least_at, shifted
 from ._composition import CURVE, MAXWELL, PARTS, STRENGTHS, Composition
+from ._draws import Tell, projected_draws, variance_of_unknowns
 from ._folds import Parts, block_errors
 from ._folds import parts as parts_of
 from ._noise import Noise
@@ -63,17 +62,15 @@ class CompositionFit(NamedTuple):
         noise: Noise,
         count: int,
         random: np.random.Generator,
-        tell: Callable[[int], None] = lambda done: None,
+        tell: Tell = lambda done: None,
     ) -> Float[np.ndarray, "count unknowns"]:
-        """Draws from the projected Gaussian posterior, as `LinearFit.draws`."""
-        variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
-        factor = scipy.linalg.cholesky(self.H, lower=True) * np.sqrt(variance)
-        found = np.empty((count, len(self.b)))
-        for k in range(count):
-            moved = self.b + factor @ random.normal(size=len(self.b))
-            found[k] = _minimum(self.H, moved, self.at != 0)
-            tell(k + 1)
-        return found
+        """Draws from the projected Gaussian posterior, see `projected_draws`."""
+
+        def project(moved: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
+            return _minimum(self.H, moved, self.at != 0)
+
+        variance = variance_of_unknowns(noise, self.meaning.scale, self.rows)
+        return projected_draws(self.H, self.b, project, variance, count, random, tell)
 
 
 def fit_compositions(

@@ -1,15 +1,15 @@
 """Fitting a Preisach model on a grid: shape, resolution and prior strength, then the weights."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 from hysteresis import Preisach, Record
 from hysteresis.preisach import Initial
 
+from ._draws import Tell, projected_draws, variance_of_unknowns
 from ._folds import Parts
 from ._noise import Noise
 from ._preisach_problem import COARSE, PreisachProblem, minimum
@@ -49,25 +49,15 @@ class LinearFit(NamedTuple):
         noise: Noise,
         count: int,
         random: np.random.Generator,
-        tell: Callable[[int], None] = lambda done: None,
+        tell: Tell = lambda done: None,
     ) -> Float[np.ndarray, "count unknowns"]:
-        """Draws from the projected Gaussian posterior: independent, and each a model there can be.
+        """Draws from the projected Gaussian posterior, see `projected_draws`."""
 
-        x = argmin over those models of (x - z)'Q(x - z), z Gaussian about the unconstrained minimum
-        with precision Q = rows H / (sigma^2 correlation_time). That moves b by a Gaussian with
-        covariance H sigma^2 correlation_time / rows, and the solver of the fit projects.
+        def project(moved: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
+            return minimum(self.meaning, self.H, moved, self.at != 0)
 
-        Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J.
-        Uncertainty Quantification 11 (2023).
-        """
-        variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
-        factor = scipy.linalg.cholesky(self.H, lower=True) * np.sqrt(variance)
-        found = np.empty((count, len(self.b)))
-        for k in range(count):
-            moved = self.b + factor @ random.normal(size=len(self.b))
-            found[k] = minimum(self.meaning, self.H, moved, self.at != 0)
-            tell(k + 1)
-        return found
+        variance = variance_of_unknowns(noise, self.meaning.scale, self.rows)
+        return projected_draws(self.H, self.b, project, variance, count, random, tell)
 
 
 def fit_preisach(
