@@ -42,7 +42,7 @@ def foam_hold(folder: Path, out: Path) -> Path:
         assert record.time is not None
         after = np.arange(len(record)) > np.flatnonzero(record.cycle == 6)[-1]
         # A rest at the last minimum is no ramp.
-        if np.ptp(record.input[after]) < 0.5 * np.ptp(record.input):
+        if not after.any() or np.ptp(record.input[after]) < 0.5 * np.ptp(record.input):
             continue
         part = np.where(after, "hold", "cycles")
         rows += zip(

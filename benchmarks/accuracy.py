@@ -18,6 +18,7 @@ import jax
 from hysid._jobs import fit
 from hysid._selection import Selection
 
+from . import _creep
 from . import _measured_data as data
 from ._measure import Row, judged, noted, options, report
 
@@ -43,11 +44,14 @@ class Task(NamedTuple):
     part: str = "test"
 
 
+CREEP = "creep and relaxation"
+"""What `--only` has to be part of for those rows."""
 FOAM = "foam-midsole-compression/tidy.csv"
 EGAIN = "egain-microfluidic-pressure/tidy.csv"
 EGAIN_SPLIT = {"dt": 0.05, "each": "x_location", "group": ("split", "trial")}
 VHB_TEST = ("test=0d01_2d5,0d05_2d0,0d05_2d5_1",)
 EFLESH_TEST = ("run=normal_015037",)
+EFLESH_CHANNELS = tuple(f"s{k:02d}" for k in range(15))
 
 TASKS = (
     Task(
@@ -86,6 +90,12 @@ TASKS = (
         "eFlesh, main channel -> load", data.eflesh,
         Selection("main", "load", "time (s)", group=("run",), nan="omit", test_where=EFLESH_TEST),
         1.3, (2.5, 2.2, 1.8),
+    ),
+    Task(
+        "eFlesh, all channels -> load", "eflesh-magnetic-tactile/tidy_normal.csv",
+        Selection(EFLESH_CHANNELS, "load_reading", "time_s", group=("run",), nan="omit",
+                  test_where=EFLESH_TEST),
+        0.9, (2.3, 1.3, 1.2),
     ),
     Task(
         "eFlesh, depth -> load", data.eflesh,
@@ -159,7 +169,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     jax.config.update("jax_enable_x64", True)
     tasks = [task for task in TASKS if (chosen.only or "") in task.what]
-    report([row(task, data_folder()) for task in tasks], chosen.json)
+    found = [row(task, data_folder()) for task in tasks]
+    if (chosen.only or "") in CREEP:
+        found += _creep.rows(data_folder())
+    report(found, chosen.json)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import Burgers, Preisach
+from hysteresis import Preisach
 from hysteresis.preisach import PreisachInput
 from hysteresis.preisach._everett import materialise
 
@@ -107,7 +107,6 @@ def speed(quick: bool) -> list[Row]:
         "prepare": partial(model.prepare, None, u),
         "prepare white": partial(model.prepare, None, white),
         "stream": partial(model.stream, None, jnp.asarray(u), model.init()),
-        "Burgers": _burgers(u),
     }
     seconds = least_seconds(calls, 40 if quick else 200)
     seconds |= least_seconds(others, 10 if quick else 50)
@@ -131,15 +130,7 @@ def speed(quick: bool) -> list[Row]:
         judged("prepare, modulated sine, ns a sample", ns("prepare"), 80),
         judged("prepare, white noise, ns a sample", ns("prepare white"), 300),
         judged("step under lax.scan, ns a sample", ns("stream"), 40),
-        noted("Burgers evaluate, uneven steps, ns a sample", ns("Burgers")),
     ]
-
-
-def _burgers(u: np.ndarray) -> Callable[[], jax.Array]:
-    E1, eta1, E2, eta2 = map(jnp.asarray, (2.0, 40.0, 1.0, 5.0))
-    burgers = Burgers(E1, eta1, E2, eta2)
-    t = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, len(u)))
-    return partial(evaluate, burgers, burgers.prepare(jnp.asarray(t), jnp.asarray(u)))
 
 
 def against_peers(quick: bool) -> list[Row]:

@@ -3,6 +3,7 @@
 from . import _bouc_wen as _bouc_wen
 from . import _compose as _compose
 from . import _curves as _curves
+from . import _degrading_bouc_wen as _degrading_bouc_wen
 from . import _moving as _moving
 from . import _output_dependent as _output_dependent
 from . import _prandtl_ishlinskii as _prandtl_ishlinskii

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import InputError, is_concrete
-from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, PolynomialCurve
+from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve
 
 from ._bracketed import FLAT_WIDTH, ROUNDING
 from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
@@ -56,31 +56,39 @@ class FoamCurveCompensator(AbstractCurveCompensator):
 class MonotoneCurveCompensator(AbstractCurveCompensator):
     """u from y by search for its cell. A flat cell holds the nearest u, FLAT.
 
-    Beyond the nodes the end cells go on, EXTRAPOLATED, or hold where flat, SATURATED.
+    Beyond the nodes the curve goes straight on, EXTRAPOLATED, or is held where flat, SATURATED.
     """
 
-    model: MonotoneCurve
+    model: MonotoneCurve | MonotoneSpline
 
     def find(self, y: Array, held: Array) -> Estimate:
         nodes, outputs = self.model.nodes, self.model.outputs()
-        rises, widths = jnp.diff(outputs), jnp.diff(nodes)
+        starts, ends = self.model.cell_slopes()
+        widths = jnp.diff(nodes)
         rounding = ROUNDING * float(jnp.finfo(y.dtype).eps)
         margin = rounding * jnp.abs(outputs).max()
 
         def place(y: Array, cell: Array) -> Array:
-            """Where the line of a cell has this output; its end where it is flat."""
+            """Where a cell's parabola has this output; its end where it is flat."""
             cell = jnp.clip(cell, 0, len(widths) - 1)
-            rising = rises[cell] > 0
-            along = (y - outputs[cell]) / jnp.where(rising, rises[cell], 1.0)
-            flat = jnp.where(y < outputs[cell + 1], 0.0, 1.0)
-            return nodes[cell] + widths[cell] * jnp.where(rising, along, flat)
+            rise, start, width = y - outputs[cell], starts[cell], widths[cell]
+            inside = jnp.clip(rise, 0.0, outputs[cell + 1] - outputs[cell])
+            # x = 2 rise / (start + slope at x): no difference of like numbers, whatever the slopes.
+            square = start**2 + 2 * (ends[cell] - start) / width * inside
+            some = square > 0
+            both = start + jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+            flat = jnp.where(y < outputs[cell + 1], 0.0, width)
+            along = jnp.where(both > 0, 2 * inside / jnp.where(both > 0, both, 1.0), flat)
+            outer = jnp.where(rise < 0, start, ends[cell])
+            beyond = jnp.where(outer > 0, (rise - inside) / jnp.where(outer > 0, outer, 1.0), 0.0)
+            return nodes[cell] + jnp.minimum(along, width) + beyond
 
         # The first input whose output is within the margin of y, and the last one.
         first = place(y - margin, jnp.searchsorted(outputs, y - margin, side="left") - 1)
         last = place(y + margin, jnp.searchsorted(outputs, y + margin, side="right") - 1)
         below, above = y < outputs[0] - margin, y > outputs[-1] + margin
-        ends_rise = jnp.where(below, rises[0] > 0, rises[-1] > 0)
-        beyond = jnp.where(ends_rise, Status.EXTRAPOLATED, Status.SATURATED)
+        goes_on = jnp.where(below, starts[0] > 0, ends[-1] > 0)
+        beyond = jnp.where(goes_on, Status.EXTRAPOLATED, Status.SATURATED)
         # In single precision the margin itself is wider than a millionth.
         flat = last - first > max(FLAT_WIDTH, 8 * rounding) * (nodes[-1] - nodes[0])
         inside = jnp.where(flat, Status.FLAT, Status.OK)
@@ -144,8 +152,9 @@ def _(model: FoamCurve) -> FoamCurveCompensator:
 
 
 @inverse_of.register
-def _(model: MonotoneCurve) -> MonotoneCurveCompensator:
-    if is_concrete(model.increments) and not np.any(np.asarray(model.increments) > 0):
+def _(model: MonotoneCurve | MonotoneSpline) -> MonotoneCurveCompensator:
+    rises = model.rises()
+    if is_concrete(rises) and not np.any(np.asarray(rises) > 0):
         raise InputError(
             "not-invertible",
             "the curve does not rise, so the output says nothing about the input.",

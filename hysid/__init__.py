@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from compensate import invert as invert
     from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
+    from hysteresis import DegradingBoucWen as DegradingBoucWen
     from hysteresis import FoamCurve as FoamCurve
     from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
     from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from hysteresis.preisach import LorentzianDensity as LorentzianDensity
     from identify import everett_surface as everett_surface
     from identify import fit as fit
+    from identify import fit_step as fit_step
     from identify import forc_curves as forc_curves
     from identify import forc_diagram as forc_diagram
     from identify import load as load
@@ -38,6 +40,7 @@ _HOME = {
     "hysteresis": (
         "BoucWen",
         "Burgers",
+        "DegradingBoucWen",
         "FoamCurve",
         "GeneralizedKelvinVoigt",
         "GeneralizedMaxwell",
@@ -54,6 +57,7 @@ _HOME = {
     "identify": (
         "everett_surface",
         "fit",
+        "fit_step",
         "forc_curves",
         "forc_diagram",
         "load",

@@ -30,7 +30,14 @@ def _one_of(*choices: str) -> Callable[[str | None], str | None]:
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")]
-Input = Annotated[str, typer.Option("--input", help="Input column, by its exact header.")]
+Input = Annotated[
+    list[str] | None,
+    typer.Option("--input", help="Input column, by its exact header; repeat it for each channel."),
+]
+Step = Annotated[
+    float | None,
+    typer.Option(help="Constant input of creep or relaxation, instead of --input."),
+]
 Output = Annotated[str, typer.Option("--output", help="Output column, by its exact header.")]
 Time = Annotated[str | None, typer.Option(help="Time column.")]
 Dt = Annotated[float | None, typer.Option(help="Sampling step in seconds, without a time column.")]
@@ -55,7 +62,7 @@ NaValues = Annotated[
     str, typer.Option(help="Words that mean a missing value, with commas between.")
 ]
 InputUnit = Annotated[
-    str | None, typer.Option(help="Unit of the input, where the header has none.")
+    str | None, typer.Option(help="Unit of the input, where the header has none, or of --step.")
 ]
 OutputUnit = Annotated[str | None, typer.Option(help="Unit of the output, likewise.")]
 TestWhere = Annotated[
@@ -93,8 +100,9 @@ def demo(out: Out = Path("hysid-demo"), as_json: AsJson = False) -> None:
 @app.command()
 def check(
     file: File,
-    input: Input,
     output: Output,
+    input: Input = None,
+    step: Step = None,
     time: Time = None,
     dt: Dt = None,
     group: Group = "",
@@ -124,9 +132,10 @@ def check(
 @app.command()
 def fit(
     file: File,
-    input: Input,
     output: Output,
     out: Out,
+    input: Input = None,
+    step: Step = None,
     time: Time = None,
     dt: Dt = None,
     group: Group = "",
@@ -296,7 +305,6 @@ def _start(double: bool = True) -> Any:
 def _selection_options(options: dict[str, Any]) -> dict[str, Any]:
     """The selecting ones of a command's options, lists as tuples."""
     names = [
-        "input",
         "output",
         "time",
         "dt",
@@ -309,8 +317,11 @@ def _selection_options(options: dict[str, Any]) -> dict[str, Any]:
         "output_unit",
         "test_cycles",
         "test_tail",
+        "step",
     ]
     chosen = {name: options[name] for name in names if name in options}
+    inputs = tuple(options["input"] or ())
+    chosen["input"] = inputs if len(inputs) > 1 else next(iter(inputs), None)
     for name in ("group", "na_values"):
         chosen[name] = tuple(part for part in options[name].split(",") if part)
     for name in ("where", "test_where"):

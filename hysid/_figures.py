@@ -305,6 +305,24 @@ def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.nda
     return figure
 
 
+@styled
+def panels(names: Sequence[str], x: np.ndarray, y: np.ndarray, y_label: str) -> Figure:
+    """A small chart for every row of x and y, all with one scale of y."""
+    across = min(len(names), 4)
+    down = -(-len(names) // across)
+    figure = Figure(figsize=(9.8, 0.6 + 1.7 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False, sharey=True)
+    for panel in axes.flat[len(names) :]:
+        panel.set_visible(False)
+    for panel, name, here, there in zip(axes.flat, names, x, y, strict=False):
+        panel.axhline(0, color="#666666", lw=0.8)
+        panel.plot(here, there, lw=1.6, color=BLUE)
+        panel.set_xlabel(_short(name, 30))
+        panel.xaxis.set_major_locator(MaxNLocator(4))
+    figure.supylabel(_short(y_label), fontsize=9.5)
+    return figure
+
+
 def _one(size: tuple[float, float] = SIZE) -> tuple[Figure, Any]:
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots()

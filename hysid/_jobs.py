@@ -5,6 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from hysteresis import InputError, Record, Table, check_identifiable
 from hysteresis.rigs import SpongeRig
 
 from ._selection import Selection, all_of
+from ._step import CONSTANT, RANGE, check_step, later, on_the_clock_of, open_range, step_options
 
 Say = Callable[[str], None]
 DATASETS = Path(__file__).resolve().parents[1] / "datasets"
@@ -29,16 +31,19 @@ def check(file: Path, selection: Selection) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:
-            warnings = check_identifiable(record)
+            found[value] = _looked_at(record) if selection.step is None else check_step(record)
         except InputError as error:
             faults[value] = error
-            continue
-        found[value] = {"text": record.describe(), "warnings": warnings, **record.summary()}
     if not found:
         raise all_of(faults)
     if "" in found:
         return found[""]
     return {"each": found, "failed": {value: str(error) for value, error in faults.items()}}
+
+
+def _looked_at(record: Record) -> dict[str, Any]:
+    warnings = check_identifiable(record)
+    return {"text": record.describe(), "warnings": warnings, **record.summary()}
 
 
 def fit(
@@ -58,11 +63,14 @@ def fit(
     _check_writable(out)
     found: dict[str, identify.FitResult] = {}
     extra = {"selection": selection.as_json()}
+    run = partial(identify.fit, **options)
+    if selection.step is not None:
+        run = partial(identify.fit_step, **step_options(options))
     for value, (train, test) in records.items():
         if value:
             say(f"{selection.each} = {value}")
         try:
-            result = identify.fit(train, test=test, progress=say, **options)
+            result = run(train, test=test, progress=say)
         except InputError as error:
             faults[value] = error
             continue
@@ -86,10 +94,18 @@ def predict(
     """Run a fitted model, or its compensator, over a file; write the result beside the fit.
 
     Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
-    the trained inputs, or, for the compensator, estimates whose status is not OK.
+    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK.
+    Beside a step's prediction stands the range that the fitted record leaves open.
     """
     document = identify.read_document(folder)
     asked = _selection_of(document)
+    if inverse and isinstance(asked.input, tuple):
+        raise InputError(
+            "no-inverse",
+            f"this fit has {len(asked.input)} inputs, and one output does not tell them apart.",
+            place=str(folder),
+            fix="predict without --inverse, or fit to one input.",
+        )
     selection = replace(asked, **(changes or {})).without_hold_out()
     source = selection.table(file)
     selection, compared, said = _for_new_file(selection, source, inverse)
@@ -98,29 +114,28 @@ def predict(
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
+    with_range = asked.step is not None and not inverse
     for value, (record, _) in records.items():
         if value not in folders:
             continue
         fitted = identify.load(folder / folders[value])
+        if asked.step is not None:
+            record = on_the_clock_of(fitted, record)
         wanted = record.input if inverse else record.output
         if inverse:
             values, status = _run_backwards(fitted, record)
             words = [Status(int(s)).name for s in status]
         else:
             values = fitted.predict(record)
-            seen = fitted.train.input[fitted.train.mask]
-            outside = (record.input < seen.min()) | (record.input > seen.max())
-            words = [FLAGGED_BEYOND if o else "OK" for o in outside]
+            words = (_outside if asked.step is None else later)(fitted, record)
         flagged += sum(w != "OK" for w in words)
-        table += zip(
-            [value] * len(record),
-            record.line,
-            record.input,
-            record.output,
-            values,
-            words,
+        driving = fitted.combined(record).input
+        more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
+        rows = zip(
+            [value] * len(record), record.line, driving, record.output, values, words, *more.T,
             strict=True,
-        )
+        )  # fmt: skip
+        table += [row for row in rows if row[1]]  # a step's own row has no line in the file
         measured_all.append(wanted[record.mask])
         found_all.append(np.asarray(values)[record.mask])
     if not table:
@@ -133,9 +148,10 @@ def predict(
     if not compared:
         figures = dict.fromkeys(figures)
     target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
-    result = f"estimated {asked.input}" if inverse else f"predicted {asked.output}"
-    header = [selection.each or "", "line", selection.input, selection.output, result, "status"]
-    keep = [selection.each is not None, True, True, compared, True, True]
+    result = f"estimated {asked.input_words}" if inverse else f"predicted {asked.output}"
+    names = [selection.input_words, selection.output]
+    header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
+    keep = [selection.each is not None, True, True, compared, *(True,) * 5]
     with target.open("w", newline="", encoding="utf-8") as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
     return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
@@ -236,7 +252,8 @@ def _selection_of(document: dict[str, Any]) -> Selection:
         return Selection.from_json(document["selection"])
     words = document["records"]["train"]
     time = words["time_name"] if words["time_unit"] != "1" else None
-    return Selection(words["input_name"], words["output_name"], time)
+    names = tuple(document["channels"]["names"]) if "channels" in document else words["input_name"]
+    return Selection(names, words["output_name"], time)
 
 
 def _for_new_file(
@@ -247,9 +264,10 @@ def _for_new_file(
     Without the column that is predicted nothing is compared; conditions and groups of columns that
     are not there are let go. The driving column, the clock and `each` have to be there.
     """
-    driving, wanted = selection.input, selection.output
+    driving, wanted = selection.input or CONSTANT, selection.output
     if inverse:
         driving, wanted = wanted, driving
+    first = driving[0] if isinstance(driving, tuple) else driving
     columns = table.columns
     where = tuple(c for c in selection.where if c.partition("=")[0].strip() in columns)
     group = tuple(column for column in selection.group if column in columns)
@@ -257,10 +275,19 @@ def _for_new_file(
     if lost := [column for column in selection.group if column not in group]:
         said.append(f"no column {', '.join(lost)}: sequences are told apart without it.")
     selection = replace(selection, where=where, group=group)
-    if wanted in columns or driving not in columns:
+    if selection.step is not None:
+        if inverse or wanted in columns or selection.time is None:
+            return selection, True, said
+        return replace(selection, output=selection.time, output_unit=None), False, said
+    if wanted in columns or first not in columns:
         return selection, True, said
-    alone = replace(selection, input=driving, output=driving, input_unit=None, output_unit=None)
+    alone = replace(selection, input=driving, output=first, input_unit=None, output_unit=None)
     return alone, False, said
+
+
+def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to say about each row of a record: is it beyond the inputs that were fitted?"""
+    return [FLAGGED_BEYOND if o else "OK" for o in fitted.beyond(record)]
 
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:

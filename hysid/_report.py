@@ -14,7 +14,9 @@ import numpy as np
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
 
+from . import _report_step
 from ._report_case import Case, Link, Section, Table
+from ._report_channels import channels
 from ._report_fit import candidates, data, loops, parameters, residuals, starts
 from ._report_model import compensator, density, posterior
 from ._words import plain_name, pretty, quantity
@@ -28,7 +30,11 @@ HEADLINES = {
 
 
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    loops, residuals, parameters, starts, posterior, density, compensator, candidates, data,
+    loops, channels, residuals, parameters, starts, posterior, density, compensator, candidates,
+    data,
+)  # fmt: skip
+STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, data,
 )  # fmt: skip
 
 
@@ -60,13 +66,19 @@ def write_report(folder: str | Path) -> Path:
             cause="fit.json was edited, or written by another version.",
             fix="fit again.",
         ) from error
+    of_step = "spectrum" in case.fit.internals
     sections = [
-        make(case) for make in SECTIONS if make is not density or "linear" in case.fit.internals
+        make(case)
+        for make in (STEP_SECTIONS if of_step else SECTIONS)
+        if (make is not density or "linear" in case.fit.internals)
+        and (make is not channels or case.fit.channels is not None)
     ]
     data = document["data"]
     return _render(
         folder,
-        title=f"{case.fit.name} model of {case.output} from {case.input}",
+        title=_report_step.title(case)
+        if of_step
+        else f"{case.fit.name} model of {case.output} from {case.input}",
         subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
         f" {data['rows_test']:,} held-out rows",
         level=case.fit.verdict.level,
@@ -156,6 +168,8 @@ def facts(case: Case) -> list[tuple[str, str]]:
         rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
         share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
         facts.append(("fitted rows, of the range", quantity(share, "%")))
+    if "spectrum" in case.fit.internals:
+        return facts + _report_step.facts(case)
     if not isinstance(case.round_trip, InputError):
         facts.append(
             (f"compensator on {word} rows, rms", quantity(case.round_trip.rms, case.units[0]))
@@ -174,6 +188,8 @@ PARTS_IN_WORDS = {
 
 def in_words(case: Case) -> str:
     model, (input_unit, output_unit) = case.fit.model, case.units
+    if "spectrum" in case.fit.internals:
+        return _report_step.in_words(case)
     if isinstance(model, LinearSponge):
         slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
         text = f"A straight line, {slope} × {case.input} + {quantity(float(model.b), output_unit)}"
@@ -188,6 +204,8 @@ def in_words(case: Case) -> str:
     if (composed := case.fit.internals.get("composition")) is not None:
         said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
         text = f"A sum of {', '.join(said)}"
+        if composed.meaning.first:
+            text += ", of an input that a curve has mapped"
         if composed.meaning.floor is not None:
             text += f", on a floor at {quantity(composed.meaning.floor, output_unit)}"
         if lag := case.fit.clocks.lag:
@@ -205,11 +223,14 @@ def in_words(case: Case) -> str:
 
 def next_command(case: Case) -> tuple[str, str]:
     folder, fit = shlex.quote(str(case.folder)), case.fit
+    inputs = [fit.train.input_name] if fit.channels is None else fit.channels.names
     columns = " ".join(
         f"--{role} {shlex.quote(name)}"
-        for role, name in (("input", fit.train.input_name), ("output", fit.train.output_name))
+        for role, name in (*(("input", name) for name in inputs), ("output", fit.train.output_name))
     )
     source = shlex.quote(fit.train.source or "FILE")
+    if "spectrum" in fit.internals:
+        return _report_step.next_command(case, source)
     if not fit.trusted:
         return "Look at the data, then fit again", f"hysid check {source} {columns}"
     if fit.test is None:
@@ -219,6 +240,8 @@ def next_command(case: Case) -> tuple[str, str]:
         )
     if case.posterior is None:
         return "Find out how much the data leave open", f"hysid sample {folder}"
+    if fit.channels is not None:
+        return "Run the model over new data", f"hysid predict {folder} FILE"
     return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
 
 

@@ -123,13 +123,16 @@ class Case:
 
     @cached_property
     def predicted(self) -> dict[str, np.ndarray]:
-        """The model's output on each record, all rows."""
+        """The model's output on each record, all rows; both are as the model saw them."""
         records = {"train": self.fit.train, "test": self.fit.test}
-        return {k: self.fit.predict(r) for k, r in records.items() if r is not None}
+        return {k: identify.predict(self.fit.model, r) for k, r in records.items() if r is not None}
 
     @cached_property
     def round_trip(self) -> RoundTrip | InputError:
         """What the compensator makes of the judged record, or why there is none."""
+        if self.fit.channels is not None:
+            count = len(self.fit.channels.names)
+            return InputError("no-inverse", f"one output does not tell {count} inputs apart.")
         try:
             return round_trip(self.fit.model, invert(self.fit.model), self.judged[1])
         except InputError as error:

@@ -9,6 +9,8 @@ import numpy as np
 
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
 
+from ._step import CONSTANT, with_constant
+
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
 
@@ -17,10 +19,11 @@ Pair = tuple[Record, Record | None]
 class Selection:
     """The selecting options of a command line, as fit.json remembers them.
 
-    `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`.
+    `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`. With a `step`,
+    the constant input of creep or relaxation, there is no `input` column; several are channels.
     """
 
-    input: str
+    input: str | tuple[str, ...] | None
     output: str
     time: str | None = None
     dt: float | None = None
@@ -37,8 +40,20 @@ class Selection:
     test_where: tuple[str, ...] = ()
     test_cycles: int | None = None
     test_tail: float | None = None
+    step: float | None = None
 
     def __post_init__(self) -> None:
+        if (self.input is None) == (self.step is None):
+            raise InputError(
+                "input-or-step",
+                "give the input's column (--input COL), or the constant it had (--step VALUE).",
+            )
+        if self.step is not None and not (np.isfinite(self.step) and self.step):
+            raise InputError(
+                "no-step",
+                f"a step of {self.step:g} moves nothing.",
+                fix="give the constant force or displacement (--step VALUE).",
+            )
         held_out = (self.test_where or None, self.test_cycles, self.test_tail)
         if sum(h is not None for h in held_out) > 1:
             raise InputError(
@@ -59,6 +74,13 @@ class Selection:
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
+
+    @property
+    def input_words(self) -> str:
+        """What the input is called."""
+        if isinstance(self.input, tuple):
+            return f"{len(self.input)} channels combined"
+        return self.input or CONSTANT
 
     def without_hold_out(self) -> "Selection":
         """The same rows with none held out."""
@@ -108,9 +130,11 @@ class Selection:
         held_out_by = {
             condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
         }
+        if self.step is not None:
+            table = with_constant(table, self.step, self.output, self.time, where)
         return read_csv(
             table,
-            input=self.input,
+            input=self.input or CONSTANT,
             output=self.output,
             time=self.time,
             dt=self.dt,

@@ -5,6 +5,7 @@ from ._bouc_wen import BoucWenState as BoucWenState
 from ._burgers import Burgers as Burgers
 from ._burgers import BurgersState as BurgersState
 from ._burgers import StandardLinearSolid as StandardLinearSolid
+from ._channels import ChannelMap as ChannelMap
 from ._compose import Scaled as Scaled
 from ._compose import Series as Series
 from ._compose import Sum as Sum
@@ -13,9 +14,12 @@ from ._csv import parse_condition as parse_condition
 from ._csv import read_csv as read_csv
 from ._csv import read_table as read_table
 from ._curves import MonotoneCurve as MonotoneCurve
+from ._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
+from ._degrading_bouc_wen import DegradingState as DegradingState
+from ._degrading_bouc_wen import Pinching as Pinching
 from ._errors import InputError as InputError
+from ._extended import extended as extended
 from ._fitness import check_identifiable as check_identifiable
-from ._fitness import loop_direction as loop_direction
 from ._foam_curve import FoamCurve as FoamCurve
 from ._model import AbstractModel as AbstractModel
 from ._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
@@ -30,6 +34,7 @@ from ._prony import GeneralizedMaxwell as GeneralizedMaxwell
 from ._record import Record as Record
 from ._softening import Softening as Softening
 from ._sponge import LinearSponge as LinearSponge
+from ._suspicions import loop_direction as loop_direction
 from ._viscoelastic import AbstractViscoelastic as AbstractViscoelastic
 from ._viscoelastic import ViscoelasticState as ViscoelasticState
 from .preisach import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii

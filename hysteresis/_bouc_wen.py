@@ -1,7 +1,8 @@
 """The Bouc-Wen model, integrated exactly along its input's path."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,10 +28,37 @@ class BoucWenInput(NamedTuple):
 
     u: Array
     start: Array
-    state: BoucWenState
+    state: Any
 
 
-class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
+State = TypeVar("State")
+
+
+class AbstractBoucWen(AbstractModel[State, BoucWenInput]):
+    """A function of the input's path alone, sample after sample; its state has the last input, `u`."""
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> BoucWenInput:
+        before: Any = self.init() if state is None else state
+        u = jnp.asarray(u, before.u.dtype)
+        return BoucWenInput(u, is_start(len(u), starts) > 0, before)
+
+    def evaluate(self, prepared: BoucWenInput) -> Float[Array, " samples"]:
+        def sample(state: State, at: tuple[Array, Array]) -> tuple[State, Array]:
+            u, start = at
+            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
+            return self.step(before, None, u)
+
+        return jax.lax.scan(sample, prepared.state, (prepared.u, prepared.start))[1]
+
+
+class BoucWen(AbstractBoucWen[BoucWenState]):
     """Bouc-Wen model: a spring beside one that yields.
 
         y = offset + alpha k x + (1 - alpha) k z
@@ -67,19 +95,7 @@ class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
 
     def __check_init__(self) -> None:
-        closed = {"alpha": (True, True), "n": (True, True), "gamma_over_beta": (False, True)}
-        for name, info, value in parameters(self):
-            if not is_concrete(value):
-                continue
-            x, (low, high) = np.asarray(value), info.bounds
-            at_low, at_high = closed.get(name, (False, False))
-            inside = ((x > low) | (at_low & (x == low))) & ((x < high) | (at_high & (x == high)))
-            if not np.all(inside):
-                raise InputError(
-                    "parameter-out-of-bounds",
-                    f"{name} = {value}.",
-                    fix=f"keep {name} finite and from {low:g} to {high:g}.",
-                )
+        check_bounds(self, alpha=(True, True), n=(True, True), gamma_over_beta=(False, True))
 
     @classmethod
     def of_coefficients(
@@ -118,26 +134,6 @@ class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
         w = sign * self.after(sign * state.w, sign * du / self.yield_at)
         return BoucWenState(u, w), self.output(u, w)
 
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: BoucWenState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> BoucWenInput:
-        state = self.init() if state is None else state
-        u = jnp.asarray(u, state.u.dtype)
-        return BoucWenInput(u, is_start(len(u), starts) > 0, state)
-
-    def evaluate(self, prepared: BoucWenInput) -> Float[Array, " samples"]:
-        def sample(state: BoucWenState, at: tuple[Array, Array]) -> tuple[BoucWenState, Array]:
-            u, start = at
-            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
-            return self.step(before, None, u)
-
-        return jax.lax.scan(sample, prepared.state, (prepared.u, prepared.start))[1]
-
     def output(self, u: Array, w: Array) -> Float[Array, ""]:
         """y of the input and z / yield_at."""
         return self.offset + self.k * (self.alpha * u + (1 - self.alpha) * self.yield_at * w)
@@ -145,7 +141,7 @@ class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
     def slope(self, w: Array) -> Float[Array, ""]:
         """dw/dx yield_at on the way up: positive, and falling on the way."""
         power = self._power(jnp.abs(w))
-        return jnp.where(w < 0, 1 + self._q() * power, 1 - power)
+        return jnp.where(w < 0, 1 + self.descent() * power, 1 - power)
 
     def after(self, w: Array, way: Array) -> Float[Array, ""]:
         """w after a `way` up, in parts of yield_at: the exact solution of
@@ -183,13 +179,14 @@ class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
         error = v / self.n + self._above(1 - left, powers) - wanted_v
         return v - error * by_v, size - (self._below(size, powers) - wanted_size) * by_size
 
-    def _q(self) -> Scalar:
+    def descent(self) -> Scalar:
+        """q: how much steeper z is at -yield_at, on the way up, than at 0."""
         return (1 - self.gamma_over_beta) / (1 + self.gamma_over_beta)
 
     def _below(self, size: Array, powers: Array) -> Array:
         """Integral of 1 / (1 + q s^n) from 0 to `size`, with s = size x^3."""
         _, weights = _gauss(size.dtype)
-        return size * jnp.sum(weights / (1 + self._q() * self._power(size) * powers))
+        return size * jnp.sum(weights / (1 + self.descent() * self._power(size) * powers))
 
     def _above(self, size: Array, powers: Array) -> Array:
         """Integral of 1 / (1 - s^n) - 1 / (n (1 - s)) from 0 to `size` <= 1."""
@@ -201,6 +198,25 @@ class BoucWen(AbstractModel[BoucWenState, BoucWenInput]):
         """size^n; at 0, where that may have no derivative in its base, 0."""
         some = size > 0
         return jnp.where(some, jnp.where(some, size, 1.0) ** self.n, 0.0)
+
+
+def check_bounds(model: eqx.Module, **closed: tuple[bool, bool]) -> None:
+    """Raise `InputError` where one of a model's own parameters is not within its bounds.
+
+    `closed`: whether a parameter may lie on its lower and on its upper bound; others may not.
+    """
+    for name, info, value in parameters(model):
+        if "." in name or not is_concrete(value):
+            continue
+        x, (low, high) = np.asarray(value), info.bounds
+        at_low, at_high = closed.get(name, (False, False))
+        inside = ((x > low) | (at_low & (x == low))) & ((x < high) | (at_high & (x == high)))
+        if not np.all(inside):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"{name} = {value}.",
+                fix=f"keep {name} finite and from {low:g} to {high:g}.",
+            )
 
 
 def _gauss(dtype: Any) -> tuple[Array, Array]:

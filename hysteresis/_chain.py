@@ -12,14 +12,6 @@ from jaxtyping import Array, Float
 Hold = Literal["linear", "constant"]
 
 
-class Step(NamedTuple):
-    """One exact step of the branches: x = decay * x + before * (input before) + now * (input now)."""
-
-    decay: Float[Array, "branches *samples"]
-    before: Float[Array, "branches *samples"]
-    now: Float[Array, "branches *samples"]
-
-
 class Chain(NamedTuple):
     """A linear element with decoupled internal states, all at rest where it has had no input:
 
@@ -83,24 +75,6 @@ class Chain(NamedTuple):
         # What never relaxes, a dashpot by itself, comes out as rounding of either sign.
         return Chain(1 / self.direct, jnp.maximum(mu, 0.0), turned)
 
-    def step(self, dt: Float[Array, " *samples"], hold: Hold) -> Step:
-        """The exact step over dt for an input that is linear, or keeps its first value, within it."""
-
-        def branch(rate: Array, drive: Array) -> Step:
-            decay, phi, psi = moments(rate * dt)
-            swept = drive * dt
-            if hold == "constant":
-                return Step(decay, swept * phi, jnp.zeros_like(swept))
-            return Step(decay, swept * (phi - psi), swept * psi)
-
-        step = jax.vmap(branch)(self.rates, self.drives)
-        if self.flow is None:
-            return step
-        swept = self.flow * dt
-        one, none = jnp.ones_like(swept), jnp.zeros_like(swept)
-        flow = Step(one, swept, none) if hold == "constant" else Step(one, swept / 2, swept / 2)
-        return jax.tree.map(lambda x, rest: jnp.concatenate([x[None], rest]), flow, step)
-
     def largest_stable_step(self, hold: Hold) -> float:
         """The largest even step at which running the other way round does not grow.
 
@@ -134,6 +108,23 @@ class Chain(NamedTuple):
     def _sum(self, at: Array, answer: Callable[[Array, Array], Array]) -> Array:
         """Of every branch's answer, from its rate and its drive, of the shape of `at`."""
         return sum(map(answer, self.all_rates, self.all_drives), start=jnp.zeros_like(at))
+
+
+class Step(NamedTuple):
+    """An exact step of a branch: x = decay * x + before * (input before) + now * (input now)."""
+
+    decay: Float[Array, " *steps"]
+    before: Float[Array, " *steps"]
+    now: Float[Array, " *steps"]
+
+
+def exact_step(rate: Array, drive: Array, dt: Array, hold: Hold) -> Step:
+    """The exact step over dt for an input that is linear, or keeps its first value, within it."""
+    decay, phi, psi = moments(rate * dt)
+    swept = drive * dt
+    if hold == "constant":
+        return Step(decay, swept * phi, jnp.zeros_like(swept))
+    return Step(decay, swept * (phi - psi), swept * psi)
 
 
 @jax.custom_jvp

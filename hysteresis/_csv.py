@@ -165,7 +165,7 @@ def read_table(
 
 def read_csv(
     path: str | Path | Table,
-    input: str,
+    input: str | Sequence[str],
     output: str,
     time: str | None = None,
     dt: float | None = None,
@@ -188,7 +188,7 @@ def read_csv(
 
     - `input`, `output`, `time`: columns by their exact headers. Units come from "Force (N)",
         "Force [N]", "force_N", a row of units, or `input_unit`, `output_unit`, `time_unit`;
-        without any the unit is "1", noted.
+        without any the unit is "1", noted. Several inputs are channels that `fit` combines.
     - `dt`: step in seconds where there is no time column: `t = k dt` within each sequence.
     - `group`: column(s) whose values name independent sequences, joined by "/".
     - `where`: `{column: values}`, the rows to use; numbers compare as numbers.
@@ -214,13 +214,21 @@ def read_csv(
     if nan not in ("raise", "omit", "interpolate"):
         raise InputError("bad-option", f"nan={nan!r}.", fix="--nan raise, omit or interpolate.")
     notes, units = list(table.notes), {}
-    given = {"input": (input, input_unit), "output": (output, output_unit)}
+    inputs = [input] if isinstance(input, str) else list(input)
+    if not inputs or len(set(inputs)) < len(inputs):
+        twice = ", ".join(sorted({repr(name) for name in inputs if inputs.count(name) > 1}))
+        problem = f"Input {twice} is given twice." if inputs else "No input is given."
+        raise InputError("duplicate-input", problem, fix="give each channel once (--input COL).")
+    given = [("input", name, input_unit) for name in inputs] + [("output", output, output_unit)]
     if time is not None:
-        given["time"] = (time, time_unit)
-    for role, (name, unit) in given.items():
+        given.append(("time", time, time_unit))
+    for role, name, unit in given:
         _column(table, name)
-        units[role], note = column_unit(name, role, unit, table.units.get(name), table.path)
+        units[role, name], note = column_unit(name, role, unit, table.units.get(name), table.path)
         notes += note
+    channels = {name: units["input", name] for name in inputs} if len(inputs) > 1 else {}
+    named = {} if channels else {"input_name": inputs[0], "input_unit": units["input", inputs[0]]}
+    said = repr(inputs[0]) if named else f"{len(inputs)} channels"
     rows = np.ones(len(table.line), bool)
     for name, values in (where or {}).items():
         rows &= _matching(table, name, [str(v) for v in values])
@@ -238,7 +246,7 @@ def read_csv(
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
     t = None if time is None else table.number(time)[rows]
     return Record.from_arrays(
-        table.number(input)[rows],
+        table.number(inputs[0])[rows] if named else None,
         table.number(output)[rows],
         t,
         groups,
@@ -246,16 +254,17 @@ def read_csv(
         line=table.line[rows],
         segments=segments,
         nan=nan,
-        history=(f"Read {rows.sum()} rows: {input!r} -> {output!r}.", *notes),
-        columns={name: table.columns[name][rows] for name in keep},
-        input_name=input,
+        history=(f"Read {rows.sum()} rows: {said} -> {output!r}.", *notes),
+        columns={name: table.columns[name][rows] for name in keep}
+        | {name: table.number(name)[rows] for name in channels},
+        channels=channels,
         output_name=output,
         time_name=time or "time",
-        input_unit=units["input"],
-        output_unit=units["output"],
-        time_unit=units.get("time", time_unit or "s"),
+        output_unit=units["output", output],
+        time_unit=units.get(("time", time), time_unit or "s"),
         source=table.path,
         sha256=table.sha256,
+        **named,
     )
 
 

@@ -3,9 +3,10 @@
 import abc
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._errors import InputError
 from ._model import AbstractModel, Series
@@ -48,7 +49,36 @@ class AbstractCurve(AbstractModel[tuple[()], CurveInput]):
         return self.curve(prepared.u)
 
 
-class MonotoneCurve(AbstractCurve):
+class AbstractMonotoneCurve(AbstractCurve):
+    """A curve that never falls: parabolas from node to node, straight on beyond the ends."""
+
+    nodes: eqx.AbstractVar[Values]
+
+    # A field with a default: as an annotation it would come before the others in `__init__`.
+    @property
+    @abc.abstractmethod
+    def offset(self) -> Scalar: ...
+
+    @abc.abstractmethod
+    def rises(self) -> Float[Array, " cells"]:
+        """The rise of the output over each cell."""
+
+    @abc.abstractmethod
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        """The slopes at the start and at the end of each cell."""
+
+    def outputs(self) -> Float[Array, " nodes"]:
+        """The output at every node."""
+        rises = self.rises()
+        return self.offset + jnp.append(jnp.zeros_like(rises[:1]), rises.cumsum())
+
+    def cell_of(self, u: Float[Array, "*samples"]) -> Int[Array, "*samples"]:
+        """The cell of each input; beyond the nodes the nearest."""
+        cell = jnp.searchsorted(self.nodes, u, side="right") - 1
+        return jnp.clip(cell, 0, self.nodes.shape[0] - 2)
+
+
+class MonotoneCurve(AbstractMonotoneCurve):
     """A polygon that never falls: straight from node to node, and on beyond the ends.
 
     **Arguments:**
@@ -67,35 +97,69 @@ class MonotoneCurve(AbstractCurve):
     offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
 
     def __check_init__(self) -> None:
-        shapes = np.shape(self.nodes), np.shape(self.increments)
-        cells = shapes[1][0] if len(shapes[1]) == 1 else 0
-        if not cells or shapes[0] != (cells + 1,):
-            raise InputError(
-                "lengths-differ",
-                f"the shapes of nodes and increments are {shapes[0]} and {shapes[1]}.",
-                fix="give one node more than increments, and at least two.",
-            )
-        if is_concrete(self.nodes) and not np.all(np.diff(np.asarray(self.nodes)) > 0):
-            raise _out_of_bounds("nodes", self.nodes, "finite and increasing")
-        if is_concrete(self.increments) and not np.all(np.asarray(self.increments) >= 0):
-            raise _out_of_bounds("increments", self.increments, "not negative")
+        _check_nodes("increments", self.nodes, self.increments, 1)
 
     @classmethod
     def even(cls, low: float, high: float, increments: Any, offset: Any = 0.0) -> "MonotoneCurve":
         """With cells of equal width from `low` to `high`."""
         return cls(np.linspace(low, high, np.shape(increments)[0] + 1), increments, offset)
 
-    def outputs(self) -> Float[Array, " nodes"]:
-        """The output at every node."""
-        return self.offset + jnp.append(
-            jnp.zeros_like(self.increments[:1]), self.increments.cumsum()
-        )
+    def rises(self) -> Float[Array, " cells"]:
+        return self.increments
+
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        slopes = self.increments / jnp.diff(self.nodes)
+        return slopes, slopes
 
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
-        cell = jnp.searchsorted(self.nodes, u, side="right") - 1
-        cell = jnp.clip(cell, 0, self.increments.shape[0] - 1)
-        slope = self.increments / jnp.diff(self.nodes)
+        cell, slope = self.cell_of(u), self.increments / jnp.diff(self.nodes)
         return self.outputs()[cell] + slope[cell] * (u - self.nodes[cell])
+
+
+class MonotoneSpline(AbstractMonotoneCurve):
+    """A smooth curve that never falls: its slope is a polygon, and constant beyond the ends.
+
+        y = offset + integral of the slope from the first node to u
+
+    It has a continuous slope, is linear in its parameters, and none of its cells can overshoot.
+
+    **Arguments:**
+
+    - `nodes`: (n,) inputs, increasing, at least two.
+    - `slopes`: (n,) slopes at the nodes, none negative.
+    - `offset`: the output at the first node.
+
+    Raises `InputError` where an argument is not as said here.
+    """
+
+    nodes: Values = parameter(unit="input", fixed=True, meaning="where the slope may bend")
+    slopes: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="slope at each node"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
+
+    def __check_init__(self) -> None:
+        _check_nodes("slopes", self.nodes, self.slopes, 0)
+
+    @classmethod
+    def even(cls, low: float, high: float, slopes: Any, offset: Any = 0.0) -> "MonotoneSpline":
+        """With cells of equal width from `low` to `high`."""
+        return cls(np.linspace(low, high, np.shape(slopes)[0]), slopes, offset)
+
+    def rises(self) -> Float[Array, " cells"]:
+        start, end = self.cell_slopes()
+        return (start + end) / 2 * jnp.diff(self.nodes)
+
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        return self.slopes[:-1], self.slopes[1:]
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        cell, widths = self.cell_of(u), jnp.diff(self.nodes)
+        along, first = u - self.nodes[cell], self.slopes[cell]
+        inside = jnp.clip(along, 0.0, widths[cell])
+        gain = (jnp.diff(self.slopes) / widths)[cell] * inside
+        rise = (first + gain / 2) * inside + (first + gain) * (along - inside)
+        return self.outputs()[cell] + rise
 
 
 class PolynomialCurve(AbstractCurve):
@@ -141,6 +205,21 @@ class Clip(AbstractCurve):
 
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         return jnp.clip(u, self.low, self.high)
+
+
+def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:
+    """Nodes increase, are at least two and `more` than the values, of which none is negative."""
+    shapes = np.shape(nodes), np.shape(values)
+    if len(shapes[0]) != 1 or shapes[0][0] < 2 or shapes[1] != (shapes[0][0] - more,):
+        raise InputError(
+            "lengths-differ",
+            f"the shapes of nodes and {name} are {shapes[0]} and {shapes[1]}.",
+            fix=f"give {'one node more than' if more else 'as many nodes as'} {name}, and at least two.",
+        )
+    if is_concrete(nodes) and not np.all(np.diff(np.asarray(nodes, float)) > 0):
+        raise _out_of_bounds("nodes", nodes, "finite and increasing")
+    if is_concrete(values) and not np.all(np.asarray(values) >= 0):
+        raise _out_of_bounds(name, values, "not negative")
 
 
 def _check_order(low: Any, high: Any) -> None:

@@ -1,27 +1,13 @@
-"""What a record holds and what it is fit for: summary, direction of its loops, excitation."""
+"""What a record holds and what it is fit for: summary, excitation, warnings."""
 
 from typing import Any
 
 import numpy as np
 
-from ._cycles import default_dead_band, loop_area, noise_level, turning_points
+from ._cycles import default_dead_band, noise_level, turning_points
 from ._errors import InputError
 from ._record import Record, duration, quantity
-
-
-def loop_direction(record: Record) -> float:
-    """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
-
-    `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
-
-    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
-    nothing closes.
-    """
-    parts = [
-        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
-    ]
-    net, total = np.sum(parts, axis=0)
-    return float(net / total) if total else 0.0
+from ._suspicions import clipped, loop_direction, suspicions
 
 
 def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
@@ -59,10 +45,7 @@ def check_identifiable(record: Record, n_parameters: int | None = None) -> list[
             f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
             "fit the sponge (LinearSponge), or measure the way back. [one-way-input]"
         )
-    share, limit = _saturation(record)
-    if share:
-        at = quantity(limit, record.output_unit)
-        found.append(f"{share:.1%} of the output at {at}: clipped; mask or censor. [saturation]")
+    found += suspicions(record)
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
         found.append(f"{len(single)} sequences of one row, first {single[0]!r}. [short-sequence]")
@@ -84,7 +67,7 @@ def summary(record: Record) -> dict[str, Any]:
         "sequences": len(record.labels),
         "cycles": record.n_cycles,
         "input": _spread(record, "input"),
-        "output": _spread(record, "output") | {"saturated": _saturation(record)[0]},
+        "output": _spread(record, "output") | {"saturated": _saturated(record)},
         "dt": clock,
         "loop_direction": loop_direction(record),
     }
@@ -147,15 +130,7 @@ def _spread(record: Record, role: str) -> dict[str, Any]:
     return names | {"min": low, "max": high, "noise": noise}
 
 
-def _saturation(record: Record) -> tuple[float, float]:
-    """Share of rows stuck at the output's largest or smallest value, and that value.
-
-    Stuck: at least 1 % of the rows and eight of them, while the input moves by 2 % of its range.
-    Zero and the value of the first row are the rest, not a limit.
-    """
-    y, u = record.output, record.input
-    for limit in (np.nanmax(y), np.nanmin(y)) if np.isfinite(y).any() else ():
-        at, rest = y == limit, limit in (0.0, y[0])
-        if not rest and at.sum() >= max(8, 0.01 * len(y)) and np.ptp(u[at]) > 0.02 * np.ptp(u):
-            return float(at.mean()), float(limit)
-    return 0.0, float("nan")
+def _saturated(record: Record) -> float:
+    """Share of the output's rows stuck at a limit."""
+    stuck = [len(found.rows) for found in clipped(record) if found.role == "output"]
+    return sum(stuck) / max(len(record), 1)

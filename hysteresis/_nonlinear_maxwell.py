@@ -53,7 +53,8 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     - `low`, `high`: the range of the input.
     - `times`: (branches,) tau_k, positive.
     - `increments`: (branches, n) of the springs, none negative; or None.
-    - `strengths`: (branches, n + 1) c_k at the nodes; or None.
+    - `strengths`: (branches, n + 1) c_k at the nodes, or (2, branches, n + 1) for Q_k > 0 and for
+      Q_k < 0; or None.
     - `offset`: the output's constant.
 
     **Other arguments:**
@@ -83,7 +84,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     increments: Float[Array, "branches cells"] | np.ndarray | None = parameter(
         None, unit="output", bounds=(0.0, float("inf")), meaning="increments of the springs"
     )
-    strengths: Float[Array, "branches nodes"] | np.ndarray | None = parameter(
+    strengths: Float[Array, "*senses branches nodes"] | np.ndarray | None = parameter(
         None, unit="output", bounds=(0.0, float("inf")), meaning="how much of a branch is felt"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
@@ -97,16 +98,15 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
             )  # fmt: skip
         if is_concrete(self.times) and not bool((self.times > 0).all()):
             raise InputError("not-positive", "a relaxation time is not positive.")
-        shapes = [a.shape for a in (self.increments, self.strengths) if a is not None]
-        cells = {
-            a.shape[-1] - k
-            for k, a in enumerate((self.increments, self.strengths))
-            if a is not None
-        }
-        if len(cells) != 1 or any(shape[:-1] != self.times.shape for shape in shapes):
+        given = enumerate((self.increments, self.strengths))
+        shapes = {k: a.shape for k, a in given if a is not None}
+        fits = (self.times.shape, (2, *self.times.shape))  # strengths may have two senses
+        cells = {shape[-1] - k for k, shape in shapes.items()}
+        if len(cells) != 1 or any(s[:-1] not in fits[: k + 1] for k, s in shapes.items()):
             raise InputError(
                 "branches-do-not-fit",
-                f"{self.times.shape[-1]} times, but springs and strengths of shape {shapes}.",
+                f"{self.times.shape[-1]} times, but springs and strengths of shape"
+                f" {tuple(shapes.values())}.",
                 fix="give (branches, n) increments, (branches, n + 1) strengths, or one of both.",
             )
         for array in (self.increments, self.strengths):
@@ -171,7 +171,8 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
 
         def relaxing(new: Array, old: Array, begin: Array) -> Array:
             drive = gain * (new - old) + start * decay * begin[None]
-            return linear_recurrence(decay * (1 - start), drive)
+            rows = linear_recurrence(tuple((decay * (1 - start)).T), tuple(drive.T))
+            return jnp.stack(rows, -1)
 
         spring, linear = (
             relaxing(new, old, begin)
@@ -205,9 +206,12 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     def _output(self, place: tuple[Array, Array], g: Array, spring: Array, linear: Array) -> Array:
         felt = jnp.zeros_like(linear)
         if self.strengths is not None:
-            nodes, (cell, within) = jnp.asarray(self.strengths).T, place
-            part = jnp.clip(within, 0.0, 1.0)[:, None]
-            felt = (nodes[cell] * (1 - part) + nodes[cell + 1] * part) * linear
+            nodes, (cell, within) = jnp.moveaxis(jnp.asarray(self.strengths), -1, 0), place
+            part = jnp.clip(within, 0.0, 1.0).reshape(-1, *(1,) * (nodes.ndim - 1))
+            felt = nodes[cell] * (1 - part) + nodes[cell + 1] * part
+            if felt.ndim == 3:
+                felt = jnp.where(linear > 0, felt[:, 0], felt[:, 1])
+            felt = felt * linear
         if self.leading:
             return self.offset + (spring + felt).sum(-1)
         return self.offset + (g - spring - felt).sum(-1)

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._channels import common_part
 from ._cycles import branches, cycles
 from ._errors import InputError
 
@@ -32,6 +33,8 @@ class Record:
     - `history`: a sentence for each thing done to the data.
     - `source`, `sha256`: name and checksum of the file, "" for arrays.
     - `columns`: further columns (n,) by name, for splitting.
+    - `channels`: names and units of those `columns` that a fit combines into the input. Until then the
+        input is what they have in common, see `common_part`.
 
     Every method returns a new record.
 
@@ -56,6 +59,7 @@ class Record:
     source: str = ""
     sha256: str = ""
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
@@ -77,9 +81,11 @@ class Record:
         self._check_clock()
 
     def _check_finite(self):
-        wanted = {"input": (self.input, True), "output": (self.output, self.mask)}
-        for role, (x, where) in wanted.items():
-            name = getattr(self, f"{role}_name")
+        wanted: list[tuple[str, str, np.ndarray, Any]]
+        wanted = [("input", name, self.columns[name], True) for name in self.channels]
+        wanted.append(("input", self.input_name, self.input, True))
+        wanted.append(("output", self.output_name, self.output, self.mask))
+        for role, name, x, where in wanted:
             if (bad := np.isinf(x)).any():
                 raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
             if not (bad := np.isnan(x) & where).any():
@@ -100,7 +106,7 @@ class Record:
         step = np.diff(self.time)
         step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
         if (k := np.flatnonzero(step < 0)).size:
-            t, where = self.time, self._lines(k[:1] + 1)
+            t, where = self.time, self.lines(k[:1] + 1)
             raise InputError(
                 "time-backwards",
                 f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
@@ -112,14 +118,15 @@ class Record:
         if (k := np.flatnonzero(step == 0)).size:
             raise InputError(
                 "time-repeated",
-                f"{self._lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
+                f"{self.lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
                 f"{f', and {k.size - 1} more pairs' if k.size > 1 else ''}.",
                 place=self.source,
                 cause="a clock coarser than the sampling, or rows written twice.",
                 fix="drop or average them, or give the step instead: dt=... (--dt SECONDS).",
             )
 
-    def _lines(self, rows: np.ndarray) -> str:
+    def lines(self, rows: np.ndarray) -> str:
+        """The lines of the first and the last of these rows, in words."""
         word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
         return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
 
@@ -128,12 +135,12 @@ class Record:
         lasts = ""
         if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
             lasts = f" ({duration(float(np.ptp(self.time[rows])), self.time_unit)})"
-        return InputError(code, f"{what}, {self._lines(rows)}{lasts}.", place=self.source, fix=fix)
+        return InputError(code, f"{what}, {self.lines(rows)}{lasts}.", place=self.source, fix=fix)
 
     @classmethod
     def from_arrays(
         cls,
-        input: ArrayLike,
+        input: ArrayLike | None,
         output: ArrayLike,
         time: ArrayLike | None = None,
         groups: ArrayLike | None = None,
@@ -146,6 +153,7 @@ class Record:
         time_unit: str = "s",
         history: tuple[str, ...] = (),
         columns: Mapping[str, np.ndarray] | None = None,
+        channels: Mapping[str, str] | None = None,
         **names: str,
     ) -> "Record":
         """A record from (n,) arrays.
@@ -158,15 +166,19 @@ class Record:
         - `segments`: "auto" starts a new sequence wherever time goes back.
         - `nan`: "raise"; "omit" masks rows without output; "interpolate" fills input and output
             linearly over time (or rows), and by the nearest value at the ends of a sequence.
+        - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`.
         - `names`: the other fields of `Record`.
         """
-        u, y = np.array(input, float), np.array(output, float)
-        n = u.size
+        y, kept = np.array(output, float), dict(columns or {})
+        kept |= {name: np.array(kept[name], float) for name in channels or ()}
+        n = y.size
+        u = np.array(np.zeros(n) if input is None else input, float)
         t = None if time is None else np.array(time, float)
         group = np.zeros(n, int) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
         _same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
+        _same_length(output=y, **{name: kept[name] for name in channels or ()})
         if segments not in (None, "auto"):
             raise InputError(
                 "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
@@ -178,6 +190,8 @@ class Record:
             history += ("Gathered the rows of each group: they were interleaved.",)
         u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
         t = None if t is None else t[order]
+        kept = {name: np.asarray(column)[order] for name, column in kept.items()}
+        inputs = {name: kept[name] for name in channels} if channels else {"input": u}
         cut = np.diff(member) > 0
         if segments == "auto" and t is not None and np.any(back := (np.diff(t) < 0) & ~cut):
             cut |= back
@@ -194,12 +208,14 @@ class Record:
         if nan == "omit" and np.any(gap := np.isnan(y) & used):
             used &= ~gap
             history += (f"Masked {gap.sum()} rows without output.",)
-        for name, x in (("input", u), ("output", y)) if nan == "interpolate" else ():
+        for name, x in (inputs | {"output": y}).items() if nan == "interpolate" else ():
             if missing := int(np.isnan(x).sum()):
                 for a, b in pairwise([*starts, n]):
                     _fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
                 history += (f"Filled {missing} NaN of the {name} by linear interpolation.",)
-        kept = {name: np.asarray(column)[order] for name, column in (columns or {}).items()}
+        if channels:
+            u = common_part(np.column_stack([*inputs.values()]), y)
+            names.setdefault("input_name", f"common part of {len(channels)} channels")
         unit = "1" if t is None else time_unit
         return cls(
             u,
@@ -212,6 +228,7 @@ class Record:
             time_unit=unit,
             history=history,
             columns=kept,
+            channels=dict(channels or {}),
             **names,  # pyright: ignore[reportArgumentType]
         )
 
@@ -361,25 +378,32 @@ class Record:
         if self.time is None or not dt > 0:
             why = "there is no time column" if self.time is None else f"the step is {dt:g}"
             raise InputError("no-clock", f"Cannot resample: {why}.", fix="give time= or dt=.")
-        u, y, clock, rows = [], [], [], []
+        y, clock, rows = [], [], []
+        inputs = {"": self.input} | {name: self.columns[name] for name in self.channels}
+        moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}
         for _, s in self.sequences():
             t, out = self.time[s], self.output[s]
             c = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt * (1 + 1e-12)) + 1)
             good = np.isfinite(out)
-            u.append(np.interp(c, t, self.input[s]))
+            for name, x in inputs.items():
+                moved[name].append(np.interp(c, t, x[s]))
             y.append(np.interp(c, t[good], out[good]) if good.any() else np.full(len(c), np.nan))
             rows.append(s.start + np.searchsorted((t[1:] + t[:-1]) / 2, c))
             clock.append(c)
         starts = np.cumsum([0, *map(len, clock[:-1])])
-        series = {"input": u, "output": y, "time": clock}
-        joined = {name: np.concatenate(parts) for name, parts in series.items()}
+        whole = {name: np.concatenate(parts) for name, parts in moved.items()}
         sentence = f"Resampled {len(self)} rows to a step of {quantity(dt, self.time_unit)}."
-        return self._take(np.concatenate(rows), sentence, starts=starts, **joined)
+        taken = self._take(
+            np.concatenate(rows), sentence, starts=starts, input=whole.pop(""),
+            output=np.concatenate(y), time=np.concatenate(clock),
+        )  # fmt: skip
+        return replace(taken, columns={**taken.columns, **whole})
 
     def digest(self) -> str:
         """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
         code = hashlib.sha256("\0".join(self.labels).encode())
-        for x in (self.input, self.output, self.time, self.starts, self.mask):
+        channels = [self.columns[name] for name in sorted(self.channels)]
+        for x in (self.input, self.output, self.time, self.starts, self.mask, *channels):
             code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
         return code.hexdigest()
 

@@ -10,6 +10,8 @@ N mN uN kN gf kgf mm um cm m s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar
 emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
 """
 RIG_UNITS = tuple(_UNITS.split())
+FORCES = ("N", "mN", "uN", "kN", "gf", "kgf")
+LENGTHS = ("mm", "um", "cm", "m")
 _SPELLING = {"": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm"}
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 

@@ -1,17 +1,19 @@
 """Viscoelastic models: one exact step for all of them, in both directions."""
 
 import abc
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._chain import Chain, Hold
+from ._chain import Chain, Hold, exact_step
 from ._errors import InputError
 from ._model import AbstractModel, Series, is_start, time_steps
 from ._parameter import Scalar, is_concrete
-from ._recurrence import linear_recurrence
+from ._recurrence import coupled_recurrence, linear_recurrence
 
 POSITIVE = (0.0, float("inf"))
 STIFFNESS, VISCOSITY = "force / displacement", "force * time / displacement"
@@ -80,7 +82,7 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
         dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
         chain = self.chain()
-        decay, before, now = chain.step(dt, self.hold)
+        decay, before, now = exact_step(chain.all_rates, chain.all_drives, dt, self.hold)
         known = decay * state.branches + before * state.load
         load = jnp.asarray(u)
         if self.against_chain:
@@ -115,22 +117,20 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     def evaluate(self, prepared: ViscoelasticInput) -> Float[Array, " samples"]:
         dt, u, u_before, start, state = prepared
         chain = self.chain()
-        direct, step = chain.direct, chain.step(dt, self.hold)
+        direct, rates, drives = chain.direct, chain.all_rates, chain.all_drives
         begin = state.branches
         if not self.against_chain:
-            decay, before, now = step
-            drive = before * u_before[None] + now * u[None] + decay * start[None] * begin[:, None]
-            x = linear_recurrence((decay * (1 - start)[None]).T, drive.T)
-            return direct * u + x.sum(-1) + self.offset
+            branches = _branches(rates, drives, begin, dt, u, u_before, start, self.hold)
+            return direct * u + sum(branches, start=jnp.zeros_like(u)) + self.offset
         # The load before = (u before - sum of x) / direct removes the load from the recurrence in x.
-        decay, before, now = (part.T for part in step)
+        decay, before, now = exact_step(rates[None], drives[None], dt[:, None], self.hold)
         gain = now / (direct + now.sum(-1, keepdims=True))
         before = (before - gain * before.sum(-1, keepdims=True)) / direct
         matrix = decay[:, :, None] * jnp.eye(len(begin))[None]
         matrix -= gain[:, :, None] * decay[:, None, :] + before[:, :, None]
         drive = gain * u[:, None] + before * u_before[:, None]
         drive += start[:, None] * (matrix * begin[None, None]).sum(-1)
-        x = linear_recurrence(matrix * (1 - start)[:, None, None], drive)
+        x = coupled_recurrence(matrix * (1 - start)[:, None, None], drive)
         return (u - x.sum(-1)) / direct + self.offset
 
     def answer(self, state: State) -> Array:
@@ -175,6 +175,31 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         return self.state_type(t, load, branches)
 
 
+@partial(jax.jit, static_argnames="hold")
+def _branches(
+    rates: Array,
+    drives: Array,
+    begin: Array,
+    dt: Array,
+    u: Array,
+    u_before: Array,
+    start: Array,
+    hold: Hold,
+) -> tuple[Float[Array, " samples"], ...]:
+    """The states of a chain's branches, each begun anew where sequences start."""
+
+    # One branch after the other, and what its derivative needs computed again from the few arrays that
+    # all share: much of a gradient's time is memory taken for the first time.
+    @jax.checkpoint
+    def recurrence(branch: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+        rate, drive, x = branch
+        decay, before, now = exact_step(rate, drive, dt, hold)
+        return decay * (1 - start), before * u_before + now * u + decay * start * x
+
+    factors, added = jax.lax.map(recurrence, (rates, drives, begin))
+    return linear_recurrence(tuple(factors), tuple(added))
+
+
 def check_positive(**values: Any) -> None:
     """Raise `InputError` where a modulus, viscosity or time is not positive; None is not there."""
     for name, value in values.items():
@@ -183,7 +208,7 @@ def check_positive(**values: Any) -> None:
                 "not-positive",
                 f"{name} = {value}: moduli, viscosities and times are positive.",
                 cause="a sign or a unit slipped.",
-                fix=f"give {name} > 0; for an element that is not there use a very large value.",
+                fix=f"give {name} > 0; an element that is not there is left out, or in series very large.",
             )
 
 

@@ -36,3 +36,7 @@ from ._save import to_json as to_json
 from ._save import write_json as write_json
 from ._spectrum import Spectrum as Spectrum
 from ._spectrum import spectrum as spectrum
+from ._step_fit import fit_step as fit_step
+from ._step_fit import is_at_first_row as is_at_first_row
+from ._step_fit import kind_of as kind_of
+from ._step_fit import stepped as stepped

@@ -46,9 +46,12 @@ FIRMNESS = {CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 
 """How much stronger the prior holds a part than the curve."""
 
 RIDGE = 1e-7
-"""Pulls what the data leave open to 0; in squares of the output's range."""
+"""Pulls what the data leave open to 0; in squares of the output's range. Strengths are pulled ten times as
+hard: at rates that were not tried they say what the curve does not."""
 
-Columns = Float[np.ndarray, "rows unknowns"]
+Columns = Float[np.ndarray, "samples unknowns"]
+Samples = Float[np.ndarray, " samples"]
+Starts = Int[np.ndarray, " sequences"]
 
 
 class Composition(NamedTuple):
@@ -58,6 +61,7 @@ class Composition(NamedTuple):
     - `times`: relaxation times, shared by the branches and their strengths.
     - `leading`, `initial`: orientation of all parts, and the relays before the first sample.
     - `floor`: the output never falls below it (slack); None for no such limit.
+    - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
     """
 
     parts: tuple[str, ...]
@@ -68,6 +72,7 @@ class Composition(NamedTuple):
     leading: bool
     initial: Initial
     floor: float | None = None
+    first: tuple[float, ...] = ()
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -76,7 +81,7 @@ class Composition(NamedTuple):
         of = {
             CURVE: n[CURVE],
             MAXWELL: branches * n[MAXWELL],
-            STRENGTHS: branches * (n[STRENGTHS] + 1),
+            STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
         }
@@ -111,17 +116,21 @@ class Composition(NamedTuple):
                 each = np.eye(size)
             branches = size // len(each)
             own = strength * FIRMNESS[part]
-            blocks += [own * each + RIDGE * np.eye(len(each))] * branches
+            ridge = 10 * RIDGE if part == STRENGTHS else RIDGE
+            blocks += [own * each + ridge * np.eye(len(each))] * branches
         return np.asarray(scipy.linalg.block_diag(*blocks))
 
     def columns(self, record: Record, rows: Int[np.ndarray, " rows"]) -> Columns:
         """The output of each unknown alone, in its unit, at some rows of a record."""
-        starts = tuple(int(k) for k in record.starts)
+        u = record.input
+        if self.first:
+            u = np.asarray(self._first.simulate(None, u))
+        v = (u - self.low) / (self.high - self.low)
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
             SOFTENING: self._softening, RELAYS: self._relays,
         }  # fmt: skip
-        found = [made[part](record, rows, starts) for part in self.parts]
+        found = [made[part](v, record.time, record.starts)[rows] for part in self.parts]
         return np.hstack([np.ones((len(rows), 1)), *found])
 
     def model(self, x: Float[Array, " unknowns"] | np.ndarray) -> Sum | Series:
@@ -134,7 +143,8 @@ class Composition(NamedTuple):
         parts: list[AbstractModel] = [curve]
         for part, field in ((MAXWELL, "increments"), (STRENGTHS, "strengths")):
             if part in values:
-                own = {field: values[part].reshape(len(self.times), -1)}
+                senses = (2,) if part == STRENGTHS else ()
+                own = {field: values[part].reshape(*senses, len(self.times), -1)}
                 times = np.asarray(self.times)
                 parts.append(
                     NonlinearMaxwell(self.low, self.high, times, **own, leading=self.leading)
@@ -147,70 +157,101 @@ class Composition(NamedTuple):
             density = GridDensity(self.low, self.high, weights)
             support = 2 * (weights.sum(0) + weights.sum(1)) if self.leading else None
             parts.append(Preisach(density, support, leading=self.leading, initial=self.initial))
+        before = [self._first] if self.first else []
+        after = [] if self.floor is None else [Clip(low=self.floor)]
         whole = Sum(parts)
-        return whole if self.floor is None else Series([whole, Clip(low=self.floor)])
+        return Series([*before, whole, *after]) if before or after else whole
+
+    @property
+    def _first(self) -> MonotoneCurve:
+        return MonotoneCurve.even(self.low, self.high, np.asarray(self.first), self.low)
 
     @property
     def total_names(self) -> tuple[str, ...]:
         """Names of the sums that tell a person what the parts do."""
         names = ["offset"]
         for part in self.parts:
-            if part in (MAXWELL, STRENGTHS):
-                names += [f"{part} {tau:.3g}" for tau in self.times]
-            else:
-                names.append(part)
+            names += self.branches(part) or (part,)
         return tuple(names)
+
+    def branches(self, part: str) -> tuple[str, ...]:
+        """Names of a part's branches; strengths differ after a rise and after a fall."""
+        times = tuple(f"{tau:.3g}" for tau in self.times)
+        if part == STRENGTHS:
+            senses = ("after a rise", "after a fall")
+            return tuple(f"{part} {tau} {sense}" for sense in senses for tau in times)
+        return tuple(f"{part} {tau}" for tau in times) if part == MAXWELL else ()
 
     @property
     def totals(self) -> Float[np.ndarray, "sums unknowns"]:
         """The sums as rows: a rise over the range, a mean strength, a mass of relays."""
         rows = [np.ones((1, 1))]
         for part, size in zip(self.parts, self.sizes[1:], strict=True):
-            branches = len(self.times) if part in (MAXWELL, STRENGTHS) else 1
+            branches = len(self.branches(part)) or 1
             each = np.ones((1, size // branches))
             rows += [each / each.size if part == STRENGTHS else each] * branches
         return np.asarray(scipy.linalg.block_diag(*rows))
 
-    # Columns of each part
+    # Columns of each part, at all samples of an input v in parts of the range
 
-    def _curve(self, record: Record, rows: np.ndarray, starts: tuple[int, ...]) -> Columns:
-        units = jnp.eye(CELLS[CURVE])
-        like = MonotoneCurve.even(self.low, self.high, units[0])
-        return _outputs(like, "increments", units, record, starts)[rows]
+    def _curve(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        return _rises(v, CELLS[CURVE])
 
-    def _branches(self, record: Record, rows: np.ndarray, starts: tuple[int, ...]) -> Columns:
-        units = jnp.eye(CELLS[MAXWELL])[:, None]
-        return self._by_time("increments", units, record, rows, starts)
+    def _branches(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        springs = _rises(v, CELLS[MAXWELL])
+        left = self._relaxing(springs, t, starts)
+        each = left if self.leading else springs[:, None] - left
+        return each.reshape(len(v), -1)
 
-    def _strengths(self, record: Record, rows: np.ndarray, starts: tuple[int, ...]) -> Columns:
-        units = jnp.eye(CELLS[STRENGTHS] + 1)[:, None]
-        return self._by_time("strengths", units, record, rows, starts)
+    def _strengths(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        left = self._relaxing(v[:, None], t, starts)
+        senses = np.stack([np.maximum(left, 0), np.minimum(left, 0)], 1)
+        rises = np.clip(_rises(v, CELLS[STRENGTHS]), 0, 1)
+        tents = -np.diff(rises, axis=1, prepend=1, append=0)
+        felt = senses * tents[:, None, None]
+        return (felt if self.leading else -felt).reshape(len(v), -1)
 
-    def _by_time(
-        self, field: str, units: Array, record: Record, rows: np.ndarray, starts: tuple[int, ...]
-    ) -> Columns:
-        found = []
-        for tau in self.times:
-            own = {"times": np.array([tau]), field: units[0]}
-            like = NonlinearMaxwell(self.low, self.high, **own, leading=self.leading)
-            found.append(_outputs(like, field, units, record, starts)[rows])
-        return np.hstack(found)
-
-    def _softening(self, record: Record, rows: np.ndarray, starts: tuple[int, ...]) -> Columns:
+    def _softening(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
         n = CELLS[SOFTENING]
         units = jax.vmap(lambda unit: _upper(n, unit))(jnp.eye(n * (n + 1) // 2))
-        like = Softening(self.low, self.high, units[0], leading=self.leading)
-        return _outputs(like, "weights", units, record, starts)[rows]
+        like = Softening(0.0, 1.0, units[0], leading=self.leading)
+        prepared = like.prepare(t, v, starts=tuple(starts.tolist()))
+        return np.asarray(_softened(like, units, prepared)).T
 
-    def _relays(self, record: Record, rows: np.ndarray, starts: tuple[int, ...]) -> Columns:
+    def _relays(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
         n = CELLS[RELAYS]
-        density = GridDensity(self.low, self.high, np.ones((n, n)))
-        model = Preisach(density, np.ones(n), initial=self.initial)
-        prepared = model.prepare(None, np.clip(record.input, self.low, self.high), starts=starts)
-        B = design_rows(model, prepared)[rows]
+        model = Preisach(GridDensity(0.0, 1.0, np.ones((n, n))), np.ones(n), initial=self.initial)
+        prepared = model.prepare(None, np.clip(v, 0.0, 1.0), starts=tuple(starts.tolist()))
+        B = design_rows(model, prepared)
         ramps, relays = np.split(NodeSpace(n).to_unknowns(B.toarray().T)[1:].T, [n], axis=1)
         i, j = np.tril_indices(n)
         return 2 * (ramps[:, i] + ramps[:, j]) - relays if self.leading else relays
+
+    def _relaxing(
+        self, x: Float[np.ndarray, "samples columns"], t: Samples | None, starts: Starts
+    ) -> Float[np.ndarray, "samples times columns"]:
+        """Q_k[x] of every relaxation time and column, see `NonlinearMaxwell`; x was 0 before each start.
+
+        The model itself has it for one x at a time. All columns at once share the loop over time here.
+        """
+        assert t is not None
+        dt = np.diff(t, prepend=t[:1])
+        before = np.vstack([x[:1], x[:-1]])
+        dt[starts], before[starts] = 0.0, 0.0
+        z = dt[:, None] / np.array(self.times)
+        decay = np.exp(-z)
+        decay[starts] = 0.0
+        gain = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
+        left = gain[:, :, None] * (x - before)[:, None]
+        for k in range(1, len(left)):
+            left[k] += decay[k, :, None] * left[k - 1]
+        return left
+
+
+def _rises(v: Samples, n: int) -> Columns:
+    """How much of each of n even cells of [0, 1] lies below v; the outer ones go on beyond it."""
+    rises = n * v[:, None] - np.arange(n)
+    return np.clip(rises, [-np.inf, *[0.0] * (n - 1)], [*[1.0] * (n - 1), np.inf])
 
 
 def _upper(n: int, values: Array) -> Array:
@@ -219,17 +260,11 @@ def _upper(n: int, values: Array) -> Array:
     return jnp.zeros((n, n), values.dtype).at[i, j].set(values)
 
 
-def _outputs(
-    like: AbstractModel, field: str, units: Array, record: Record, starts: tuple[int, ...]
-) -> Columns:
-    """Outputs (samples, units) of a part whose `field`, in which it is linear, takes each value."""
-    prepared = like.prepare(record.time, record.input, starts=starts)
-    return np.asarray(_evaluate_each(like, field, units, prepared)).T
-
-
 @eqx.filter_jit
-def _evaluate_each(like: Any, field: str, units: Array, prepared: Any) -> Array:
+def _softened(like: Softening, units: Array, prepared: Any) -> Array:
+    """Outputs (units, samples) of softening with each of the weights."""
+
     def one(unit: Array) -> Array:
-        return eqx.tree_at(lambda model: getattr(model, field), like, unit).evaluate(prepared)
+        return eqx.tree_at(lambda model: model.weights, like, unit).evaluate(prepared)
 
     return jax.vmap(one)(units)

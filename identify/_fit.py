@@ -18,10 +18,11 @@ from hysteresis import (
 )
 from hysteresis.preisach import AbstractGridDensity
 
+from ._channel_map import combine, fit_channel_map
 from ._clocks import Clocks, is_held, shifted
 from ._composition_fit import CompositionFit, find_lag, fit_compositions
 from ._evidence import evidence
-from ._folds import Parts, parts
+from ._folds import Parts, as_good, parts
 from ._guess import (
     CANDIDATES,
     COMPOSITION,
@@ -37,9 +38,13 @@ from ._parametric import fit_parametric
 from ._preisach import GRIDS, LinearFit, fit_preisach
 from ._preisach_unknowns import TOTALS
 from ._result import FitResult, Parameter, predict
+from ._settling import settled
 from ._verdict import judge
 
 Report = Callable[[str], None]
+
+WORTH = 0.2
+"""Part of the mean squared error that a lag must take away to be believed."""
 
 
 def fit(
@@ -79,7 +84,8 @@ def fit(
       `"demagnetised"`; `"fit"` fits how many of each cell are up, for a record that starts in the
       middle of a history; `"auto"` tries those the record leaves open.
     - `conditioning`: `"auto"` leaves the first cycle of a single sequence out of the fit where that
-      predicts a held-out later one better; `"keep"` never does.
+      predicts a held-out later one better, and all but the last ones where one cycle is repeated until the
+      sample has settled; `"keep"` never does.
     - `clocks`: `"auto"` makes an input linear between updates that come less often than rows, and looks
       for a constant lag between input and output where a composition predicts better with one; `"keep"`
       takes the input as it is.
@@ -91,7 +97,7 @@ def fit(
     """
     begin = time.perf_counter()
     say = progress or (lambda _: None)
-    _require_double(allow_float32)
+    require_double(allow_float32)
     if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
         raise InputError("two-hold-outs", "Give one of test, test_cycles and test_tail.")
     if test_cycles is not None:
@@ -100,9 +106,17 @@ def fit(
         record, test = record.split_tail(test_tail)
     _check_choices(initial, conditioning, clocks, starts, seed)
     names, template = _names(model)
+    channels = None
+    if record.channels:
+        channels, record = fit_channel_map(record, keep_conditioning=conditioning == "keep")
+        test = None if test is None else combine(test, channels)
+        say(record.history[-1])
     warnings = tuple(check_identifiable(record))
     before = Clocks(interpolated=clocks == "auto" and record.time is not None and is_held(record))
     record = before.applied(record)
+    if conditioning == "auto" and (later := settled(record)) is not record:
+        record = later
+        say(record.history[-1])
     cut = parts(record, keep_conditioning=conditioning == "keep")
     if before.interpolated:
         say(f"{record.input_name} is updated less often than read: linear between its updates")
@@ -117,7 +131,9 @@ def fit(
             if one_way and name == "Preisach" and len(names) > 1:
                 raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
             if name == COMPOSITION:
-                new = _fit_compositions(record, cut, initial, clocks == "auto", seed, say)
+                # The channels' curves have taken up a lag between the clocks, if there is one.
+                with_lag = clocks == "auto" and channels is None
+                new = _fit_compositions(record, cut, initial, with_lag, seed, say)
             else:
                 new = [_fit_one(name, template, record, cut, initial, starts, seed)]
         except InputError as error:
@@ -129,7 +145,7 @@ def fit(
         seconds = time.perf_counter() - since
         for candidate in new:
             now = before._replace(lag=candidate.clocks.lag, lag_error=candidate.clocks.lag_error)
-            candidate = replace(candidate, seconds=seconds, clocks=now)
+            candidate = replace(candidate, seconds=seconds, clocks=now, channels=channels)
             if test is not None:
                 judged = replace(candidate, test=now.applied(test))
                 held_out = metrics(test.output, judged.predict(test), test.mask)
@@ -156,8 +172,7 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
         return True
     if simple.blocks is None or best.blocks is None or len(simple.blocks) != len(best.blocks):
         return False
-    worse = simple.blocks - best.blocks
-    return bool(worse.mean() <= np.std(worse) / np.sqrt(len(worse)))
+    return as_good(simple.blocks, best.blocks)
 
 
 def _names(
@@ -189,10 +204,12 @@ def _fit_one(
     own = isinstance(template, Preisach) and not isinstance(template.density, AbstractGridDensity)
     if name == "Preisach" and not own:
         return _fit_preisach(template, record, cut, initial, seed)
-    start = template or guess(name, record)
+    suggested = guess(name, record)
+    start = template or suggested
+    assert start is not None  # a name without a model is one of `MODELS`
     free = sum(not info.fixed for _, info, _ in parameters(start))
     check_identifiable(record, n_parameters=free)
-    return fit_parametric(name, start, record, cut, starts, seed)
+    return fit_parametric(name, start, record, cut, starts, seed, suggested if template else None)
 
 
 def _fit_preisach(
@@ -244,13 +261,15 @@ def _fit_compositions(
     path, clocks = fit_compositions(record, cut, orientations(record), state), Clocks()
     if with_lag and record.time is not None:
         say(f"{path[-1].name}; is there a lag between the clocks?")
-        lag, error, leading = find_lag(record, path[-1].meaning.floor)
-        moved = shifted(record, lag)
-        again = fit_compositions(moved, cut, (leading,), state)
-        gain = path[-1].blocks - again[-1].blocks
-        # A lag is believed where it takes a tenth of the held-out error, beyond doubt.
-        if gain.mean() > max(2 * np.std(gain) / np.sqrt(len(gain)), 0.2 * path[-1].blocks.mean()):
-            record, path, clocks = moved, again, Clocks(lag, error)
+        found = find_lag(record, path[-1].meaning.floor)
+        # A lag is believed where it takes a fifth of the squared error, held-out too, beyond doubt.
+        if found.gain > WORTH:
+            moved = shifted(record, found.lag)
+            again = fit_compositions(moved, cut, (found.leading,), state)
+            gain = path[-1].blocks - again[-1].blocks
+            least = max(2 * np.std(gain) / np.sqrt(len(gain)), WORTH * path[-1].blocks.mean())
+            if gain.mean() > least:
+                record, path, clocks = moved, again, Clocks(found.lag, found.error)
     return [_composed(fit, record, cut, clocks, seed) for fit in path]
 
 
@@ -333,7 +352,8 @@ def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, se
         raise InputError("bad-option", f"starts={starts}, seed={seed}: at least 1, and 0.")
 
 
-def _require_double(allow_float32: bool) -> None:
+def require_double(allow_float32: bool) -> None:
+    """Raise `InputError` where JAX's double precision is off, unless that is allowed."""
     if not jax.config.jax_enable_x64 and not allow_float32:  # type: ignore[attr-defined]
         raise InputError(
             "float32",

@@ -79,3 +79,9 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
 def block_errors(error: Float[np.ndarray, " rows"]) -> list[float]:
     """Mean squares of ten blocks of consecutive rows, so that choices can be compared in pairs."""
     return [float(np.mean(block**2)) for block in np.array_split(error, 10) if len(block)]
+
+
+def as_good(blocks: Float[np.ndarray, " blocks"], least: Float[np.ndarray, " blocks"]) -> bool:
+    """Whether held-out errors are above the least ones by no more than the difference's standard error."""
+    worse = blocks - least
+    return bool(worse.mean() <= np.std(worse) / np.sqrt(len(worse)))

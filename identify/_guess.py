@@ -21,20 +21,24 @@ MODELS = (*CANDIDATES, "FoamCurve", "BoucWen")
 """What can be asked for by name."""
 
 CONTACT_FORCE = 1.5
-"""Threshold of first contact in N (Tsuji 2014), used where the input is a force well above it."""
+"""Threshold of first contact in N (Tsuji 2014), used where the input is a force well above it, and the
+output none: a combination of channels has the output's unit."""
 
 
-def guess(name: str, record: Record) -> AbstractModel:
-    """A parametric model of this name with sizes taken from the record's ranges and times."""
+def guess(name: str, record: Record) -> AbstractModel | None:
+    """A parametric model of this name with sizes taken from the record's ranges and times, None where no
+    sizes are known to look for."""
     known = {
         "LinearSponge": _sponge, "Burgers": _burgers, "FoamCurve": _foam, "BoucWen": _bouc_wen,
     }  # fmt: skip
-    return known[name](record)
+    return known[name](record) if name in known else None
 
 
 def _sponge(record: Record) -> LinearSponge:
     u, y = record.input[record.mask], record.output[record.mask]
-    is_force = record.input_unit == "N" and u.min() < CONTACT_FORCE < 0.5 * u.max()
+    is_force = (
+        record.input_unit == "N" != record.output_unit and u.min() < CONTACT_FORCE < 0.5 * u.max()
+    )
     threshold = CONTACT_FORCE if is_force else -np.inf
     K, b = np.polyfit(u[u >= threshold], y[u >= threshold], 1)
     return LinearSponge(K, b, threshold)
@@ -42,7 +46,12 @@ def _sponge(record: Record) -> LinearSponge:
 
 def _burgers(record: Record) -> Burgers:
     if record.time is None:
-        raise InputError("no-time", "Burgers depends on the rate, and this record has no time.")
+        raise InputError(
+            "no-time",
+            "Burgers depends on the rate, and this record has no time.",
+            place=record.source,
+            fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+        )
     u, y = record.input[record.mask], record.output[record.mask]
     leading = loop_direction(record) < 0
     gain = np.ptp(y) / np.ptp(u)

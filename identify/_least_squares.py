@@ -23,9 +23,11 @@ class Starts(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Free vector at the minimum, the Jacobian of the residuals there, and whether it converged."""
+    """Free vector at the minimum, the objective (mean squared error) and the Jacobian of the residuals
+    there, and whether it converged."""
 
     free: Float[np.ndarray, " parameters"]
+    objective: float
     jacobian: Float[np.ndarray, "samples parameters"]
     converged: bool
     steps: int
@@ -42,8 +44,13 @@ def refine(
 ) -> Optimum:
     """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
     arguments = _arguments(model, prepared, y, mask)
-    z, jacobian, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
-    return Optimum(np.asarray(z), np.asarray(jacobian)[mask], bool(converged), int(taken))
+    z, objective, jacobian, converged, taken = _run(
+        transform, arguments, jnp.asarray(free), steps, 1e-10
+    )
+    objective = np.nan_to_num(objective, nan=np.inf)
+    return Optimum(
+        np.asarray(z), float(objective), np.asarray(jacobian)[mask], bool(converged), int(taken)
+    )
 
 
 def multi_start(
@@ -94,6 +101,11 @@ def _residuals(transform: Transform, z: Array, arguments: Any) -> Array:
     return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum()))
 
 
+def _objective(transform: Transform, z: Array, arguments: Any) -> Array:
+    """The mean squared error."""
+    return jnp.sum((arguments[-1] * _residuals(transform, z, arguments)) ** 2)
+
+
 def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float) -> Any:
     return optimistix.least_squares(
         lambda z, arguments: _residuals(transform, z, arguments),
@@ -108,23 +120,23 @@ def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance
 @eqx.filter_jit
 def _run(
     transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
-) -> tuple[Array, Array, Array, Array]:
-    """Minimum, the residuals' Jacobian there in the output's unit, convergence, steps taken."""
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Minimum, objective, the residuals' Jacobian there in the output's unit, convergence, steps taken."""
     solution = _solve(transform, arguments, z, steps, tolerance)
-    converged = solution.result == optimistix.RESULTS.successful
+    end, converged = solution.value, solution.result == optimistix.RESULTS.successful
     *_, mask, scale = arguments
     unit = scale * jnp.sqrt(mask.sum())
-    jacobian = jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(solution.value)
-    return solution.value, jacobian, converged, solution.stats["num_steps"]
+    jacobian = jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(end)
+    objective = _objective(transform, end, arguments)
+    return end, objective, jacobian, converged, solution.stats["num_steps"]
 
 
 @eqx.filter_jit
 def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> tuple[Array, Array]:
-    """Minimum and objective (mean squared error) from every start."""
-    scale = arguments[-1]
+    """Minimum and objective from every start."""
 
     def one(z: Array) -> tuple[Array, Array]:
         end = _solve(transform, arguments, z, steps, 1e-6).value
-        return end, jnp.sum((scale * _residuals(transform, end, arguments)) ** 2)
+        return end, _objective(transform, end, arguments)
 
     return jax.vmap(one)(z)

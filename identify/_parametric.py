@@ -1,11 +1,12 @@
 """Fitting a model of few parameters: many starts, refinement, held-out score, honest errors."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import AbstractModel, Record, parameters
+from hysteresis import AbstractModel, InputError, Record, parameters
 
 from ._evidence import evidence
 from ._folds import Parts, block_errors
@@ -13,8 +14,12 @@ from ._least_squares import Optimum, multi_start, refine, thinned_rows
 from ._result import FitResult, Parameter, Status, predict, prepare
 from ._transform import Transform, transform
 
-SPREAD = 1.5
-"""Standard deviation of the starts in the free space: a factor of 4.5 for a positive parameter."""
+SPREADS = (1.5, 3.0, 6.0)
+"""Standard deviation of the starts in the free space, 1.5 a factor of 4.5 for a positive parameter. Wider
+where no output was finite: a density far outside the record vanishes in floating point."""
+
+REFINED = 4
+"""Starts that are followed to their end: after few steps the best is not always first."""
 
 
 def fit_parametric(
@@ -24,39 +29,61 @@ def fit_parametric(
     parts: Parts,
     starts: int = 32,
     seed: int = 0,
+    suggested: AbstractModel | None = None,
 ) -> FitResult:
-    """Fit every free scalar parameter of `template` by least squares.
+    """Fit every free parameter of `template`, numbers and short arrays, by least squares.
 
-    The search for a start runs on about a thousand rows, side by side; the best start is refined on
-    every row. A conditioning cycle is left out where that predicts the held-out one better.
+    The search for a start runs on about a thousand rows, side by side, from `template`, from others about
+    it and from the model that the record suggests, if one is given and has the same parameters; the best
+    starts are refined on every row. A conditioning cycle is left out where that predicts the held-out one
+    better.
+
+    Raises `InputError` where no start gives a finite output.
     """
     y = np.where(record.mask, record.output, 0.0)
-    bounds = transform(template, scale=float(np.ptp(y[record.mask])))
+    bounds = transform(
+        template, float(np.ptp(y[record.mask])), float(np.ptp(record.input[record.mask]))
+    )
     rows, thin_starts = thinned_rows(record, 1000)
     time = None if record.time is None else record.time[rows]
     thin = template.prepare(time, record.input[rows], starts=thin_starts)
-    z0 = bounds.to_free(template)
-    random = np.random.default_rng(seed).normal(0, SPREAD, (starts, len(z0)))
+    first = bounds.to_free(template)[None]
+    if suggested is not None and transform(suggested, 1.0).names == bounds.names:
+        first = np.vstack([first, bounds.to_free(suggested)])
+    random = np.random.default_rng(seed).normal(0, 1, (starts, first.shape[1]))
     random[0] = 0.0
-    tried = multi_start(bounds, template, thin, y[rows], record.mask[rows], z0 + random)
+    for spread in SPREADS:
+        points = np.vstack([first[0] + spread * random, first[1:]])
+        tried = multi_start(bounds, template, thin, y[rows], record.mask[rows], points)
+        if np.isfinite(tried.objective[0]):
+            break
+    else:
+        raise InputError(
+            "no-finite-start",
+            f"from no start, {starts} of them about the one given, has the model a finite output.",
+            cause="a parameter of the start is many times too large or too small.",
+            fix="give a model to start from whose output is finite over the record.",
+        )
     prepared = prepare(template, record)
 
     def fitted(which: tuple[int, ...], free: np.ndarray) -> Optimum:
         return refine(bounds, template, prepared, y, np.isin(parts.label, which), free)
 
+    ends = [fitted(parts.all, free) for free in tried.free[:REFINED]]
+    begin = min(ends, key=lambda end: end.objective).free
     blocks: dict[bool, np.ndarray] = {}
     for drop in (False,) if parts.conditioning is None else (False, True):
         squares = []
         for fold in parts.folds:
             train = parts.without_conditioning(fold.train, drop)
-            z = fitted(train, tried.free[0]).free
+            z = fitted(train, begin).free
             test = np.isin(parts.label, fold.test)
             error = predict(_model(bounds, template, z), record)[test] - y[test]
             squares += block_errors(error)
         blocks[drop] = np.array(squares)
     dropped = min(blocks, key=lambda drop: blocks[drop].mean())
     which = parts.without_conditioning(parts.all, dropped)
-    optimum = fitted(which, tried.free[0])
+    optimum = fitted(which, begin)
     model = _model(bounds, template, optimum.free)
 
     held_out = float(blocks[dropped].mean())
@@ -118,12 +145,9 @@ def _parameters(
     """
     found = []
     words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-    for name, info, value in parameters(model):
-        if value is None or value.ndim:
-            continue
-        unit = info.in_units(words)
+    for name, unit, value in _numbers(model, words):
         if name not in bounds.names:
-            found.append(Parameter(name, float(value), unit, None, "fixed"))
+            found.append(Parameter(name, value, unit, None, "fixed"))
             continue
         k = bounds.names.index(name)
         error = float(np.sqrt(covariance[k, k]))
@@ -136,7 +160,14 @@ def _parameters(
             status = "unidentified"
         slope = float(bounds.slope(z)[k])
         honest = status == "free"
-        found.append(
-            Parameter(name, float(value), unit, error * abs(slope) if honest else None, status)
-        )
+        found.append(Parameter(name, value, unit, error * abs(slope) if honest else None, status))
     return tuple(found)
+
+
+def _numbers(model: AbstractModel, words: dict[str, str]) -> Iterator[tuple[str, str, float]]:
+    """Name, unit and value of every number among the parameters, named as in `Transform`."""
+    for name, info, value in parameters(model):
+        if value is None or value.ndim > 1:
+            continue
+        for k, number in enumerate(np.ravel(value)):
+            yield name if value.ndim == 0 else f"{name}.{k}", info.in_units(words), float(number)

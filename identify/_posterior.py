@@ -89,14 +89,21 @@ def sample(
     **Other arguments:** `checkpoint`, an HDF5 file that keeps the chains; `resume` goes on from it;
     `progress(done, total, text)` is called now and then.
 
-    Raises `InputError` for a fit without free parameters, too few steps, a checkpoint that does not
-    belong to the fit.
+    Raises `InputError` for a spectrum, a fit without free parameters, too few steps, a checkpoint that does
+    not belong to the fit.
     """
     if steps < 20 or ensembles < 2:
         raise InputError(
             "too-few-draws",
             f"{steps} steps in {ensembles} ensembles say nothing about convergence.",
             fix="take at least 20 steps and 2 ensembles.",
+        )
+    if "spectrum" in fit.internals:
+        raise InputError(
+            "no-posterior",
+            "a spectrum has no posterior to draw from.",
+            fix="what its record leaves open are the errors of its parameters and the range of"
+            " `Spectrum.predict` (hysid predict, hysid report).",
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)
@@ -214,7 +221,8 @@ def _steps_kept(backend: Any, resume: bool, shape: tuple[int, int]) -> int:
 def _log_probability(fit: FitResult) -> tuple[Any, np.ndarray, np.ndarray, Any]:
     """The vectorised log-posterior over (z, log sigma), a start and the spread of first walkers."""
     record, used, noise = fit.train, fit.internals["used"], fit.noise
-    bounds = transform(fit.model, float(np.ptp(record.output[record.mask])))
+    sizes = (float(np.ptp(x[record.mask])) for x in (record.output, record.input))
+    bounds = transform(fit.model, *sizes)
     if not bounds.names:
         raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")
     prepared = prepare(fit.model, record)

@@ -76,30 +76,32 @@ def _delayed(t: jax.Array, u: jax.Array, tau: jax.Array) -> jax.Array:
 
 
 class Fitted(NamedTuple):
-    """An answer: strengths of the memoryless columns and of the branches, and what is left over.
+    """An answer: strengths of the memoryless columns, then of the branches, and what is left over.
 
-    - `used`: which memoryless columns were offered.
-    - `fixed`: how many of the last time constants were given and not searched.
     - `residuals`: of the weighted rows.
     """
 
     log_tau: Times
     strengths: Vector
     residuals: Rows
-    used: Bool[np.ndarray, " memoryless"]
-    fixed: int
+
+    @property
+    def memoryless(self) -> int:
+        """How many of the strengths are those of memoryless columns."""
+        return len(self.strengths) - len(self.log_tau)
 
     @property
     def parameters(self) -> int:
         """Numbers that were fitted: strengths that are not zero, and their times."""
-        branches = self.strengths[len(self.used) :]
-        return int(
-            (self.strengths != 0).sum() + (branches[: len(branches) - self.fixed] != 0).sum()
-        )
+        return int((self.strengths != 0).sum() + (self.strengths[self.memoryless :] != 0).sum())
 
     @property
     def mean_square(self) -> float:
         return float(np.mean(self.residuals**2))
+
+    def outputs(self, at: Input) -> Rows:
+        """The answer to an input."""
+        return np.hstack([at.memoryless, at.branches(self.log_tau)]) @ self.strengths
 
 
 @dataclass(frozen=True)
@@ -132,32 +134,23 @@ class Problem:
             [self.input.memoryless, self.input.branches(log_tau)]
         )
 
-    def solve(self, log_tau: Times, used: Bool[np.ndarray, " memoryless"]) -> tuple[Matrix, Vector]:
+    def solve(self, log_tau: Times) -> tuple[Matrix, Vector]:
         """Columns and the best strengths for these time constants."""
         A = self.columns(log_tau)
-        return A, strengths(A, self.target, self.free, used)
+        return A, strengths(A, self.target, self.free)
 
-    def fit(
-        self,
-        log_tau: Times,
-        bounds: tuple[float, float],
-        used: Bool[np.ndarray, " memoryless"],
-        fixed: int = 0,
-        most: int = 60,
-    ) -> Fitted:
-        """The time constants refined by Levenberg-Marquardt, but for the last `fixed` ones, inside
-        `bounds` (log)."""
-        n = len(log_tau) - fixed
-        x = np.append(np.clip(log_tau[:n], *bounds), log_tau[n:])
-        A, c = self.solve(x, used)
+    def fit(self, log_tau: Times, bounds: tuple[float, float], most: int = 60) -> Fitted:
+        """The time constants refined by Levenberg-Marquardt inside `bounds` (log)."""
+        x = np.clip(log_tau, *bounds)
+        A, c = self.solve(x)
         r = A @ c - self.target
         damping = 1e-3
-        for _ in range(most if n else 0):
-            J = self._jacobian(x[:n], A, c, len(used))
+        for _ in range(most if len(x) else 0):
+            J = self._jacobian(x, A, c)
             size = np.linalg.norm(J, axis=0)
             g = J.T @ r
             # At a bound that it pushes against a time constant stays, and where nothing depends on it.
-            inside = ((x[:n] > bounds[0]) | (g < 0)) & ((x[:n] < bounds[1]) | (g > 0))
+            inside = ((x > bounds[0]) | (g < 0)) & ((x < bounds[1]) | (g > 0))
             at = np.flatnonzero(inside & (size > 1e-12 * size.max()))
             U = J[:, at] / size[None, at]
             before = r @ r
@@ -165,8 +158,8 @@ class Problem:
                 trial = x.copy()
                 H = U.T @ U + damping * np.eye(len(at))
                 trial[at] -= np.linalg.solve(H, g[at] / size[at]) / size[at]
-                trial[:n] = np.clip(trial[:n], *bounds)
-                A, c = self.solve(trial, used)
+                trial = np.clip(trial, *bounds)
+                A, c = self.solve(trial)
                 left = A @ c - self.target
                 if left @ left < before:
                     x, r, damping = trial, left, max(damping / 10, 1e-9)
@@ -174,56 +167,39 @@ class Problem:
                 damping *= 10
             if damping >= 1e9 or r @ r > (1 - 1e-9) * before:
                 break
-        x[:n] = np.sort(x[:n])
-        A, c = self.solve(x, used)
-        return Fitted(x, c, A @ c - self.target, used, fixed)
+        x = np.sort(x)
+        A, c = self.solve(x)
+        return Fitted(x, c, A @ c - self.target)
 
-    def _jacobian(self, x: Times, A: Matrix, c: Vector, memoryless: int) -> Branches:
+    def _jacobian(self, x: Times, A: Matrix, c: Vector) -> Branches:
         """Kaufman's: what the strengths cannot make up for of the columns' slopes."""
-        D = self.weights[:, None] * self.input.slopes(x) * c[None, memoryless:][:, : len(x)]
+        D = self.weights[:, None] * self.input.slopes(x) * c[None, len(c) - len(x) :]
         B = A[:, c != 0] / np.linalg.norm(A[:, c != 0], axis=0)[None]
         H = B.T @ B + 1e-13 * np.eye(B.shape[1])
         return D - B @ np.linalg.solve(H, B.T @ D)
 
-    def covariance(self, fitted: Fitted) -> Float[np.ndarray, "active active"]:
-        """Inverse of J'J for the strengths that are not zero and their searched times.
+    def covariance(self, fitted: Fitted) -> Float[np.ndarray, "numbers numbers"]:
+        """Inverse of J'J, J = d residuals / d (strengths that are not zero, log tau of such branches).
 
-        Directions that the rows do not tell are cut off where J'J, scaled to a unit diagonal, falls
-        below 1e-12.
+        J'J is scaled to a unit diagonal, and raised by 1e-13, lest what the rows cannot tell ends the
+        computation: it gets a variance of 1e13.
         """
-        J = self.weights[:, None] * self.input_jacobian(self.input, fitted)
+        c, n = fitted.strengths, fitted.memoryless
+        D = self.input.slopes(fitted.log_tau) * c[n:][None]
+        J = np.hstack([self.columns(fitted.log_tau), self.weights[:, None] * D])
+        J = J[:, np.append(c, c[n:]) != 0]
         scale = np.linalg.norm(J, axis=0)
-        return np.linalg.pinv((J / scale[None]).T @ (J / scale[None]), 1e-12, hermitian=True) / (
-            scale[:, None] * scale[None]
-        )
-
-    @staticmethod
-    def input_jacobian(input: Input, fitted: Fitted) -> Float[np.ndarray, "rows numbers"]:
-        """d y / d (strengths that are not zero, their searched times), on the rows of any input."""
-        n, c = len(fitted.used), fitted.strengths
-        columns = np.hstack([input.memoryless, input.branches(fitted.log_tau)])
-        searched = np.arange(len(fitted.log_tau)) < len(fitted.log_tau) - fitted.fixed
-        moving = searched & (c[n:] != 0)
-        D = input.slopes(fitted.log_tau)[:, moving] * c[n:][None, moving]
-        return np.hstack([columns[:, c != 0], D])
+        J /= scale[None]
+        inverse = np.linalg.inv(J.T @ J + 1e-13 * np.eye(len(scale)))
+        return inverse / (scale[:, None] * scale[None])
 
 
-def strengths(
-    A: Matrix,
-    target: Rows,
-    free: Bool[np.ndarray, " memoryless"],
-    used: Bool[np.ndarray, " memoryless"],
-) -> Vector:
-    """Least squares with c >= 0, but for the free ones; 0 for memoryless columns that are not used."""
-    branches = np.ones(A.shape[1] - len(used), bool)
-    offered = np.append(used, branches)
+def strengths(A: Matrix, target: Rows, free: Bool[np.ndarray, " memoryless"]) -> Vector:
+    """Least squares with c >= 0, but for the free ones of the first, memoryless columns."""
     size = np.linalg.norm(A, axis=0)
     size[size == 0] = 1.0
-    scaled = (A / size[None])[:, offered]
+    scaled = A / size[None]
     # Close time constants have columns that are alike: a weak prior keeps the factors.
-    H = scaled.T @ scaled + 1e-13 * np.eye(offered.sum())
-    c = np.zeros(A.shape[1])
-    c[offered] = nonnegative_least_squares(
-        H, scaled.T @ target, np.append(free, ~branches)[offered]
-    )
-    return c / size
+    H = scaled.T @ scaled + 1e-13 * np.eye(len(size))
+    signs = np.append(free, np.zeros(len(size) - len(free), bool))
+    return nonnegative_least_squares(H, scaled.T @ target, signs) / size

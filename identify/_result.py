@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, Record
+from hysteresis import AbstractModel, ChannelMap, Record, extended
 
+from ._channel_map import beyond, combine
 from ._clocks import Clocks
 from ._least_squares import Starts
 from ._metrics import Metrics
@@ -51,6 +52,7 @@ class FitResult:
     - `candidates`: the other models tried, best first, this one included.
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.
+    - `channels`: what combined several channels into that input, None where there is one.
     """
 
     name: str
@@ -72,6 +74,7 @@ class FitResult:
     candidates: tuple["FitResult", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
     clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
+    channels: ChannelMap | None = None
     seed: int = 0
     seconds: float = 0.0
 
@@ -81,8 +84,28 @@ class FitResult:
         return self.success and self.verdict.level != "FAIL"
 
     def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
-        """The model's output on a record, every sequence from the virgin state."""
-        return predict(self.model, self.clocks.applied(record))
+        """The model's output on a record, every sequence from the virgin state.
+
+        Beyond the inputs of the fit relays go on as play operators, see `extended`; `beyond` tells where.
+        """
+        record = self.clocks.applied(self.combined(record))
+        low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
+        return predict(extended(self.model, low, high), record)
+
+    def combined(self, record: Record) -> Record:
+        """The record with its channels combined as in the fit; as it is where it has one input.
+
+        Raises `InputError` `other-channels` where its inputs are not those of the fit.
+        """
+        return combine(record, self.channels)
+
+    def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
+        """Rows with an input, or a channel of it, outside those that counted in the fit."""
+        u, seen = self.combined(record).input, self.train.input[self.train.mask]
+        outside = (u < seen.min()) | (u > seen.max())
+        if self.channels is not None and record.channels:
+            outside |= beyond(record, self.channels)
+        return outside
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:

@@ -22,6 +22,8 @@ import numpy as np
 from hysteresis import (
     BoucWen,
     Burgers,
+    ChannelMap,
+    DegradingBoucWen,
     FoamCurve,
     GeneralizedKelvinVoigt,
     GeneralizedMaxwell,
@@ -31,6 +33,7 @@ from hysteresis import (
     MovingPreisach,
     NonlinearMaxwell,
     OutputDependentPreisach,
+    Pinching,
     PrandtlIshlinskii,
     Preisach,
     Record,
@@ -40,7 +43,7 @@ from hysteresis import (
     StandardLinearSolid,
     Sum,
 )
-from hysteresis.curves import Clip, PolynomialCurve
+from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import (
     FactorisedDensity,
     GaussianDensity,
@@ -61,6 +64,7 @@ from ._noise import Noise
 from ._preisach import LinearFit
 from ._preisach_unknowns import Unknowns
 from ._result import FitResult, Parameter, Verdict
+from ._spectrum_file import rebuild_spectrum, spectrum_arrays, spectrum_words
 
 SCHEMA = 1
 _CLASSES = {
@@ -70,8 +74,9 @@ _CLASSES = {
         GridDensity, FactorisedDensity, NetworkDensity, RidgeDensity, SumDensity,
         GaussianDensity, LorentzianDensity, LogNormalDensity,
         StandardLinearSolid, GeneralizedKelvinVoigt, GeneralizedMaxwell,
-        FoamCurve, MonotoneCurve, PolynomialCurve, Clip, BoucWen,
-        NonlinearMaxwell, Softening, Sum, Series, Scaled,
+        FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve, Clip,
+        BoucWen, DegradingBoucWen, Pinching,
+        NonlinearMaxwell, Softening, Sum, Series, Scaled, ChannelMap,
     )
 }  # fmt: skip
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
@@ -102,6 +107,10 @@ def save(
     ):
         (folder / old).unlink(missing_ok=True)
     structure, arrays = describe_model(fit.model)
+    channels: dict[str, Any] = {}
+    if fit.channels is not None:
+        channels["channels"], more = describe_model(fit.channels, "channels.")
+        arrays |= more
     _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
     _write_arrays(
@@ -114,18 +123,24 @@ def save(
         },
     )
     _write_arrays(folder / "fit.npz", _fit_arrays(fit))
-    document = to_json(fit) | {
-        "structure": structure,
-        "records": {part: _record_words(record) for part, record in records.items()},
-        "files": {
-            name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
-            for name in ("model.npz", "data.npz", "fit.npz")
-        },
-    }
+    document = (
+        to_json(fit)
+        | channels
+        | {
+            "structure": structure,
+            "records": {part: _record_words(record) for part, record in records.items()},
+            "files": {
+                name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
+                for name in ("model.npz", "data.npz", "fit.npz")
+            },
+        }
+    )
     if "composition" in fit.internals:
         document["composition"] = fit.internals["composition"].meaning._asdict()
     if "linear" in fit.internals:
         document["unknowns"] = fit.internals["linear"].meaning.words()
+    if "spectrum" in fit.internals:
+        document["spectrum"] = spectrum_words(fit.internals["spectrum"])
     write_json(folder / "fit.json", document | (extra or {}))
     return folder
 
@@ -207,10 +222,14 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         internals["composition"] = CompositionFit(
             meaning=Composition(**words), rows=int(extra["rows"]), strength=0.0, **own
         )
+    arrays = _read_arrays(folder / "model.npz")
+    model = rebuild_model(document["structure"], arrays)
+    if "spectrum" in document:
+        internals["spectrum"] = rebuild_spectrum(document["spectrum"], extra, model)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
         name=document["model"],
-        model=rebuild_model(document["structure"], _read_arrays(folder / "model.npz")),
+        model=model,
         parameters=_parameters(document["parameters"]),
         covariance=extra["covariance"],
         residuals=extra["residuals"],
@@ -226,6 +245,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
+        channels=rebuild_model(document["channels"], arrays) if "channels" in document else None,
         seed=document["seed"],
         seconds=document["seconds"],
     )
@@ -280,7 +300,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "data": {
             "source": record.source,
             "sha256": record.sha256 or record.digest(),
-            "rows": len(record),
+            "rows": int((record.line > 0).sum()),  # a step's own row has no line
             "rows_train": int(record.mask.sum()),
             "rows_test": 0 if fit.test is None else int(fit.test.mask.sum()),
             "sequences": len(record.labels),
@@ -396,6 +416,8 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
     }
     if fit.starts is not None:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
+    if (spectrum := fit.internals.get("spectrum")) is not None:
+        arrays |= spectrum_arrays(spectrum)
     if (linear := fit.internals.get("linear")) is not None:
         arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
         arrays["block"] = linear.meaning.block

@@ -4,27 +4,14 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
+from ._extrapolation import Allowed, allowed
 from ._noise import Noise, estimate_noise
-from ._prony_fit import Fitted, Input, Kind, Problem, strengths
-
-A_DECADE = 4
-"""Time constants of the first grid in each decade."""
-BEYOND = 3.0
-"""How far beyond the record's step and span a time constant is searched, as a factor."""
-SLOWEST = (1.0, 2.0, 5.0, 10.0, 30.0)
-"""Times, in spans of the record, at which what flows (or stays) might yet come to rest (or relax)."""
-
-
-REACH = 10.0
-"""Orders whose evidence is worse than the chosen one's by more than this are ruled out."""
-TRIED = 1 / 3
-"""The part of the record from which the rest is predicted, as a trial."""
-SEARCHED = 3000
-"""About how many rows of a unit step the search for time constants looks at; the rest refine them."""
+from ._orders import orders, resolved, thinned
+from ._prony_fit import Fitted, Input, Kind, Problem
 
 
 class Order(NamedTuple):
@@ -42,61 +29,63 @@ class Order(NamedTuple):
     evidence: float
 
 
+class Answer(NamedTuple):
+    """A model, and how well its parameters are known.
+
+    - `fitted`: what it was made from.
+    - `names`: parameters that are there: E0, eta0 or E_inf, then E1, eta1 or tau1, E2, ...
+    - `covariance`: of their logarithms; of an offset itself.
+    """
+
+    model: GeneralizedKelvinVoigt | GeneralizedMaxwell
+    fitted: Fitted
+    names: tuple[str, ...]
+    covariance: Float[np.ndarray, "names names"]
+
+
 class Band(NamedTuple):
-    """A prediction and its standard deviation."""
+    """A prediction, and the range that holds the whole curve with 90 %."""
 
     value: Float[np.ndarray, " times"]
-    deviation: Float[np.ndarray, " times"]
-
-
-class Member(NamedTuple):
-    """An answer that the evidence leaves open: its weight, and the covariance of its numbers."""
-
-    weight: float
-    fitted: Fitted
-    covariance: Float[np.ndarray, "numbers numbers"]
+    low: Float[np.ndarray, " times"]
+    high: Float[np.ndarray, " times"]
 
 
 class Spectrum(NamedTuple):
     """A discrete spectrum of time constants.
 
     - `model`: `GeneralizedKelvinVoigt` (creep) or `GeneralizedMaxwell` (relaxation).
-    - `order`: its time constants; `table`: what other orders would have given.
+    - `order`: its time constants; `table`: what each order gives, from none on.
     - `noise`: what is left over, weighted as the fit was.
-    - `members`: what `predict` averages.
-    - `span`: of the record.
-    - `stretch`: by how much more than its band said a spectrum of the record's first third was wrong
-      about the rest of it; at least 1.
+    - `allowed`: the spectra at the edge of what the record allows.
+    - `step`, `span`: the shortest time that the record resolves, and the longest.
     - `notes`: what the record does not tell, in words.
+    - `answers`: of every order; not kept with a saved fit.
     """
 
+    kind: Kind
     model: GeneralizedKelvinVoigt | GeneralizedMaxwell
     order: int
     table: tuple[Order, ...]
     noise: Noise
-    members: tuple[Member, ...]
+    allowed: Allowed
+    step: float
     span: float
-    stretch: float
     notes: tuple[str, ...]
-    kind: Kind
+    answers: tuple[Answer, ...] = ()
 
     def predict(self, t: Any, input: Any = None) -> Band:
-        """The output at times t, with all that the record leaves open: mean over the members, and the
-        root of their own variances plus their spread.
+        """The output at times t: the fit's, and the range of all that the record allows.
 
-        Members are the orders that the evidence does not rule out, each with its linearised covariance,
-        and each again with what flows for ever (creep) or stays for ever (relaxation) replaced by a
-        branch of 1 to 30 times the record's span: inside the record these can hardly be told apart,
-        beyond it they part. Beyond the record the deviation is stretched as much as the
-        record's own first third turned out to need, in full from three spans on.
+        The range is that over non-negative spectra that fit the record as well as chance would have
+        the true one do; see `_extrapolation`. Beyond the record's span it widens to what slow
+        processes could still do. It is that of the curve: a measured row has noise besides.
 
         **Arguments:** times `t` since the load came on, shape `(times,)`, and for a spectrum of a
         record with an input that `input`, from the record's start.
         """
-        at = Input(self.kind, np.asarray(t, float), _array(input))
-        mean, deviation = _predict(self.members, at)
-        beyond = np.log(np.maximum(at.t / self.span, 1.0)) / np.log(1 / TRIED)
-        return Band(mean, deviation * self.stretch ** np.minimum(beyond, 1.0))
+        outputs = self.allowed.outputs(Input(self.kind, np.asarray(t, float), _array(input)))
+        return Band(outputs[0], outputs.min(0), outputs.max(0))
 
 
 def spectrum(
@@ -140,159 +129,23 @@ def spectrum(
         raise InputError("too-few-samples", f"{len(t)} rows: a spectrum needs at least 8.")
     weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
     problem = Problem(Input(kind, t if u is None else t - t[0], u), y, weights)
-    step, span = _times(problem.input)
-    fits = _orders(problem, step, span, most if order is None else order)
-    table, noise = _table(fits)
-    best = int(np.argmin([row.evidence for row in table])) if order is None else order
+    step, span = resolved(problem.input)
+    fits = orders(problem, step, span, most if order is None else order)
+    noise = estimate_noise([fits[-1].residuals], fits[-1].parameters)
+    evidence = [_evidence(fitted, noise) for fitted in fits]
+    best = int(np.argmin(evidence)) if order is None else order
     if best >= len(fits):
         best = len(fits) - 1
         notes.append(f"no more than {best} time constants come out with positive strengths.")
-    members = _members(problem, fits, best, noise)
-    stretch = _stretch(problem, most if order is None else order)
+    table = tuple(
+        Order(n, fitted.parameters, float(np.sqrt(fitted.mean_square)), evidence[n])
+        for n, fitted in enumerate(fits)
+    )
+    answers = tuple(Answer(_model(f, problem), f, *_log_covariance(f, problem)) for f in fits)
     notes += _notes(fits[best], step, span, kind)
+    edges = allowed(thinned(problem), fits[best], noise, step, span)
     return Spectrum(
-        _model(fits[best], problem), best, table, noise, members, span, stretch, tuple(notes), kind
-    )
-
-
-def _table(fits: list[Fitted]) -> tuple[tuple[Order, ...], Noise]:
-    """The orders' figures, and the noise that the richest leaves."""
-    noise = estimate_noise([fits[-1].residuals], fits[-1].parameters)
-    rows = enumerate(fits)
-    return tuple(
-        Order(n, f.parameters, float(np.sqrt(f.mean_square)), _evidence(f, noise)) for n, f in rows
-    ), noise
-
-
-def _predict(members: tuple[Member, ...], at: Input) -> Band:
-    """Mean over the members, root of their mean variance and their spread."""
-    weight = np.array([member.weight for member in members])
-    values, variances = [], []
-    for _, fitted, covariance in members:
-        J = Problem.input_jacobian(at, fitted)
-        columns = np.hstack([at.memoryless, at.branches(fitted.log_tau)])
-        values.append(columns @ fitted.strengths)
-        variances.append(np.einsum("ti,ij,tj->t", J, covariance, J))
-    mean = weight @ np.array(values)
-    square = weight @ (np.array(variances) + (np.array(values) - mean[None]) ** 2)
-    return Band(mean, np.sqrt(square))
-
-
-def _stretch(problem: Problem, most: int) -> float:
-    """Root mean square of (error / (deviation and noise)) where the record's first part predicts the
-    rest; 1 where that is less, or where either part is short."""
-    problem = _thinned(problem)
-    t = problem.input.t
-    cut = int(np.searchsorted(t, TRIED * t[-1]))
-    if min(cut, len(t) - cut) < 20:
-        return 1.0
-    part = problem.rows(slice(0, cut))
-    fits = _orders(part, *_times(part.input), most)
-    table, noise = _table(fits)
-    best = int(np.argmin([row.evidence for row in table]))
-    predicted, deviation = _predict(_members(part, fits, best, noise), problem.input)
-    error = (problem.weights * (predicted - problem.y))[cut:]
-    expected = (problem.weights * deviation)[cut:] ** 2 + noise.sigma**2
-    return max(1.0, float(np.sqrt(np.mean(error**2 / np.maximum(expected, 1e-16)))))
-
-
-def _thinned(problem: Problem) -> Problem:
-    """About `SEARCHED` rows of a unit step's answer; with an input all of them."""
-    stride = max(1, len(problem.y) // SEARCHED) if problem.input.u is None else 1
-    return problem.rows(slice(None, None, stride))
-
-
-def _orders(problem: Problem, step: float, span: float, most: int) -> list[Fitted]:
-    """The best answers with 0, 1, 2, ... time constants, as long as each adds one."""
-    bounds = np.log(step / BEYOND), np.log(span * BEYOND)
-    used = np.ones(problem.input.memoryless.shape[1], bool)
-    grid = np.linspace(
-        np.log(step), np.log(span), 1 + max(2, int(np.ceil(A_DECADE * np.log10(span / step))))
-    )
-    few = _thinned(problem)
-    columns = few.columns(grid)
-    merged = _merged(grid, strengths(columns, few.target, few.free, used)[len(used) :])
-    fits = [problem.fit(np.zeros(0), bounds, used)]
-    while len(fits) <= most:
-        n, best = len(fits), fits[-1]
-        starts = [_one_more(few, best.log_tau, grid, columns, used)]
-        starts += [_agglomerated(merged, n)] if len(merged) >= n else []
-        tries = [few.fit(start, bounds, used) for start in starts]
-        fitted = min(tries, key=lambda f: f.mean_square)
-        if len(few.y) < len(problem.y):
-            fitted = problem.fit(fitted.log_tau, bounds, used, most=4)
-        if (
-            fitted.strengths[len(used) :] == 0
-        ).any() or fitted.mean_square > 0.9999 * best.mean_square:
-            break
-        fits.append(fitted)
-    return fits
-
-
-def _merged(
-    grid: Float[np.ndarray, " grid"], strength: Float[np.ndarray, " grid"]
-) -> Float[np.ndarray, "groups 2"]:
-    """Log time constants and strengths of the grid's non-zero entries, neighbours as one."""
-    at = np.flatnonzero(strength > 0)
-    groups = np.split(at, 1 + np.flatnonzero(np.diff(at) > 1)) if len(at) else []
-    return np.array(
-        [(np.average(grid[g], weights=strength[g]), strength[g].sum()) for g in groups]
-    ).reshape(-1, 2)
-
-
-def _agglomerated(groups: Float[np.ndarray, "groups 2"], n: int) -> Float[np.ndarray, " n"]:
-    """The groups joined, the closest pair first, until there are n."""
-    while len(groups) > n:
-        k = int(np.argmin(np.diff(groups[:, 0])))
-        pair = groups[k : k + 2]
-        joined = [np.average(pair[:, 0], weights=pair[:, 1]), pair[:, 1].sum()]
-        groups = np.vstack([groups[:k], joined, groups[k + 2 :]])
-    return groups[:, 0]
-
-
-def _one_more(
-    problem: Problem,
-    log_tau: Float[np.ndarray, " n"],
-    grid: Float[np.ndarray, " grid"],
-    columns: Float[np.ndarray, "rows all"],
-    used: Bool[np.ndarray, " memoryless"],
-) -> Float[np.ndarray, " m"]:
-    """The time constants with one of the grid's beside them: the one that helps most."""
-    present, left = problem.columns(log_tau), []
-    for k in range(len(grid)):
-        A = np.hstack([present, columns[:, len(used) + k, None]])
-        c = strengths(A, problem.target, problem.free, used)
-        left.append(np.sum((A @ c - problem.target) ** 2))
-    return np.sort(np.append(log_tau, grid[int(np.argmin(left))]))
-
-
-def _members(problem: Problem, fits: list[Fitted], best: int, noise: Noise) -> tuple[Member, ...]:
-    """The answers in reach, each again with what lasts for ever ending at one of the `SLOWEST` times."""
-    few = _thinned(problem)
-    step, span = _times(problem.input)
-    bounds = np.log(step / BEYOND), np.log(span)
-    lasts = 1 if problem.input.kind == "creep" else 0
-    limit = _evidence(fits[best], noise) + REACH
-    reach = [f for f in fits if _evidence(f, noise) <= limit]
-    answers = list(reach)
-    for fitted in reach:
-        used = fitted.used.copy()
-        used[lasts] = False
-        for slow in SLOWEST:
-            start = np.append(np.minimum(fitted.log_tau, np.log(span)), np.log(slow * span))
-            near = few.fit(start, bounds, used, fixed=1, most=15)
-            answers.append(problem.fit(near.log_tau, bounds, used, fixed=1, most=2))
-    evidence = np.array([_evidence(answer, noise) for answer in answers])
-    weight = np.exp(-(evidence - evidence.min()) / 2)
-    weight /= weight.sum()
-    return tuple(
-        Member(
-            float(w),
-            answer,
-            answer.mean_square * noise.correlation_time * problem.covariance(answer),
-        )
-        for w, answer in zip(weight, answers, strict=True)
-        if w > 1e-3
+        kind, answers[best].model, best, table, noise, edges, step, span, tuple(notes), answers
     )
 
 
@@ -303,9 +156,8 @@ def _evidence(fitted: Fitted, noise: Noise) -> float:
 
 
 def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | GeneralizedMaxwell:
-    n = len(fitted.used)
+    n = fitted.memoryless
     spring, c, tau = fitted.strengths[0], fitted.strengths[n:], np.exp(fitted.log_tau)
-    tau, c = tau[c > 0], c[c > 0]
     offset = 0.0 if problem.input.u is None else fitted.strengths[n - 1]
     if problem.input.kind == "relaxation":
         return GeneralizedMaxwell(spring, c, tau, offset)
@@ -315,6 +167,36 @@ def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | General
     )
 
 
+def _log_covariance(
+    fitted: Fitted, problem: Problem
+) -> tuple[tuple[str, ...], Float[np.ndarray, "names names"]]:
+    """Names of the parameters that are there, and the covariance of their logarithms.
+
+    With strengths c and x = log tau, log E is -log c in creep and log c in relaxation, and log eta
+    is x - log c. An offset stays as it is.
+    """
+    creep, n, c = problem.input.kind == "creep", fitted.memoryless, fitted.strengths
+    memoryless = (["E0", "eta0"] if creep else ["E_inf"]) + ["offset"]
+    count = len(fitted.log_tau)
+    at = np.flatnonzero(c[:n])
+    names = [memoryless[k] for k in at]
+    names += [f"{name}{k + 1}" for k in range(count) for name in ("E", "eta" if creep else "tau")]
+    # Rows: the names; columns: strengths that are not 0, then x, as in the covariance.
+    way = np.zeros((len(names), len(names)))
+    sign = -1 if creep else 1
+    for row, k in enumerate(at):
+        way[row, row] = 1.0 if memoryless[k] == "offset" else sign / c[k]
+    for k in range(count):
+        row, strength, time = len(at) + 2 * k, len(at) + k, len(at) + count + k
+        way[row, strength] = sign / c[n + k]
+        way[row + 1, time] = 1.0
+        if creep:
+            way[row + 1, strength] = -1 / c[n + k]
+    noise = estimate_noise([fitted.residuals], fitted.parameters)
+    variance = noise.sigma**2 * noise.correlation_time
+    return tuple(names), variance * way @ problem.covariance(fitted) @ way.T
+
+
 def _notes(fitted: Fitted, step: float, span: float, kind: Kind) -> list[str]:
     """What time constants outside the record's own times amount to."""
     slow, fast = {"creep": ("a dashpot", "a spring"), "relaxation": ("a spring", "a dashpot")}[kind]
@@ -322,21 +204,15 @@ def _notes(fitted: Fitted, step: float, span: float, kind: Kind) -> list[str]:
     for tau in np.exp(fitted.log_tau):
         if tau >= span:
             said.append(
-                f"Time constant {tau:.3g} is not below the record's span of {span:.3g}: what the "
-                f"record tells of it is {slow}."
+                f"Time constant {tau:.3g} is not below the record's span of {span:.3g}: its element"
+                f" is identifiable only as {slow}."
             )
         if tau <= step:
             said.append(
-                f"Time constant {tau:.3g} is not above the record's first step of {step:.3g}: what "
-                f"the record tells of it is {fast}."
+                f"Time constant {tau:.3g} is not above the record's first step of {step:.3g}: its"
+                f" element is identifiable only as {fast}."
             )
     return said
-
-
-def _times(at: Input) -> tuple[float, float]:
-    """The shortest time a record resolves, a unit step's first row or the shortest step, and its span."""
-    times = at.t if at.u is None else np.diff(at.t)
-    return float(times[times > 0].min()), float(at.t[-1])
 
 
 def _array(values: Any) -> Float[np.ndarray, " samples"] | None:

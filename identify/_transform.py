@@ -1,33 +1,33 @@
 """Bounded parameters and the free vector an optimiser or sampler moves, defined once."""
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, parameter_at, parameters
+from hysteresis import AbstractModel, ParameterInfo, parameter_at, parameters
 
 Model = TypeVar("Model", bound=AbstractModel)
 
 
 class Transform(NamedTuple):
-    """Between the scalar parameters of a model and a free vector z, one entry each:
+    """Between the parameters of a model and a free vector z, one entry for each number:
 
         no bounds       value = scale * z
         low < value     value = low + exp(z)
         value < high    value = high - exp(z)
         both            value = low + (high - low) / (1 + exp(-z))
 
-    - `names`: the parameters that move; fixed ones and arrays do not.
-    - `low`, `high`: their bounds; `scale`: that of the unbounded ones.
+    - `names`: the numbers that move, those of an array by their places: "E.0", "E.1".
+    - `low`, `high`: their bounds; `scale`: those of the unbounded ones, or one for all.
     """
 
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    scale: float
+    scale: Float[np.ndarray, " parameters"] | float
 
     def to_free(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
         """z of a model's present parameters."""
@@ -55,20 +55,37 @@ class Transform(NamedTuple):
 
     def insert(self, model: Model, values: Float[Array, " parameters"]) -> Model:
         """The model with these parameters."""
-        return eqx.tree_at(lambda m: [parameter_at(m, n) for n in self.names], model, list(values))
+        found: dict[str, Any] = {}
+        for name, value in zip(self.names, values, strict=True):
+            whole, _, place = name.rpartition(".")
+            if place.isdigit():
+                found[whole] = jnp.append(found.get(whole, jnp.zeros_like(values[:0])), value)
+            else:
+                found[name] = value
+        return eqx.tree_at(lambda m: [parameter_at(m, n) for n in found], model, [*found.values()])
 
     def values(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
         return np.array([float(parameter_at(model, name)) for name in self.names])
 
 
-def transform(model: AbstractModel, scale: float) -> Transform:
-    """The transform of a model's free scalar parameters; `scale` is that of unbounded ones."""
-    free = [
-        (name, info)
+def transform(model: AbstractModel, scale: float, input_scale: float = 1.0) -> Transform:
+    """The transform of a model's free parameters, numbers and one-dimensional arrays that lie within their
+    bounds; `scale` and `input_scale` are the sizes of output and input, for unbounded ones."""
+    sizes = {"input": input_scale, "output / input": scale / input_scale, "1": 1.0}
+    entries = [
+        (name if np.ndim(value) == 0 else f"{name}.{k}", info)
         for name, info, value in parameters(model)
-        if not info.fixed and value is not None and value.ndim == 0
+        if value is not None and _moves(info, value)
+        for k in range(np.size(value))
     ]
-    names = tuple(name for name, _ in free)
-    low, high = (tuple(float(info.bounds[k]) for _, info in free) for k in (0, 1))
-    return Transform(names, low, high, scale)
+    names = tuple(name for name, _ in entries)
+    low, high = (tuple(float(info.bounds[k]) for _, info in entries) for k in (0, 1))
+    return Transform(names, low, high, np.array([sizes.get(i.unit, scale) for _, i in entries]))
+
+
+def _moves(info: ParameterInfo, value: Any) -> bool:
+    if info.fixed or np.ndim(value) > 1:
+        return False
+    low, high = info.bounds
+    return np.ndim(value) == 0 or bool(np.all((value > low) & (value < high)))

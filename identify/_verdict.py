@@ -3,6 +3,7 @@
 import numpy as np
 
 from ._result import FitResult, Level, Verdict
+from ._time_constants import unseen_time_constants
 
 GOOD, USABLE = 5.0, 15.0
 """Held-out NRMSE in per cent up to which a fit passes, and up to which it may be used with care."""
@@ -13,8 +14,8 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
 
     FAIL: not converged; held-out error above 15 % of the range; no better than the mean.
     CAUTION: held-out error above 5 %, or more than twice that on the training part; nothing held out;
-    parameters without an honest error; a tenth of the test rows beyond the trained inputs; a
-    warning about the data.
+    parameters without an honest error; a time constant that the record cannot show; a tenth of the
+    test rows beyond the trained inputs; a warning about the data.
     """
     train, test = fit.metrics["train"], fit.metrics["test"]
     assert train is not None
@@ -49,7 +50,7 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
         names = [p.name for p in fit.parameters if p.status == status]
         if names:
             cautions.append(f"{', '.join(names)}: {status}, so without an error bar.")
-    cautions += [*warnings]
+    cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
     if fit.noise.correlation_time > 3:
         facts.append(
             f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"

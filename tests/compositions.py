@@ -4,14 +4,18 @@ import numpy as np
 
 from hysteresis import (
     AbstractModel,
+    BoucWen,
     Burgers,
+    DegradingBoucWen,
     LinearSponge,
     MonotoneCurve,
     NonlinearMaxwell,
+    Pinching,
     Scaled,
     Series,
     Softening,
     Sum,
+    parameters,
 )
 
 LOW, HIGH = -1.0, 2.0
@@ -21,11 +25,14 @@ Known = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def nonlinear_maxwell(rng: np.random.Generator, leading: bool = True) -> NonlinearMaxwell:
-    """Strengths that hardly change with the level, so that the output rises with the input."""
+    """Strengths that hardly change with the level, so that the output rises with the input.
+
+    Those of a lagging model differ after a rise and after a fall.
+    """
     strengths = rng.uniform(0.5, 1.0, (3, 1)) * rng.uniform(0.99, 1.01, (3, CELLS + 1))
     springs = rng.uniform(0.1, 1.0, (3, CELLS))
     if not leading:
-        strengths = 0.01 * strengths
+        strengths = 0.01 * np.stack([strengths, rng.uniform(0.9, 1.1) * strengths])
     return NonlinearMaxwell(LOW, HIGH, TIMES, springs, strengths, leading=leading)
 
 
@@ -46,6 +53,51 @@ def in_series(rng: np.random.Generator) -> Series:
 
 def scaled(rng: np.random.Generator) -> Scaled:
     return Scaled(Burgers(*rng.uniform(1, 40, 4)), -rng.uniform(0.5, 2), rng.normal())
+
+
+def degrading(rng: np.random.Generator) -> DegradingBoucWen:
+    """Losing strength at half the speed at which the output could fall."""
+    alpha = rng.uniform(0.05, 0.5)
+    inner = BoucWen(rng.uniform(0.5, 2), alpha, rng.uniform(0.3, 1), 1.0, rng.uniform(-0.5, 0.9),
+                    rng.normal())  # fmt: skip
+    slip = Pinching(*rng.uniform(0.1, 0.6, 6))
+    return DegradingBoucWen(inner, 0.5 * alpha / (1 - alpha), rng.uniform(0, 0.2), slip)
+
+
+def degraded(model: AbstractModel) -> Known:
+    """The documented scheme in plain numbers, for n = 1. What it is worth is tested elsewhere."""
+    assert isinstance(model, DegradingBoucWen)
+    p = {name: float(value) for name, _, value in parameters(model)}
+    q = (1 - p["inner.gamma_over_beta"]) / (1 + p["inner.gamma_over_beta"])
+
+    def pull(v: float, e: float) -> np.ndarray:
+        limit = 1 / (1 + p["strength_loss"] * e)
+        lost = p["pinching.slip"] * (1 - np.exp(-p["pinching.onset"] * e))
+        width = p["pinching.spread"] + p["pinching.widening"] * e
+        away = (v - p["pinching.level"] * limit) / (width * (p["pinching.severity"] + lost))
+        drive = (1 - lost * np.exp(-(away**2))) / (1 + p["stiffness_loss"] * e)
+        if v < 0:
+            drive *= (1 + q * abs(v / limit)) / (1 + abs(v / limit))
+        return np.array([drive / limit, drive, v])
+
+    def follow(v: float, e: float, k: np.ndarray, way: float) -> tuple[float, float]:
+        goal = k[1] / k[0]
+        return goal + (v - goal) * np.exp(-k[0] * way), e + k[2] * way
+
+    u = np.array([0.1, 0.5, 1.2, 2.0, 0.9, -0.4, -2.0, 0.3])
+    w = e = 0.0
+    y = []
+    for du in np.diff(u, prepend=0.0):
+        v, way = w * np.sign(du), abs(du) / p["inner.yield_at"] / 16
+        for _ in range(16):
+            first = pull(v, e)
+            second = pull(*follow(v, e, first, way / 2))
+            third = pull(*follow(v, e, second, way / 2))
+            last = pull(*follow(v, e, third, way))
+            v, e = follow(v, e, (first + 2 * second + 2 * third + last) / 6, way)
+        w = v * np.sign(du)
+        y.append((1 - p["inner.alpha"]) * p["inner.yield_at"] * w)
+    return u, u, p["inner.offset"] + p["inner.k"] * (p["inner.alpha"] * u + np.array(y))
 
 
 MAKERS = {
@@ -87,7 +139,8 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))
     g = np.array([np.interp(u, nodes, row) for row in springs])
-    c = np.array([np.interp(u, nodes, row) for row in np.asarray(model.strengths)])
+    after_a_rise = np.asarray(model.strengths).reshape(-1, 3, CELLS + 1)[0]
+    c = np.array([np.interp(u, nodes, row) for row in after_a_rise])
     c = c * (u - model.low) / (model.high - model.low)
     left = np.exp(-t[:, None] / TIMES)
     return (left * (g + c) if model.leading else g - left * (g + c)).sum(1)

@@ -432,6 +432,10 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem("foam", _foam, 0.0, 8.0, frozenset[Tag]({"memoryless"}), _foam_known),
     Problem("curve", _curve, LOW, HIGH, frozenset[Tag]({"memoryless"}), _curve_known),
     Problem("bouc-wen", _bouc_wen, -3.0, 3.0, frozenset[Tag]({"leading"}), _bouc_wen_known),
+    Problem(
+        "degrading-bouc-wen", compositions.degrading, -3.0, 3.0, frozenset[Tag]({"leading"}),
+        compositions.degraded,
+    ),
     _density_problem("warped-grid", warped, "grid"),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),

@@ -76,7 +76,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     reversal u_r, P(u) = P(u_r) + 2 s E(u, u_r), with the Everett function E of the density and s = +1
     rising, -1 falling; passing an older extremum wipes the loop inside out. The output is
     independent of the rate and of how finely the path was sampled. Beyond [low, high] every relay is
-    saturated and only R goes on.
+    saturated and only R goes on; `hysteresis.extended` widens the grid.
 
     **Arguments:**
 

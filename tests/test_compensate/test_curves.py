@@ -1,5 +1,6 @@
 """Inverses of curves: there and back, the status beyond, and what has no inverse."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +10,10 @@ from hypothesis import strategies as st
 
 from compensate import Status, invert
 from hysteresis import BoucWen, FoamCurve, InputError, MonotoneCurve
-from hysteresis.curves import AbstractCurve, Clip, PolynomialCurve
+from hysteresis.curves import AbstractCurve, Clip, MonotoneSpline, PolynomialCurve
 
+simulate = eqx.filter_jit(lambda model, u: model.simulate(None, u))
+estimate = eqx.filter_jit(lambda model, y: invert(model).simulate(None, y))
 RISING = PolynomialCurve([0.5, 1.0, 0.1, 0.3], 0.0, 4.0)
 INFLECTION = PolynomialCurve([0.0, 0.0, 0.0, 1.0], -1.0, 1.0)
 
@@ -39,6 +42,42 @@ def test_foam_of_any_shape(decades: list[float], toe: float):
     # Differences of sums of x^2, each rounded: a few roundings of the largest.
     size = x[0] * (1 + x[1] + x[6] * 3 * np.abs(u).max()) * 3 * np.abs(u).max()
     assert np.abs(np.asarray(model.simulate(None, found.value)) - y).max() <= 1e-14 * size
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    bend=st.sampled_from([0.0, 1e-16, 1e-12, 1e-6, 1.0]),
+    level=st.sampled_from([0.0, 1e-9, 1.0]),
+)
+def test_spline_of_any_bend_there_and_back(seed: int, bend: float, level: float):
+    """Slopes that hardly differ, where a textbook root cancels, and slopes of 0."""
+    rng = np.random.default_rng(seed)
+    nodes = np.cumsum(rng.uniform(0.1, 1, 6))
+    slopes = level + bend * np.where(rng.random(6) < 0.3, 0.0, rng.random(6))
+    slopes[2] += 1.0
+    model = MonotoneSpline(nodes, slopes, -0.3)
+    u = np.concatenate([nodes, rng.uniform(nodes[0], nodes[-1], 34)])
+    y = np.asarray(simulate(model, u))
+    found = estimate(model, y)
+    again = simulate(model, found.value)
+    # Any input whose output is within 32 roundings of the largest is as good as another.
+    np.testing.assert_allclose(again, y, rtol=0, atol=1e-14 * (1 + np.abs(y).max()))
+    steep = np.interp(u, nodes, slopes) > 0.1
+    np.testing.assert_allclose(found.value[steep], u[steep], rtol=0, atol=1e-12)
+    assert set(np.unique(found.status).tolist()) <= {Status.OK, Status.FLAT}
+
+
+def test_beyond_a_spline():
+    """Along the end slopes, or held where those are 0."""
+    model = MonotoneSpline([0.0, 1.0, 3.0], [0.5, 1.0, 2.0])
+    u = np.array([-3.0, 9.0, 0.0, 3.0])
+    found = invert(model).simulate(None, np.asarray(model.simulate(None, u)))
+    np.testing.assert_allclose(found.value, u, rtol=0, atol=1e-12)
+    beyond, ok = Status.EXTRAPOLATED, Status.OK
+    np.testing.assert_array_equal(found.status, [beyond, beyond, ok, ok])
+    found = invert(MonotoneSpline([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])).simulate(None, [-1.0, 7.0])
+    np.testing.assert_allclose(found.value, [0.0, 2.0], atol=1e-7)
+    np.testing.assert_array_equal(found.status, [Status.SATURATED] * 2)
 
 
 def test_flat_cells_hold_the_nearest_input():
@@ -81,6 +120,7 @@ def test_beyond_a_polynomial():
         (PolynomialCurve([0.0, -0.1, 0.0, 1.0], 0.0, 4.0), "at 2,"),
         (PolynomialCurve([3.0]), "does not rise"),
         (MonotoneCurve([0.0, 1.0], [0.0]), "does not rise"),
+        (MonotoneSpline([0.0, 1.0], [0.0, 0.0]), "does not rise"),
     ],
 )
 def test_what_falls_is_refused_with_the_place(model: AbstractCurve, place: str):

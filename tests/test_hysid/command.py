@@ -67,3 +67,21 @@ def tree(folder: Path) -> dict[str, bytes]:
     """Every file below a folder, byte for byte."""
     files = (file for file in sorted(folder.rglob("*")) if file.is_file())
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def put(content: str | bytes, name: str = "run.csv") -> Path:
+    """A file in the present folder."""
+    file = Path(name)
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return file
+
+
+def refused(result: Result, *words: str) -> None:
+    """The command said one line with these words, and nothing else."""
+    assert result.code == 2, result.err
+    assert result.out == ""
+    assert result.err.startswith("hysid: ")
+    assert result.err.count("\n") == 1
+    assert "Traceback" not in result.err
+    for word in words:
+        assert word in result.err

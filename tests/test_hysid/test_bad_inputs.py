@@ -19,6 +19,8 @@ from tests.test_hysid.command import (
     Result,
     T,
     X,
+    put,
+    refused,
     run,
     sponge,
     text,
@@ -30,6 +32,11 @@ CLEAN = text(ROWS)
 LINES = CLEAN.splitlines(keepends=True)
 FIT = ("--model", "LinearSponge", "--out", "out")
 ONE_WAY = text(sponge(step=0.5)[:41])
+FINE = sponge(step=0.5)
+SWAPPED = text([[t, x, f, c] for t, f, x, c in FINE])
+TURNED = text([[t, f, f"{-float(x):g}", c] for t, f, x, c in FINE])
+CLIPPED_X = text([[t, f, f"{min(float(x), 10):g}", c] for t, f, x, c in FINE])
+CLIPPED_F = text([[t, f"{min(float(f), 15):g}", x, c] for t, f, x, c in FINE])
 
 
 def column(name: str, cells: list[str], first: int = 0) -> str:
@@ -195,22 +202,6 @@ def clean(tmp_path_factory):
     ).json()
 
 
-def put(content: str | bytes, name: str = "run.csv") -> Path:
-    file = Path(name)
-    file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return file
-
-
-def refused(result: Result, *words: str) -> None:
-    assert result.code == 2, result.err
-    assert result.out == ""
-    assert result.err.startswith("hysid: ")
-    assert result.err.count("\n") == 1
-    assert "Traceback" not in result.err
-    for word in words:
-        assert word in result.err
-
-
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())
 def test_a_bad_file_is_refused_in_one_message_and_nothing_is_written(bad):
     put(bad.content)
@@ -278,9 +269,21 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
             ("dt 200 ms to 1.4 s; resample, or use a continuous model.",),
         ),
         (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
+        (SWAPPED, ("Loops create energy (-", "N mm a cycle", "columns swapped", "exchange --input")),
+        (TURNED, ("Loops create energy (-", "the sign of one column is turned? If so, turn it",)),
+        (
+            CLIPPED_X,
+            ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
+             "--na-values 10 --nan omit"),
+        ),
+        (
+            CLIPPED_F,
+            ("of the input at 15 N: clipped, lines ", "4 more runs while the output moves",
+             "measure with a wider range"),
+        ),
     ],
-    ids=["jitter", "one way"],
-)
+    ids=["jitter", "one way", "swapped", "turned", "clipped output", "clipped input"],
+)  # fmt: skip
 def test_what_may_be_meant_is_said_and_fitted(content, words):
     put(content)
     fitted = run("fit", "run.csv", *COLUMNS, *FIT, "--json")

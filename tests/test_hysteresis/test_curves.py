@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import make_interp_spline
 
 from hysteresis import FoamCurve, InputError, MonotoneCurve
-from hysteresis.curves import AbstractCurve, Clip, PolynomialCurve
+from hysteresis.curves import AbstractCurve, Clip, MonotoneSpline, PolynomialCurve
 
 sizes = st.floats(0.01, 100.0)
 FOAM = FoamCurve(1.0, 0.05, 0.2, 1.5, 5.0, 8.0, 0.5, 0.1, 0.3)
@@ -65,6 +66,33 @@ def test_even_cells():
     model = MonotoneCurve.even(-1.0, 2.0, [0.0, 1.0, 2.0], 4.0)
     np.testing.assert_allclose(model.nodes, [-1.0, 0.0, 1.0, 2.0])
     np.testing.assert_allclose(model.outputs(), [4.0, 4.0, 5.0, 7.0])
+    spline = MonotoneSpline.even(-1.0, 2.0, [0.0, 2.0, 2.0, 0.0], 4.0)
+    np.testing.assert_allclose(spline.nodes, [-1.0, 0.0, 1.0, 2.0])
+    np.testing.assert_allclose(spline.outputs(), [4.0, 5.0, 7.0, 8.0])
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_spline_is_the_integral_of_a_polygon(seed: int):
+    """SciPy's quadratic spline of the same slopes, straight on beyond; so its slope is continuous."""
+    rng = np.random.default_rng(seed)
+    nodes = np.cumsum(rng.uniform(0.1, 1, 6))
+    slopes = np.where(rng.random(6) < 0.3, 0.0, rng.uniform(0, 2, 6))
+    model = MonotoneSpline(nodes, slopes, 0.7)
+    whole = make_interp_spline(nodes, slopes, k=1).antiderivative()
+    u = np.concatenate([rng.uniform(nodes[0], nodes[-1], 20), nodes])
+    # Sums of a few numbers of the output's size.
+    np.testing.assert_allclose(model.simulate(None, u), 0.7 + whole(u), rtol=0, atol=1e-14 * 10)
+    np.testing.assert_allclose(
+        slope(model, jnp.asarray(u)), np.interp(u, nodes, slopes), atol=1e-13
+    )
+    ends = np.array([nodes[0] - 2.0, nodes[-1] + 3.0])
+    wanted = [0.7 - 2 * slopes[0], 0.7 + whole(nodes[-1]) + 3 * slopes[-1]]
+    np.testing.assert_allclose(model.simulate(None, ends), wanted, rtol=0, atol=1e-13)
+    # Linear in slopes and offset.
+    twice = MonotoneSpline(nodes, 2 * slopes, 1.4)
+    np.testing.assert_allclose(
+        twice.simulate(None, u), 2 * np.asarray(model.simulate(None, u)), rtol=1e-14
+    )
 
 
 def test_polynomial_is_numpys_inside_and_tangent_beyond():
@@ -82,7 +110,13 @@ def test_clip():
     np.testing.assert_array_equal(Clip(0.0, 1.0).simulate(None, [-2.0, 0.5, 9.0]), [0.0, 0.5, 1.0])
 
 
-@pytest.mark.parametrize("model", [PolynomialCurve([0.1, 1.0, 0.2], 0.0, 3.0), Clip(0.5, 2.0)])
+@pytest.mark.parametrize(
+    "model",
+    [
+        PolynomialCurve([0.1, 1.0, 0.2], 0.0, 3.0), Clip(0.5, 2.0),
+        MonotoneSpline([0.0, 1.0, 1.5, 3.0], [0.5, 0.0, 2.0, 1.0], 0.2),
+    ],
+)  # fmt: skip
 def test_curves_keep_the_contract(model: AbstractCurve):
     """The laws of all models, on the ones that the table of problems does not hold."""
     u = np.random.default_rng(0).uniform(-1, 4, 30)
@@ -102,6 +136,8 @@ def test_curves_keep_the_contract(model: AbstractCurve):
         (lambda: MonotoneCurve([0.0], []), "lengths-differ", "(1,) and (0,)"),
         (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
         (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
+        (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "lengths-differ", "as many nodes"),
+        (lambda: MonotoneSpline([0.0, 1.0], [1.0, -1.0]), "parameter-out-of-bounds", "slopes"),
         (lambda: PolynomialCurve([1.0], 2.0, 2.0), "parameter-out-of-bounds", "below high"),
         (lambda: PolynomialCurve([]), "parameter-out-of-bounds", "coefficients"),
         (lambda: Clip(1.0, 0.0), "parameter-out-of-bounds", "below high"),

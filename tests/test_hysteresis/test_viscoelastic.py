@@ -23,7 +23,12 @@ from hysteresis import (
     StandardLinearSolid,
 )
 from hysteresis._chain import moments
-from hysteresis._recurrence import linear_recurrence
+from hysteresis._recurrence import (
+    _associative,
+    _associative_coupled,
+    coupled_recurrence,
+    linear_recurrence,
+)
 from tests.problems import clock
 
 EPS = np.finfo(float).eps
@@ -226,15 +231,20 @@ def test_moments_and_their_derivatives(x: float):
     np.testing.assert_allclose(jax.jacfwd(moments)(at)[1:], [slope(1), slope(2)], rtol=1e-12)
 
 
+def uncoupled(a: jax.Array, b: jax.Array) -> jax.Array:
+    """`linear_recurrence` of tables (samples, states)."""
+    return jnp.stack(linear_recurrence(tuple(a.T), tuple(b.T)), -1)
+
+
 @pytest.mark.parametrize("coupled", [False, True])
 def test_derivatives_of_the_recurrence(coupled: bool):
-    """Both modes against the plain loop's, and the second derivative too."""
-    rng = np.random.default_rng(0)
-    a = jnp.asarray(rng.uniform(-1, 1, (5, 2, 2) if coupled else (5, 2)))
-    b, c = jnp.asarray(rng.normal(size=(5, 2))), jnp.asarray(rng.normal(size=(5, 2)))
+    """Both modes against the plain loop's, the second derivative too; more states than one loop takes."""
+    rng, n = np.random.default_rng(0), 4
+    a = jnp.asarray(rng.uniform(-1, 1, (5, n, n) if coupled else (5, n)))
+    b, c = jnp.asarray(rng.normal(size=(5, n))), jnp.asarray(rng.normal(size=(5, n)))
 
     def loop(a: jax.Array, b: jax.Array) -> jax.Array:
-        z, found = jnp.zeros(2), []
+        z, found = jnp.zeros(n), []
         for k in range(5):
             z = (a[k] @ z if coupled else a[k] * z) + b[k]
             found.append(z)
@@ -246,10 +256,29 @@ def test_derivatives_of_the_recurrence(coupled: bool):
     for derivative in (jax.grad, jax.jacfwd, jax.hessian):
         ours, plain = (
             jax.tree.leaves(jax.jit(derivative(partial(value, f)))((a, b)))
-            for f in (linear_recurrence, loop)
+            for f in (coupled_recurrence if coupled else uncoupled, loop)
         )
         for x, y in zip(ours, plain, strict=True):
             np.testing.assert_allclose(x, y, rtol=0, atol=1e-13 * float(jnp.abs(y).max()))
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_the_form_for_accelerators_is_the_same(coupled: bool):
+    rng, n = np.random.default_rng(1), 4
+    a = jnp.asarray(rng.uniform(-1, 1, (30, n, n) if coupled else (30, n)) / n)
+    b = jnp.asarray(rng.normal(size=(30, n)))
+    if coupled:
+        got, wanted = _associative_coupled(a, b), coupled_recurrence(a, b)
+    else:
+        got, wanted = jnp.stack(_associative(tuple(a.T), tuple(b.T)), -1), uncoupled(a, b)
+    # The same sums of decaying products in another order.
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-14 * float(jnp.abs(wanted).max()))
+
+
+def test_a_spring_without_branches():
+    model, u = GeneralizedMaxwell(2.0, [], []), np.array([0.0, 1.0, 3.0])
+    np.testing.assert_array_equal(model.simulate(u, u), 2 * u)
+    np.testing.assert_array_equal(model.stream(u, u)[1], 2 * u)
 
 
 def test_states_that_a_burgers_element_names():

@@ -43,10 +43,14 @@ def record(noise: float = 0.0, lag: float = 0.0, seed: int = 0) -> Record:
     return Record.from_arrays(u, y, t)
 
 
-@pytest.mark.parametrize("leading", [False, True])
-def test_columns_times_unknowns_are_the_model(leading: bool):
+FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
+"""Increments of a curve from 0 to 1 that the input may pass first."""
+
+
+@pytest.mark.parametrize(("leading", "first"), [(False, ()), (True, FIRST)])
+def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float, ...]):
     data = record()
-    meaning = Composition(PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative")
+    meaning = Composition(PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative", first=first)
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     columns = meaning.columns(data, rows)
@@ -107,6 +111,25 @@ def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
     estimate = invert(found.model).simulate(data.time, data.output)
     u = found.clocks.undone(data, np.asarray(estimate.value))
     assert np.sqrt(np.mean((u - data.input)[20:] ** 2)) < 0.02
+
+
+def test_an_input_that_a_curve_maps_first_is_seen(tmp_path: Path):
+    def steep(seed: int) -> Record:
+        t, u = walk(seed)
+        return Record.from_arrays(u, np.asarray(branches().simulate(t, u**4)), t)
+
+    data, other = steep(0), steep(7)
+    found = fit(data, "Composition", test_tail=0.3, clocks="keep")
+    assert found.name.endswith("of a mapped input")
+    *_, plain, mapped = sorted(found.candidates, key=lambda fit: -fit.score)
+    assert not plain.name.endswith("of a mapped input")
+    # Better by a fifth and more: half of the curve is not all of it.
+    assert mapped.score < 0.8 * plain.score
+    error = found.predict(other) - other.output
+    assert np.sqrt(np.mean(error**2)) < 0.01 * np.ptp(other.output)
+    np.testing.assert_array_equal(
+        load(save(found, tmp_path / "fit")).predict(other), found.predict(other)
+    )
 
 
 def test_slack_is_seen_and_the_model_has_a_floor():

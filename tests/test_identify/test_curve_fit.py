@@ -6,9 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from compensate import Status, invert
-from hysteresis import AbstractModel, BoucWen, FoamCurve, Record, parameters
+from hysteresis import (
+    AbstractModel,
+    BoucWen,
+    DegradingBoucWen,
+    FoamCurve,
+    Pinching,
+    Record,
+    parameters,
+)
+from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
 from identify._guess import guess
+from identify._save import describe_model, rebuild_model
 
 DATASETS = Path(__file__).resolve().parents[2] / "datasets"
 
@@ -84,3 +94,16 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     train = result.metrics["train"]
     assert train is not None
     assert train.nrmse_percent < 0.5
+
+
+def test_what_no_fit_makes_is_kept_too() -> None:
+    inner, slip = BoucWen(2.0, 0.2, 0.5), Pinching(0.5, 1.0, 0.2, 0.3, 0.3)
+    u = np.linspace(-1.0, 3.0, 9)
+    for model in (
+        MonotoneSpline([0.0, 1.0, 2.0], [0.5, 0.0, 1.0], 0.1),
+        DegradingBoucWen(inner, stiffness_loss=0.1),
+        DegradingBoucWen(inner, 0.1, None, slip),
+    ):
+        again = rebuild_model(*describe_model(model))
+        assert type(again) is type(model)
+        np.testing.assert_array_equal(again.simulate(None, u), model.simulate(None, u))

@@ -253,3 +253,14 @@ def test_residuals_are_predicted_minus_measured(sponge_fit: FitResult) -> None:
     np.testing.assert_array_equal(sponge_fit.residuals[mask], expected)
     assert np.isnan(sponge_fit.residuals[~mask]).all()
     assert jnp.isfinite(sponge_fit.covariance).all()
+
+
+def test_beyond_the_fitted_inputs_a_prediction_goes_on_and_is_marked(sponge_fit: FitResult) -> None:
+    low, high = sponge_fit.train.input.min(), sponge_fit.train.input.max()
+    u = np.concatenate(
+        [np.linspace(low, high, 50), np.linspace(high, high + 0.3 * (high - low), 30)[1:]]
+    )
+    further = Record.from_arrays(u, np.zeros(len(u)), np.linspace(0, 8, len(u)))
+    y = sponge_fit.predict(further)
+    assert np.all(np.diff(y[49:]) > 0)
+    np.testing.assert_array_equal(sponge_fit.beyond(further), u > high)

@@ -1,0 +1,108 @@
+"""Commands on creep and relaxation, whose input is a constant on the command line and no column."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis import InputError, Record, Table, parse_condition
+
+CONSTANT = "constant input"
+"""The name of the input of a step."""
+MEANINGLESS = {
+    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "starts": 32,
+}  # fmt: skip
+"""Options of `fit` that a step knows nothing of, and what they are where they are not given."""
+BEYOND = "beyond the trained times"
+RANGE = ("since the step", "low", "high")
+"""Columns that a step's prediction has besides."""
+
+
+def with_constant(
+    table: Table, value: float, output: str, time: str | None, where: Mapping[str, list[str]]
+) -> Table:
+    """The chosen rows with a column of the step's value; those with one time become one.
+
+    A constant input has no history to lose, and long tests are logged with clocks of few digits: the
+    output of rows in a row with the same time is averaged.
+    """
+    rows = np.ones(len(table.line), bool)
+    for name, values in where.items():
+        rows &= parse_condition(f"{name}={','.join(values)}")(table)
+    at, columns, notes = np.flatnonzero(rows), dict(table.columns), table.notes
+    if time is not None and len(at):
+        t, y = table.number(time)[at], table.number(output)[at]
+        first = np.flatnonzero(np.append(True, np.diff(t) != 0))
+        if len(first) < len(at):
+            notes += (f"Averaged {len(at)} rows to {len(first)} of different times.",)
+            columns[output] = np.zeros(len(table.line))
+            counts = np.diff(np.append(first, len(at)))
+            columns[output][at[first]] = np.add.reduceat(y, first) / counts
+            at = at[first]
+    columns = {name: column[at] for name, column in columns.items()}
+    text = {name: column[at] for name, column in table.text.items()}
+    constant = np.full(len(at), value)
+    return replace(
+        table,
+        columns=columns | {CONSTANT: constant},
+        text=text | {CONSTANT: constant.astype(str)},
+        line=table.line[at],
+        units={**table.units, CONSTANT: "1"},
+        notes=notes,
+    )
+
+
+def step_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Those options of `fit` that `fit_step` takes. Raises `InputError` where others were set."""
+    for name, usual in MEANINGLESS.items():
+        if options.get(name, usual) != usual:
+            raise InputError(
+                "bad-option",
+                f"--{name} means nothing with --step.",
+                cause="creep and relaxation are fitted by a spectrum of time constants, whose order"
+                " the evidence chooses.",
+                fix="leave it out.",
+            )
+    return {name: value for name, value in options.items() if name not in MEANINGLESS}
+
+
+def check_step(record: Record) -> dict[str, Any]:
+    """What is in a record of creep or relaxation, and what to mind."""
+    record = identify.stepped(record)
+    kind = identify.kind_of(record)
+    rows = record.mask & np.isfinite(record.output)
+    assert record.time is not None
+    t = record.time[rows]
+    decades = float(np.log10(t[-1] / t[t > 0][0]))
+    warnings = []
+    if decades < 1:
+        warnings.append(
+            f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"
+            " told. [short-span]"
+        )
+    lines = [line for line in record.describe().split("\n") if not line.startswith("loop")]
+    lines.insert(-len(record.history), f"step   {kind} over {decades:.2g} decades of time")
+    found = {"kind": kind, "decades": decades, "warnings": warnings}
+    return {"text": "\n".join(lines)} | found | record.summary()
+
+
+def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:
+    """A record with its step where the fitted one had it: at zero of its clock, or at its first row."""
+    return identify.stepped(record, at_first_row=identify.is_at_first_row(fitted.train))
+
+
+def later(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to say about each row of a record: is it beyond the times that were fitted?"""
+    assert record.time is not None
+    span = fitted.internals["spectrum"].span
+    return [BEYOND if t > span else "OK" for t in record.time]
+
+
+def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
+    """Of every row the time, the least and the largest output that the fitted record leaves open."""
+    assert record.time is not None
+    _, low, high = fitted.internals["spectrum"].predict(record.time)
+    ends = np.sort(np.stack([low, high], 1) * record.input[:, None], axis=1)
+    return np.column_stack([record.time, ends])

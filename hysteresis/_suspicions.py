@@ -1,0 +1,121 @@
+"""Readings that are probably not what they seem: clipped by a sensor, swapped, turned in sign."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._cycles import loop_area, noise_level
+from ._record import Record, quantity
+from ._units import FORCES, LENGTHS
+
+MANY = 8
+"""Samples at a limit that are too many for a peak."""
+
+
+class Clipped(NamedTuple):
+    """A series stuck at its largest or smallest value: which, where, and that value."""
+
+    role: str
+    rows: np.ndarray
+    limit: float
+
+
+def loop_direction(record: Record) -> float:
+    """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
+
+    `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
+
+    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
+    nothing closes.
+    """
+    net, total = _loops(record)
+    return net / total if total else 0.0
+
+
+def clipped(record: Record) -> list[Clipped]:
+    """Where input or output is stuck at a limit while the other one moves.
+
+    Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
+    2 % of its range; the input where, in one run of rows, the output goes 2 % of its range beyond
+    both ends and comes back: in a hold it creeps one way. Zero and the value of the first row are
+    the rest, not a limit.
+    """
+    u, y, found = record.input, record.output, []
+    for role, x in (("output", y), ("input", u)):
+        for limit in (np.nanmax(x), np.nanmin(x)) if np.isfinite(x).any() else ():
+            rows = np.flatnonzero(x == limit)
+            if limit in (0.0, x[0]) or len(rows) < max(MANY, 0.01 * len(x)):
+                continue
+            if role == "output":
+                stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u)
+            else:
+                least = max(0.02 * np.nanmax(y) - 0.02 * np.nanmin(y), 8 * noise_level(y))
+                stuck = max(_bulge(y[run]) for run in _runs(record, rows)) > least
+            if stuck:
+                found.append(Clipped(role, rows, float(limit)))
+    return found
+
+
+def suspicions(record: Record) -> list[str]:
+    """What is probably wrong with the readings, each a sentence with its fix and `[code]`."""
+    found = []
+    for role, rows, limit in clipped(record):
+        runs = _runs(record, rows)
+        longest = max(runs, key=len)
+        others = f" and {len(runs) - 1} more runs" if len(runs) > 1 else ""
+        other = "input" if role == "output" else "output"
+        at = quantity(limit, getattr(record, f"{role}_unit"))
+        mend = (
+            f"mask or censor (--na-values {limit:g} --nan omit), or measure with a wider range"
+            if role == "output"
+            else "measure with a wider range, or leave those rows' cycles out (--where)"
+        )
+        found.append(
+            f"{len(rows) / len(record):.1%} of the {role} at {at}: clipped, {record.lines(longest)}"
+            f"{others} while the {other} moves; {mend}. [saturation]"
+        )
+    return found + _created_energy(record)
+
+
+def _created_energy(record: Record) -> list[str]:
+    """Loops of force over displacement that give more energy than they take."""
+    units = record.input_unit, record.output_unit
+    to_force = units[0] in LENGTHS and units[1] in FORCES
+    if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
+        return []
+    net, total = _loops(record)
+    good = np.isfinite(record.output)
+    u, y = record.input[good], record.output[good]
+    # Force over displacement takes energy clockwise.
+    taken = (-net if to_force else net) / max(record.n_cycles, 1)
+    # Where loops are thin or crossed a small lag between the channels turns them.
+    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(net) < 0.5 * total:
+        return []
+    cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
+    if np.corrcoef(u, y)[0, 1] < 0:
+        cause, mend = "the sign of one column is turned", "turn it"
+    force, length = units[::-1] if to_force else units
+    return [
+        f"Loops create energy ({taken:.3g} {force} {length} a cycle): no specimen does. {cause}? If"
+        f" so, {mend}. [energy-created]"
+    ]
+
+
+def _loops(record: Record) -> tuple[float, float]:
+    parts = [
+        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
+    ]
+    net, total = np.sum(parts, axis=0)
+    return float(net), float(total)
+
+
+def _runs(record: Record, rows: np.ndarray) -> list[np.ndarray]:
+    """Rows in pieces that follow each other in one sequence."""
+    cut = (np.diff(rows) > 1) | np.isin(rows[1:], record.starts)
+    return np.split(rows, np.flatnonzero(cut) + 1)
+
+
+def _bulge(y: np.ndarray) -> float:
+    """How far a series goes beyond both its ends."""
+    ends = y[[0, -1]]
+    return float(max(np.max(y) - ends.max(), ends.min() - np.min(y)))

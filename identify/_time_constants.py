@@ -1,0 +1,37 @@
+"""Time constants that a record cannot show: longer than it lasts, shorter than a sampling step."""
+
+import numpy as np
+
+from hysteresis import AbstractModel, AbstractViscoelastic, Record
+
+
+def unseen_time_constants(model: AbstractModel, record: Record) -> list[str]:
+    """A sentence for every branch whose time constant lies outside the record's span of times.
+
+    An element that creeps flows like a dashpot for much less than its time constant, and gives way
+    like a spring after much more; one that relaxes the other way round. Of the two parameters of such
+    a branch the record knows one.
+    """
+    if not isinstance(model, AbstractViscoelastic) or record.time is None:
+        return []
+    spans = [float(np.ptp(record.time[rows])) for _, rows in record.sequences()]
+    steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
+    span, step = max(spans), float(np.median(np.concatenate(steps)))
+    found, unit = [], record.time_unit
+    with np.errstate(divide="ignore"):
+        constants = 1 / np.asarray(model.chain().rates)
+    for number, constant in enumerate(constants, start=1):
+        if step <= constant <= span:
+            continue
+        slow = constant > span
+        than = f"longer than the record ({span:.3g} {unit})"
+        mend = "measure longer holds"
+        if not slow:
+            than = f"shorter than a sampling step ({step:.3g} {unit})"
+            mend = "sample faster"
+        seen = "dashpot" if slow == model.creeps else "spring"
+        found.append(
+            f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"
+            f" identifiable only as a {seen}; {mend}, or fit a model without it. [unseen-time-constant]"
+        )
+    return found

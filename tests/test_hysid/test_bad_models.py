@@ -1,0 +1,104 @@
+"""Models that a record or a file cannot bear, through the command line: time constants, time, moduli."""
+
+import json
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysteresis import (
+    Burgers,
+    GeneralizedKelvinVoigt,
+    GeneralizedMaxwell,
+    InputError,
+    StandardLinearSolid,
+)
+from identify import read_document
+from identify._save import describe_model
+from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
+
+BURGERS = ("--model", "Burgers", "--starts", 4, "--out", "out", "--json")
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def creep(constant: float) -> str:
+    """A Burgers element whose delayed part has this time constant, over 200 s in steps of 1 s."""
+    t = np.arange(200.0)
+    force = 5 + 4 * np.interp(t % 50, [0, 20, 30, 50], [-1, 1, 1, -1])
+    x = np.array(Burgers(2.0, 400.0, 1.0, constant).simulate(t, force))
+    x += np.random.default_rng(0).normal(0, 1e-4 * np.ptp(x), len(x))
+    return text(
+        [[f"{a:g}", f"{b:.6g}", f"{c:.9g}", "1"] for a, b, c in zip(t, force, x, strict=True)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("constant", "words"),
+    [
+        (0.1, ("shorter than a sampling step (1 s)", "only as a spring", "sample faster")),
+        (3000.0, ("longer than the record (199 s)", "only as a dashpot", "measure longer holds")),
+    ],
+)
+def test_time_constants_that_the_record_cannot_show(constant, words):
+    put(creep(constant))
+    reasons = run("fit", "run.csv", *COLUMNS, *BURGERS).json()["verdict"]["reasons"]
+    (said,) = [reason for reason in reasons if "[unseen-time-constant]" in reason]
+    for word in words:
+        assert word in said
+
+
+def test_missing_time_is_refused_by_a_model_that_needs_it():
+    put(text(sponge()))
+    said = run("fit", "run.csv", *COLUMNS[:4], *BURGERS)
+    assert (said.code, said.out) == (2, "")
+    for word in ("Burgers depends on the rate", "--time COL", "--dt SECONDS", "[no-time]"):
+        assert word in said.err.splitlines()[-1]
+
+
+def test_uneven_time_is_said_and_used():
+    """Steps of a model that depends on the rate are exact at any spacing."""
+    rows = creep(20.0).splitlines(keepends=True)
+    put("".join(row for k, row in enumerate(rows) if k == 0 or k % 3 == 1 or k > 150))
+    found = run("fit", "run.csv", *COLUMNS, *BURGERS).json()
+    assert any("dt 1 s to 3 s" in reason for reason in found["verdict"]["reasons"])
+    values = {p["name"]: p["value"] for p in found["parameters"]}
+    assert values["eta2"] / values["E2"] == pytest.approx(20.0, rel=0.1)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda x: Burgers(1.0, 1.0, x, 1.0),
+        lambda x: StandardLinearSolid(x, 1.0, 1.0),
+        lambda x: GeneralizedKelvinVoigt(1.0, [1.0, x], [1.0, 1.0]),
+        lambda x: GeneralizedMaxwell(0.0, [1.0, x], [1.0, 1.0]),
+        lambda x: GeneralizedMaxwell(-1.0 + 0 * x, [1.0], [1.0]),
+    ],
+)
+def test_moduli_that_are_not_positive_are_refused(make, value):
+    with pytest.raises(InputError) as caught:
+        make(value)
+    assert caught.value.code == "not-positive"
+    assert caught.value.cause
+    assert "give E" in caught.value.fix
+
+
+def test_a_saved_model_with_a_negative_modulus_is_refused():
+    """Edited by hand, checksum and all."""
+    put(text(sponge()))
+    assert run("fit", "run.csv", *COLUMNS, "--model", "LinearSponge", "--out", "out").code == 0
+    structure, arrays = describe_model(Burgers(2.0, 40.0, 1.0, 5.0))
+    arrays["E2"] = np.array(-1.0)
+    np.savez("out/model.npz", allow_pickle=False, **arrays)
+    digest = sha256(Path("out/model.npz").read_bytes()).hexdigest()
+    document = read_document("out") | {"structure": structure}
+    document["files"]["model.npz"] = digest
+    Path("out/fit.json").write_text(json.dumps(document))
+    words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[not-positive]")
+    refused(run("predict", "out", "run.csv"), *words)

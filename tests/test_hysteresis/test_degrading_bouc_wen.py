@@ -1,0 +1,207 @@
+"""Bouc-Wen with wear: what its substeps leave against a stiff solver, and laws of a worn spring."""
+
+from itertools import pairwise
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from compensate import Status, invert
+from hysteresis import BoucWen, DegradingBoucWen, InputError, Pinching
+from tests.problems import SAMPLES, histories
+
+seeds = st.integers(0, 2**32 - 1)
+simulate = eqx.filter_jit(lambda model, u: model.simulate(None, u))
+SLIP = Pinching(slip=0.8, onset=0.3, level=0.2, spread=0.3, severity=0.3, widening=0.01)
+TURNS = (0.0, 4.0, -4.0, 8.0, -4.0, 0.0, -8.0, 8.0, 0.0)
+OFF_BY = {1: 4e-5, 5: 5e-4, 20: 2e-3}
+"""Of z in parts of yield_at, for samples as many fifths of yield_at apart: as documented."""
+
+
+def drawn(seed: int, loss: float = 1.0) -> DegradingBoucWen:
+    """Losing strength at most at `loss` times the speed at which the output could fall."""
+    rng = np.random.default_rng(seed)
+    alpha, n = rng.random(), rng.uniform(0.5, 3)
+    inner = BoucWen(
+        rng.uniform(0.5, 5), alpha, rng.uniform(0.1, 2), n, rng.uniform(-0.5, 1), rng.normal()
+    )
+    slip = Pinching(rng.uniform(0, 0.95), 10.0 ** rng.uniform(-2, 1), *rng.uniform(0.1, 0.9, 3))
+    return DegradingBoucWen(
+        inner, loss * rng.uniform(0, min(n * alpha / (1 - alpha), 0.5)), rng.uniform(0, 0.5), slip
+    )
+
+
+def path(turns: tuple[float, ...], longest: float) -> np.ndarray:
+    """Straight from turn to turn, in steps of at most `longest`."""
+    ways = [
+        np.linspace(a, b, 1 + int(np.ceil(abs(b - a) / longest)))[1:] for a, b in pairwise(turns)
+    ]
+    return np.concatenate([[turns[0]], *ways])
+
+
+@pytest.mark.parametrize(
+    ("n", "ratio", "slip"),
+    [(1.0, -0.5, None), (1.0, -0.5, SLIP), (1.5, 0.9, None), (3.0, 0.0, SLIP)],
+)
+def test_against_a_stiff_solver(n: float, ratio: float, slip: Pinching | None):
+    """The equations as they stand in the literature, in z and its own energy."""
+    Z, k, alpha, strength, stiffness = 0.7, 2.0, 0.1, 0.08, 0.1
+    model = DegradingBoucWen(
+        BoucWen(k, alpha, Z, n, ratio, 0.1), strength * Z**2, stiffness * Z**2, slip
+    )
+    beta = Z**-n / (1 + ratio)
+    gamma = ratio * beta
+
+    def h(z: float, energy: float, sign: float) -> float:
+        if slip is None:
+            return 1.0
+        limit = (1 / ((1 + strength * energy) * (beta + gamma))) ** (1 / n)
+        lost = float(slip.slip) * (1 - np.exp(-float(slip.onset) / Z**2 * energy))
+        widening = 0.0 if slip.widening is None else float(slip.widening)
+        spread = Z * (float(slip.spread) + widening / Z**2 * energy)
+        width = spread * (float(slip.severity) + lost)
+        return 1 - lost * np.exp(-(((z * sign - float(slip.level) * limit) / width) ** 2))
+
+    u = Z * path(TURNS, 0.2)
+    state, wanted = np.zeros(2), [0.0]
+    for start, end in pairwise(Z * np.array(TURNS)):
+        sign = np.sign(end - start)
+
+        def slope(x: float, at: np.ndarray, sign: float = sign) -> list[float]:
+            z, energy = at
+            bent = beta * sign * abs(z) ** (n - 1) * z + gamma * abs(z) ** n
+            worn = 1 + stiffness * energy
+            return [h(z, energy, sign) / worn * (1 - (1 + strength * energy) * bent), z]
+
+        x = np.linspace(start, end, 1 + round(abs(end - start) / (0.2 * Z)))
+        solved = solve_ivp(slope, (start, end), state, "Radau", x, rtol=1e-9, atol=1e-11)
+        state = solved.y[:, -1]
+        wanted.extend(solved.y[0, 1:])
+    for fifths, off_by in OFF_BY.items():
+        at = u[::fifths]
+        y = np.asarray(model.simulate(None, at))
+        z = (y - 0.1 - alpha * k * at) / ((1 - alpha) * k)
+        assert np.abs(z - np.array(wanted)[::fifths]).max() <= off_by * Z
+
+
+def test_without_wear_it_is_the_exact_model():
+    inner = BoucWen(2.0, 0.2, 0.5, 1.5, 0.3, 0.1)
+    u = np.random.default_rng(0).uniform(-1, 1, SAMPLES)
+    wanted = np.asarray(inner.simulate(None, u))
+    for none in (None, 0.0):
+        got = simulate(DegradingBoucWen(inner, none, none), u)
+        assert np.abs(got - wanted).max() <= OFF_BY[20] * 1.6 * 0.5
+
+
+@given(seed=seeds, u=histories(-3.0, 3.0))
+@settings(max_examples=15)
+def test_z_stays_within_its_limit_and_the_output_rises(seed: int, u: np.ndarray):
+    model = drawn(seed)
+    k, alpha, Z = (float(getattr(model.inner, name)) for name in ("k", "alpha", "yield_at"))
+    y = np.asarray(simulate(model, u))
+    z = (y - float(model.inner.offset) - alpha * k * u) / ((1 - alpha) * k)
+    assert np.abs(z).max() <= Z * (1 + 1e-13) + 1e-14 * np.abs(y).max() / ((1 - alpha) * k)
+    du, dy = np.diff(u), np.diff(y)
+    least = float(model.least_slope())
+    # In the limit z falls as its limit does; the substeps follow that to their accuracy.
+    assert np.all(dy * np.sign(du) >= least * np.abs(du) - OFF_BY[20] * k * Z)
+
+
+def test_energy_is_the_work_done_on_z():
+    model = drawn(1)
+    Z = float(model.inner.yield_at)
+    u = Z * path(TURNS, 0.01)
+    k, alpha, offset = (float(getattr(model.inner, name)) for name in ("k", "alpha", "offset"))
+    state, y = model.stream(None, u)
+    z = (np.asarray(y) - offset - alpha * k * u) / ((1 - alpha) * k)
+    work = np.sum(np.diff(u) * (z[1:] + z[:-1]) / 2) / Z**2
+    # The trapezoid leaves 0.01^2 / 12 of z'' per way; h makes that at most some hundred.
+    assert float(state.energy) == pytest.approx(work, abs=1e-2)
+    assert work > 10
+
+
+def test_wear_softens_and_weakens():
+    """Of two equal cycles the later one reaches less, and its slope at first is smaller."""
+    inner = BoucWen(1.0, 0.0, 1.0, 2.0, 0.0)
+    cycle = path((0.0, 5.0, -5.0, 0.0), 0.1)
+    u = np.concatenate([cycle, cycle[1:]])
+    half = len(cycle)
+    weak = np.asarray(DegradingBoucWen(inner, strength_loss=0.05).simulate(None, u))
+    assert weak[half:].max() < 0.9 * weak[:half].max()
+    soft = np.asarray(DegradingBoucWen(inner, stiffness_loss=0.05).simulate(None, u))
+    assert soft[half:].max() == pytest.approx(soft[:half].max(), rel=1e-3)
+    turn = int(np.argmax(cycle))
+    drop = [soft[at] - soft[at + 1] for at in (turn, half - 1 + turn)]
+    assert drop[1] < 0.8 * drop[0]
+
+
+def test_no_way_is_too_long_and_gradients_stay_finite():
+    u = jnp.array([0.0, 0.0, 40.0, 1e8, 1e8, -1e8, -79.9999, 3.0, 3.0, 0.0])
+    gradient = eqx.filter_jit(jax.grad(lambda point: point[0].simulate(None, point[1]).sum()))
+    for n in (0.5, 1.0, 10.0):
+        inner = BoucWen(2.0, 0.2, 0.5, n, -0.9, 0.1)
+        model = DegradingBoucWen(inner, 0.05, 0.1, SLIP)
+        z = (simulate(model, u) - 0.1 - 0.4 * u) / 1.6
+        assert np.abs(z).max() <= 0.5 + 1e-7  # of outputs of 1e8
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient((model, u))))
+
+
+def test_inverse_of_any_shape():
+    rng = np.random.default_rng(0)
+    for seed in range(3):
+        model = drawn(seed, loss=0.9)
+        u = rng.uniform(-3, 3, SAMPLES)
+        y = np.asarray(simulate(model, u))
+        found = invert(model).simulate(None, y)
+        assert np.all(found.status == Status.OK)
+        again = np.asarray(simulate(model, found.value))
+        assert np.abs(again - y).max() <= 1e-12 * np.ptp(y)
+
+
+def test_inverse_has_the_slope_of_the_inverse_function():
+    """dx/dy of one step is 1 / (dy/dx), by an implicit derivative."""
+    model = DegradingBoucWen(BoucWen(2.0, 0.2, 0.5, 1.5, 0.3), 0.1, 0.1, SLIP)
+    state, _ = model.stream(None, [1.0, -1.0])
+    x = jnp.asarray(-0.3)
+    y, there = jax.jvp(lambda x: model.step(state, None, x)[1], (x,), (jnp.ones_like(x),))
+    back = jax.grad(lambda y: invert(model).step(state, None, y)[1].value)(y)
+    assert float(there * back) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_inverse_has_limits_without_a_line():
+    model = DegradingBoucWen(BoucWen(2.0, 0.0, 0.5, 2.0, 0.0), stiffness_loss=0.1)
+    found = invert(model).simulate(None, [0.5, 1.1, np.nan, -0.5, -3.0, 0.0])
+    beyond, ok = Status.SATURATED, Status.OK
+    np.testing.assert_array_equal(found.status, [ok, beyond, Status.INVALID, ok, beyond, ok])
+    assert found.value[2] == found.value[1] == found.value[0]
+    assert found.value[4] == found.value[3]
+
+
+def test_a_loss_that_outruns_the_line_has_no_inverse():
+    model = DegradingBoucWen(BoucWen(2.0, 0.1, 0.5, 2.0, 0.0), strength_loss=0.3)
+    with pytest.raises(InputError, match="not-invertible") as caught:
+        invert(model)
+    for word in ("alpha = 0.1", "strength_loss = 0.3", "several inputs", "n alpha / (1 - alpha)"):
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: DegradingBoucWen(BoucWen(1.0, 0.5, 1.0), -0.1), "strength_loss"),
+        (lambda: DegradingBoucWen(BoucWen(1.0, 0.5, 1.0), None, np.nan), "stiffness_loss"),
+        (lambda: Pinching(1.0, 1.0, 0.2, 0.1, 0.1), "slip"),
+        (lambda: Pinching(0.5, 1.0, 1.0, 0.1, 0.1), "level"),
+        (lambda: Pinching(0.5, 1.0, 0.2, 0.0, 0.1), "spread"),
+        (lambda: Pinching(0.5, 1.0, 0.2, 0.1, 0.1, -1.0), "widening"),
+    ],
+)
+def test_bad_arguments_are_refused(make, words: str):
+    with pytest.raises(InputError, match="parameter-out-of-bounds") as caught:
+        make()
+    assert words in str(caught.value)

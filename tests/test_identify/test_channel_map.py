@@ -1,0 +1,210 @@
+"""Fitting a channel map: what it finds, what it may see, and what is left out."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError, Record
+from identify import fit, load, save
+from identify._channel_map import CELLS, RIDGE, _parts, _Problem, combine, fit_channel_map
+from identify._folds import as_good
+
+CYCLES, SAMPLES = 6, 60
+CHANNELS = {"rises": "mT", "falls": "V", "bends": "1"}
+
+
+def rig(
+    noise: float = 1e-3,
+    runs: int = 1,
+    settling: float = 0.0,
+    seed: int = 0,
+    names: tuple[str, ...] = tuple(CHANNELS),
+    more: dict[str, np.ndarray] | None = None,
+) -> Record:
+    """A load, and three channels of which two have loops that cancel; `settling` spoils first cycles."""
+    rng = np.random.default_rng(seed)
+    n = CYCLES * SAMPLES + 1
+    t = 0.05 * np.arange(n)
+    phase = 2 * np.pi * np.arange(n) / SAMPLES
+    load, loop = 5 - 5 * np.cos(phase), np.sin(phase)
+    fading = settling * np.exp(-np.arange(n) / SAMPLES)
+    columns = {
+        "rises": 2 * load + 3 * loop + fading * load**2,
+        "falls": 4 - 0.3 * load + 0.45 * loop,
+        "bends": (load - 4) ** 2,
+    }
+    columns = {
+        name: np.tile(x, runs) + noise * np.ptp(x) * rng.normal(size=runs * n)
+        for name, x in columns.items()
+    }
+    return Record.from_arrays(
+        None,
+        np.tile(load, runs) + noise * rng.normal(size=runs * n),
+        np.tile(t, runs),
+        np.repeat(np.arange(runs), n),
+        columns=columns | (more or {}),
+        channels={name: CHANNELS.get(name, "1") for name in names},
+        output_unit="N",
+    )
+
+
+def test_channels_whose_loops_cancel_give_the_output():
+    record = rig()
+    map, combined = fit_channel_map(record)
+    error = combined.input - combined.output
+    # Its channels carry a thousandth of noise each, and count up to five times the output's slope.
+    assert np.sqrt(np.mean(error[combined.mask] ** 2)) < 0.005 * np.ptp(record.output)
+    assert (combined.input_name, combined.input_unit) == ("3 channels combined", "N")
+    assert combined.channels == {}
+    assert dict(zip(map.names, map.units, strict=True)) == CHANNELS
+
+
+def test_the_order_of_channels_does_not_matter():
+    there, back = rig(), rig(names=tuple(reversed(CHANNELS)))
+    (one, first), (other, second) = fit_channel_map(there), fit_channel_map(back)
+    # The same normal equations in another order; their condition costs half of the digits.
+    np.testing.assert_allclose(second.input, first.input, atol=1e-7)
+    np.testing.assert_allclose(other.values[::-1], one.values, atol=1e-6)
+
+
+def test_the_unknowns_minimise_what_is_written_down():
+    record = rig(runs=3)
+    part, tested = _parts(record, 0)
+    problem = _Problem(record, list(CHANNELS), part, tested, 0)
+    strength = 1e-3
+    scale = np.ptp(record.output)
+    x = np.column_stack([record.columns[name] for name in CHANNELS])
+    share = (x - x.min(0)) / np.ptp(x, axis=0) * CELLS
+    ramps = np.clip(share[:, :, None] - np.arange(CELLS), 0, 1).reshape(len(x), -1)
+    A = np.hstack([np.ones((len(x), 1)), ramps]) / np.sqrt(len(x))
+    bends = np.kron(np.eye(3), np.sqrt(strength * CELLS) * np.diff(np.eye(CELLS), axis=0))
+    sizes = np.sqrt(strength * RIDGE) * np.eye(3 * CELLS)
+    prior = np.hstack([np.zeros((len(bends) + len(sizes), 1)), np.vstack([bends, sizes])])
+    y = np.append(record.output / scale / np.sqrt(len(x)), np.zeros(len(prior)))
+    expected = np.linalg.lstsq(np.vstack([A, prior]), y, rcond=None)[0]
+    # Normal equations square the condition; a ridge of 1e-12 of their size is added to them.
+    np.testing.assert_allclose(problem.solve(strength), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+def test_only_training_rows_are_seen(runs: int):
+    record = rig(runs=runs)
+    held = record.cycle == CYCLES
+    train = record.split_rows(held)[0]
+    changed = {k: np.where(held, -7 * x, x) for k, x in record.columns.items()}
+    other = replace(
+        train, output=np.where(held, 99.0, train.output), columns=changed, input=train.input
+    )
+    (map, _), (same, _) = fit_channel_map(train), fit_channel_map(other)
+    np.testing.assert_array_equal(same.values, map.values)
+    np.testing.assert_array_equal(same.nodes, map.nodes)
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+def test_each_part_has_the_values_of_a_map_that_did_not_see_it(runs: int):
+    record = rig(runs=runs)
+    rows = record.cycle == 5 if runs == 1 else np.arange(len(record)) >= record.starts[2]
+    moved = replace(record, output=np.where(rows, record.output + 0.01, record.output))
+    first, second = (fit_channel_map(r, keep_conditioning=True)[1] for r in (record, moved))
+    # Outputs are scaled by their range, which the moved rows change: rounding.
+    np.testing.assert_allclose(first.input[rows], second.input[rows], rtol=0, atol=1e-10)
+    assert np.abs(first.input - second.input)[~rows].max() > 1e-4
+
+
+def test_first_cycles_of_a_sample_that_settles_are_left_out():
+    settling = rig(settling=0.3)
+    map, combined = fit_channel_map(settling)
+    first = np.flatnonzero(combined.mask)[0]
+    assert settling.cycle[first] in (2, 3)
+    assert "the sample settles" in " ".join(combined.history)
+    kept_map, kept = fit_channel_map(settling, keep_conditioning=True)
+    assert kept.mask.all()
+    late = settling.cycle == CYCLES
+    off, worse = (combine(settling, m).input - settling.output for m in (map, kept_map))
+    assert np.std(off[late]) < 0.8 * np.std(worse[late])
+
+
+def test_a_still_channel_is_left_out_and_said():
+    n = len(rig())
+    record = rig(names=(*CHANNELS, "still"), more={"still": np.full(n, 3.0)})
+    map, combined = fit_channel_map(record)
+    assert map.names == tuple(CHANNELS)
+    assert "Left out 'still'" in " ".join(combined.history)
+    np.testing.assert_allclose(combined.input, fit_channel_map(rig())[1].input, atol=1e-7)
+
+
+def test_what_cannot_be_fitted_is_refused():
+    n = len(rig())
+    still = {"a": np.zeros(n), "b": np.ones(n)}
+    few = np.arange(n) < 2
+    for record, code in (
+        (rig(names=("a", "b"), more=still), "constant-input"),
+        (replace(rig(), mask=few), "too-short"),
+    ):
+        with pytest.raises(InputError) as caught:
+            fit_channel_map(record)
+        assert caught.value.code == code
+
+
+def line(record: Record, **options: Any) -> Any:
+    return fit(record, "LinearSponge", starts=1, **options)
+
+
+def test_one_channel_is_the_scalar_route():
+    """Where the output is a line of it, up to the prior's pull and the held-out parts."""
+    n = len(rig())
+    x = 3 - 0.5 * rig(noise=0.0).output
+    record = rig(noise=0.0, names=("x", "still"), more={"x": x, "still": np.zeros(n)})
+    scalar = Record.from_arrays(x, record.output, record.time)
+    one, other = line(record), line(scalar)
+    np.testing.assert_allclose(one.predict(record), other.predict(scalar), atol=1e-3 * 10)
+
+
+def test_a_fit_is_saved_with_its_map(tmp_path: Path):
+    record = rig()
+    train, test = record.split_cycles(1)
+    found = line(train, test=test)
+    back = load(save(found, tmp_path / "fit"))
+    assert back.channels is not None
+    assert found.channels is not None
+    assert back.channels.names == found.channels.names
+    np.testing.assert_array_equal(back.predict(record), found.predict(record))
+    # What was fitted is in the folder as the model saw it, and needs no channels.
+    np.testing.assert_array_equal(back.predict(back.train), found.predict(found.train))
+    np.testing.assert_array_equal(back.beyond(record), found.beyond(record))
+    assert found.metrics["test"] is not None
+    assert found.metrics["test"].nrmse_percent < 1.0
+
+
+def test_other_inputs_than_those_of_the_fit_are_refused():
+    record, plain = rig(), Record.from_arrays(rig().input, rig().output, rig().time)
+    with_channels, without = line(record), line(plain)
+    turned = rig(names=tuple(reversed(CHANNELS)))
+    np.testing.assert_allclose(with_channels.predict(turned), with_channels.predict(record))
+    for found, wrong in (
+        (with_channels, plain),
+        (with_channels, rig(names=("rises", "falls"))),
+        (without, record),
+    ):
+        with pytest.raises(InputError) as caught:
+            found.predict(wrong)
+        assert caught.value.code == "other-channels"
+
+
+def test_a_channel_beyond_its_range_is_flagged():
+    record = rig()
+    found = line(record)
+    assert not found.beyond(record)[found.train.mask].any()
+    columns = {**record.columns, "bends": record.columns["bends"].copy()}
+    columns["bends"][77] = 1e3
+    assert found.beyond(replace(record, columns=columns))[77]
+
+
+def test_as_good_is_within_a_standard_error_of_the_paired_difference():
+    rng = np.random.default_rng(0)
+    least = rng.uniform(1, 2, 50)
+    assert as_good(least + rng.normal(0.0, 1.0, 50), least)
+    assert not as_good(least + 0.1, least)

@@ -1,0 +1,168 @@
+"""Fits of creep and relaxation: known elements come back, in the rig's units, and survive a folder."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import identify
+from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
+from identify import fit_step, kind_of, stepped
+
+CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
+RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
+T = np.geomspace(0.02, 200.0, 240)
+FORCE = -3.0
+"""A press, as many rigs sign it."""
+
+
+def record(t: np.ndarray, y: np.ndarray, step: float = FORCE) -> Record:
+    return Record.from_arrays(
+        np.full(len(t), step), y, t,
+        input_name="force", output_name="x", input_unit="N", output_unit="mm",
+    )  # fmt: skip
+
+
+def creeping(seed: int = 0, size: float = 0.002) -> np.ndarray:
+    noise = 1 + size * np.random.default_rng(seed).normal(size=len(T))
+    return FORCE * np.asarray(CREEP.creep_compliance(T)) * noise
+
+
+def test_creep_under_a_press():
+    fit = fit_step(record(T, creeping()))
+    assert isinstance(fit.model, GeneralizedKelvinVoigt)
+    assert fit.name == "GeneralizedKelvinVoigt of order 2"
+    found = {p.name: p for p in fit.parameters}
+    assert list(found) == ["E0", "eta0", "E1", "eta1", "E2", "eta2"]
+    truth = {"E0": 2.0, "eta0": 500.0, "E1": 1.0, "eta1": 0.5, "E2": 4.0, "eta2": 80.0}
+    for name, value in truth.items():
+        error = found[name].stderr
+        assert found[name].status == "free"
+        assert error is not None
+        # Four standard errors: a chance of one in three thousand for six of them.
+        assert abs(found[name].value - value) < 4 * error < value
+    assert (found["E1"].unit, found["eta1"].unit) == ("N / mm", "N * s / mm")
+    assert fit.covariance.shape == (6, 6)
+    np.testing.assert_allclose(
+        np.sqrt(np.diagonal(fit.covariance)), [p.stderr or 0.0 for p in fit.parameters]
+    )
+    assert [c.name for c in fit.candidates[:1]] == [fit.name]
+    scores = [c.score for c in fit.candidates]
+    assert scores == sorted(scores)
+
+
+def test_relaxation():
+    y = 0.2 * np.asarray(RELAXING.relaxation_modulus(T))
+    noise = 1 + 0.002 * np.random.default_rng(1).normal(size=len(T))
+    fit = fit_step(record(T, y * noise, 0.2))
+    assert isinstance(fit.model, GeneralizedMaxwell)
+    found = {p.name: p.value for p in fit.parameters}
+    assert list(found) == ["E_inf", "E1", "tau1", "E2", "tau2"]
+    np.testing.assert_allclose([*found.values()], [0.5, 1.0, 0.4, 4.0, 20.0], rtol=0.1)
+
+
+def test_a_liquid_has_no_spring():
+    y = np.asarray(GeneralizedMaxwell(0.0, [1.0, 4.0], [0.4, 20.0]).relaxation_modulus(T))
+    fit = fit_step(record(T[T < 100], y[T < 100], 1.0))
+    spring = next(p for p in fit.parameters if p.name == "E_inf")
+    # Without noise what is left of a spring is the normal equations' rounding.
+    assert spring.status == "at bound" or spring.value < 1e-3
+
+
+def test_what_the_model_predicts_is_what_was_fitted():
+    """The step's own row included: the model sees the jump at zero and not at the first reading."""
+    fit = fit_step(record(T, creeping()))
+    assert fit.train.time is not None
+    assert fit.train.time[0] == 0
+    assert not fit.train.mask[0]
+    predicted = fit.predict(fit.train)
+    np.testing.assert_allclose(
+        predicted[1:] - fit.train.output[1:], fit.residuals[1:], atol=1e-9 * np.abs(predicted).max()
+    )
+
+
+def test_a_clock_that_was_running_before():
+    late = record(T + 5000.0, creeping())
+    assert not identify.is_at_first_row(stepped(record(T, creeping())))
+    assert identify.is_at_first_row(stepped(late))
+    moved = stepped(late)
+    assert moved.time is not None
+    np.testing.assert_allclose(moved.time, T - T[0], atol=1e-9)
+    as_asked = stepped(late, at_first_row=False).time
+    assert as_asked is not None
+    assert as_asked[1] == T[0] + 5000.0
+    assert stepped(moved) is moved
+
+
+def test_the_end_held_out():
+    fit = fit_step(record(T, creeping()), test_tail=0.15)
+    assert fit.metrics["test"] is not None
+    assert fit.test is not None
+    assert any("held-out rows, up to" in reason for reason in fit.verdict.reasons)
+    found = fit.internals["spectrum"]
+    assert found.span < T[-1] / 3
+    _, low, high = found.predict(T)
+    y = np.asarray(CREEP.creep_compliance(T))
+    assert np.mean((low <= y) & (y <= high)) > 0.95
+
+
+def test_elements_outside_the_record_are_a_spring_or_a_dashpot():
+    slow = GeneralizedKelvinVoigt(2.0, [1.0, 0.01], [0.5, 4.0])
+    t = np.geomspace(0.02, 20.0, 120)
+    noise = 1 + 1e-3 * np.random.default_rng(0).normal(size=len(t))
+    fit = fit_step(record(t, FORCE * np.asarray(slow.creep_compliance(t)) * noise))
+    assert [p.status for p in fit.parameters if p.name in ("E1", "eta1")] == ["free", "free"]
+    found = fit.internals["spectrum"]
+    tau = [float(e) for e in np.asarray(found.model.eta / found.model.E)]
+    beyond = [k for k, x in enumerate(tau, 1) if x >= found.span]
+    names = {p.name: p for p in fit.parameters}
+    # A slow element flows: as a dashpot of its own, or as one whose stiffness no row tells.
+    assert "eta0" in names or beyond
+    for k in beyond:
+        assert (names[f"E{k}"].status, names[f"E{k}"].stderr) == ("unidentified", None)
+        assert any("identifiable only as a dashpot" in note for note in fit.notes)
+
+
+def test_a_folder_keeps_it(tmp_path: Path):
+    fit = fit_step(record(T, creeping()), test_tail=0.2)
+    identify.save(fit, tmp_path / "fit")
+    loaded = identify.load(tmp_path / "fit")
+    assert loaded.parameters == fit.parameters
+    old, new = fit.internals["spectrum"], loaded.internals["spectrum"]
+    assert (new.table, new.order, new.kind, new.notes) == (
+        old.table,
+        old.order,
+        old.kind,
+        old.notes,
+    )
+    for mine, kept in zip(old.predict(T), new.predict(T), strict=True):
+        np.testing.assert_array_equal(mine, kept)
+    with pytest.raises(InputError, match=r"\[no-posterior\]"):
+        identify.sample(loaded)
+
+
+GOOD = creeping()
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        (record(T, GOOD, 0.0), "no-step"),
+        (Record.from_arrays(T, GOOD, T), "no-step"),
+        (Record.from_arrays(np.ones(len(T)), GOOD), "no-time"),
+        (Record.from_arrays(np.ones(len(T)), -GOOD, T, T > 1), "several-sequences"),
+        (record(T - 1.0, GOOD), "before-the-step"),
+        (record(T, -GOOD), "wrong-sign"),
+        (record(T[:7], GOOD[:7]), "too-few-samples"),
+        (record(T, np.full(len(T), FORCE)), "no-excitation"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_what_is_no_step(given: Record, code: str):
+    with pytest.raises(InputError, match=rf"\[{code}\]"):
+        fit_step(given)
+
+
+def test_kind_is_told_by_the_direction_of_the_step():
+    assert kind_of(record(T, GOOD)) == "creep"
+    assert kind_of(record(T, GOOD[::-1])) == "relaxation"
