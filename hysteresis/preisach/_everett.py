@@ -83,8 +83,8 @@ def bilinear(table: Float[Array, "nodes nodes"], pairs: GridPairs) -> Float[Arra
 
 
 def read(array: Array, index: Any) -> Array:
-    """array[index] without a bounds check, which doubles the time of a look-up."""
-    return array.at[index].get(mode="promise_in_bounds")
+    """array[index] without a bounds check, which doubles the time of a look-up; no index is negative."""
+    return array.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
 def materialise(tree: Tree, runtime_true: Any) -> Tree:

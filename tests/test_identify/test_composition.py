@@ -116,7 +116,7 @@ def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
 def test_an_input_that_a_curve_maps_first_is_seen(tmp_path: Path):
     def steep(seed: int) -> Record:
         t, u = walk(seed)
-        return Record.from_arrays(u, np.asarray(branches().simulate(t, u**4)), t)
+        return Record.from_arrays(u, np.asarray(branches().simulate(t, u**8)), t)
 
     data, other = steep(0), steep(7)
     found = fit(data, "Composition", test_tail=0.3, clocks="keep")
