@@ -13,7 +13,7 @@ from ._chain import Chain, Hold, exact_step
 from ._errors import InputError
 from ._model import AbstractModel, Series, is_start, time_steps
 from ._parameter import Scalar, is_concrete
-from ._recurrence import coupled_recurrence, linear_recurrence
+from ._recurrence import Rows, coupled_recurrence, linear_recurrence
 
 POSITIVE = (0.0, float("inf"))
 STIFFNESS, VISCOSITY = "force / displacement", "force * time / displacement"
@@ -120,8 +120,9 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         direct, rates, drives = chain.direct, chain.all_rates, chain.all_drives
         begin = state.branches
         if not self.against_chain:
-            branches = _branches(rates, drives, begin, dt, u, u_before, start, self.hold)
-            return direct * u + sum(branches, start=jnp.zeros_like(u)) + self.offset
+            branches, inputs = (rates, drives, begin), (dt, u, u_before, start)
+            states = _branch_states(self.hold, branches, inputs)
+            return direct * u + sum(states, start=jnp.zeros_like(u)) + self.offset
         # The load before = (u before - sum of x) / direct removes the load from the recurrence in x.
         decay, before, now = exact_step(rates[None], drives[None], dt[:, None], self.hold)
         gain = now / (direct + now.sum(-1, keepdims=True))
@@ -175,29 +176,40 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         return self.state_type(t, load, branches)
 
 
-@partial(jax.jit, static_argnames="hold")
-def _branches(
-    rates: Array,
-    drives: Array,
-    begin: Array,
-    dt: Array,
-    u: Array,
-    u_before: Array,
-    start: Array,
-    hold: Hold,
-) -> tuple[Float[Array, " samples"], ...]:
-    """The states of a chain's branches, each begun anew where sequences start."""
+Branches = tuple[Array, Array, Array]
+"""Rates, drives and first states."""
 
-    # One branch after the other, and what its derivative needs computed again from the few arrays that
-    # all share: much of a gradient's time is memory taken for the first time.
-    @jax.checkpoint
-    def recurrence(branch: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-        rate, drive, x = branch
-        decay, before, now = exact_step(rate, drive, dt, hold)
-        return decay * (1 - start), before * u_before + now * u + decay * start * x
+Inputs = tuple[Array, Array, Array, Array]
+"""Steps, inputs, the inputs before them, and where sequences start."""
 
-    factors, added = jax.lax.map(recurrence, (rates, drives, begin))
-    return linear_recurrence(tuple(factors), tuple(added))
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _at_once(hold: Hold, branches: Branches, inputs: Inputs) -> Rows:
+    steps = [_recurrence(hold, inputs, branch) for branch in zip(*branches, strict=True)]
+    return linear_recurrence(tuple(a for a, _ in steps), tuple(b for _, b in steps))
+
+
+@_at_once.defjvp
+def _one_by_one(
+    hold: Hold, primals: tuple[Branches, Inputs], tangents: tuple[Branches, Inputs]
+) -> tuple[Rows, Rows]:
+    # One branch after the other, and what its derivative needs computed again from the few arrays that all
+    # share: half of a gradient's time was memory taken for the first time.
+    def states(branches: Branches, inputs: Inputs) -> Rows:
+        a, b = jax.lax.map(jax.checkpoint(partial(_recurrence, hold, inputs)), branches)
+        return linear_recurrence(tuple(a), tuple(b))
+
+    return jax.jvp(states, primals, tangents)
+
+
+def _recurrence(hold: Hold, inputs: Inputs, branch: Branches) -> tuple[Array, Array]:
+    (dt, u, u_before, start), (rate, drive, begin) = inputs, branch
+    decay, before, now = exact_step(rate, drive, dt, hold)
+    return decay * (1 - start), before * u_before + now * u + decay * start * begin
+
+
+_branch_states = jax.jit(_at_once, static_argnums=0)
+"""The states of all branches after every sample; each sequence begins in their first ones."""
 
 
 def check_positive(**values: Any) -> None:
