@@ -192,7 +192,7 @@ def _found(
         fitted |= {f"{array}.{k}": fitted[f"{array}.{j}"] for k, j in enumerate(order)}
 
     def holds(name: str, value: float) -> bool:
-        _, at, _, error, _ = fitted[name]
+        at, error = fitted[name].value, fitted[name].stderr
         return error is not None and bool(abs(at - value) <= 1.96 * error)
 
     return {n: holds(n, v) for n, v in zip(bounds.names, bounds.values(truth), strict=True)}

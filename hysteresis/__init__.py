@@ -24,7 +24,9 @@ from ._foam_curve import FoamCurve as FoamCurve
 from ._model import AbstractModel as AbstractModel
 from ._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
 from ._parameter import ParameterInfo as ParameterInfo
+from ._parameter import Scalar as Scalar
 from ._parameter import is_concrete as is_concrete
+from ._parameter import parameter as parameter
 from ._parameter import parameter_at as parameter_at
 from ._parameter import parameters as parameters
 from ._prandtl_ishlinskii import PlayState as PlayState
@@ -32,6 +34,7 @@ from ._prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii
 from ._prony import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from ._prony import GeneralizedMaxwell as GeneralizedMaxwell
 from ._record import Record as Record
+from ._recurrence import linear_recurrence as linear_recurrence
 from ._softening import Softening as Softening
 from ._sponge import LinearSponge as LinearSponge
 from ._suspicions import loop_direction as loop_direction

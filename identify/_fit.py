@@ -1,7 +1,7 @@
 """`fit`: candidates, ranked on held-out parts, the winner refitted on the whole training part."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from hysteresis import (
     Preisach,
     Record,
     check_identifiable,
-    parameters,
 )
 from hysteresis.preisach import AbstractGridDensity
 
@@ -34,14 +33,18 @@ from ._guess import (
 )
 from ._metrics import metrics
 from ._noise import Noise
+from ._noise_fit import kinds
 from ._parametric import fit_parametric
 from ._preisach import GRIDS, LinearFit, fit_preisach
 from ._preisach_unknowns import TOTALS
 from ._result import FitResult, Parameter, predict
+from ._settings import with_settings
 from ._settling import settled
+from ._transform import transform_for
 from ._verdict import judge
 
 Report = Callable[[str], None]
+Said = Mapping[str, Mapping[str, Any]]
 
 WORTH = 0.2
 """Part of the mean squared error that a lag must take away to be believed."""
@@ -57,6 +60,8 @@ def fit(
     initial: str = "auto",
     conditioning: str = "auto",
     clocks: str = "auto",
+    noise: str = "auto",
+    parameters: Said | None = None,
     starts: int = 32,
     seed: int = 0,
     allow_float32: bool = False,
@@ -89,6 +94,11 @@ def fit(
     - `clocks`: `"auto"` makes an input linear between updates that come less often than rows, and looks
       for a constant lag between input and output where a composition predicts better with one; `"keep"`
       takes the input as it is.
+    - `noise`: what the residuals of a model of few parameters are taken for: gaussian, student-t, ar1,
+      arma11, growing (with the reading), input (errors in it), or several with + between; `"auto"` lets the
+      evidence choose, and believes it where it leaves nothing that is coloured or follows the input.
+    - `parameters`: what is known of the parameters of one model of few: name -> {"start", "bounds",
+      "prior", "fixed", "tied"}, such as {"E1": {"prior": "log-normal(2, 1.5)"}, "offset": {"fixed": 0}}.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
@@ -105,7 +115,15 @@ def fit(
     elif test_tail is not None:
         record, test = record.split_tail(test_tail)
     _check_choices(initial, conditioning, clocks, starts, seed)
+    kinds(noise)
     names, template = _names(model)
+    weights = template is None and {"Preisach", COMPOSITION} & set(names)
+    if parameters and (len(names) > 1 or weights):
+        raise InputError(
+            "which-model",
+            f"{', '.join(parameters)}: parameters of which model?",
+            fix="name one model of few parameters.",
+        )
     channels = None
     if record.channels:
         channels, record = fit_channel_map(record, keep_conditioning=conditioning == "keep")
@@ -135,7 +153,8 @@ def fit(
                 with_lag = clocks == "auto" and channels is None
                 new = _fit_compositions(record, cut, initial, with_lag, seed, say)
             else:
-                new = [_fit_one(name, template, record, cut, initial, starts, seed)]
+                about = (parameters or {}, noise)
+                new = [_fit_one(name, template, record, cut, initial, starts, seed, about)]
         except InputError as error:
             if len(names) == 1:
                 raise
@@ -200,6 +219,7 @@ def _fit_one(
     initial: str,
     starts: int,
     seed: int,
+    about: tuple[Said, str],
 ) -> FitResult:
     own = isinstance(template, Preisach) and not isinstance(template.density, AbstractGridDensity)
     if name == "Preisach" and not own:
@@ -207,9 +227,12 @@ def _fit_one(
     suggested = guess(name, record)
     start = template or suggested
     assert start is not None  # a name without a model is one of `MODELS`
-    free = sum(not info.fixed for _, info, _ in parameters(start))
+    said, noise = about
+    start, settings = with_settings(start, said)
+    free = len(transform_for(start, record, settings).names)
     check_identifiable(record, n_parameters=free)
-    return fit_parametric(name, start, record, cut, starts, seed, suggested if template else None)
+    others = suggested if template and not said else None
+    return fit_parametric(name, start, record, cut, starts, seed, others, noise, settings)
 
 
 def _fit_preisach(

@@ -11,12 +11,19 @@ from hysteresis import AbstractModel, InputError, Record, parameters
 from ._evidence import evidence
 from ._folds import Parts, block_errors
 from ._least_squares import Optimum, multi_start, refine, thinned_rows
+from ._likeliest import BELIEVED, likeliest
+from ._noise_fit import kinds
+from ._noise_model import rows_of
 from ._result import FitResult, Parameter, Status, predict, prepare
-from ._transform import Transform, transform
+from ._settings import Settings
+from ._transform import Transform, transform, transform_for
 
 SPREADS = (1.5, 3.0, 6.0)
 """Standard deviation of the starts in the free space, 1.5 a factor of 4.5 for a positive parameter. Wider
 where no output was finite: a density far outside the record vanishes in floating point."""
+
+NINETY = 1.6448536
+"""Standard deviations on either side that hold 90 % of a Gaussian."""
 
 REFINED = 4
 """Starts that are followed to their end: after few steps the best is not always first."""
@@ -30,20 +37,22 @@ def fit_parametric(
     starts: int = 32,
     seed: int = 0,
     suggested: AbstractModel | None = None,
+    noise: str = "auto",
+    settings: Settings | None = None,
 ) -> FitResult:
-    """Fit every free parameter of `template`, numbers and short arrays, by least squares.
+    """Fit the free parameters of `template`, numbers and short arrays: least squares, then likelihood.
 
     The search for a start runs on about a thousand rows, side by side, from `template`, from others about
     it and from the model that the record suggests, if one is given and has the same parameters; the best
     starts are refined on every row. A conditioning cycle is left out where that predicts the held-out one
-    better.
+    better. From there the maximum of the likelihood is sought under the kind of `noise` that the residuals
+    show, see `likeliest`. Where none explains them, because they are coloured otherwise or follow the
+    input, least squares stays, and its errors are widened by the residuals' correlation time.
 
     Raises `InputError` where no start gives a finite output.
     """
     y = np.where(record.mask, record.output, 0.0)
-    bounds = transform(
-        template, float(np.ptp(y[record.mask])), float(np.ptp(record.input[record.mask]))
-    )
+    bounds = transform_for(template, record, settings).for_fit
     rows, thin_starts = thinned_rows(record, 1000)
     time = None if record.time is None else record.time[rows]
     thin = template.prepare(time, record.input[rows], starts=thin_starts)
@@ -88,19 +97,40 @@ def fit_parametric(
 
     held_out = float(blocks[dropped].mean())
     left = evidence(record, parts, predict(model, record), dropped, held_out, len(bounds.names))
-    variance = left.noise.sigma**2 * left.noise.correlation_time
-    covariance = _covariance(optimum.jacobian, variance)
+    tried_kinds = kinds(noise)
+    rows = rows_of(record, left.used, predict(model, record))
+    about = (bounds, template, prepared, y, rows, optimum.free)
+    found = likeliest(*about, tried_kinds)
+    noise_model, size = None, left.noise
+    if found is not None and (found.believed > BELIEVED or noise != "auto"):
+        noise_model, size, widened = found.noise, found.summary(), 1.0
+    else:
+        widened = left.noise.correlation_time
+        # What is asked of the parameters weighs against as many facts as are independent.
+        found = likeliest(*about, kinds("gaussian"), widened) if bounds.asked else None
+    if found is None:
+        free, covariance = (
+            optimum.free,
+            _covariance(optimum.jacobian, left.noise.sigma**2 * widened),
+        )
+    else:
+        free, covariance = found.free, _covariance(found.root, widened)
+        model = _model(bounds, template, free)
+        left = evidence(record, parts, predict(model, record), dropped, held_out, len(free))
     return FitResult(
         name=name,
         model=model,
-        parameters=_parameters(model, bounds, optimum.free, covariance, record),
-        covariance=_scaled(covariance, bounds.slope(optimum.free)),
+        parameters=_parameters(model, bounds, free, covariance, record),
+        covariance=_scaled(covariance, bounds.slope(free)),
         residuals=left.residuals,
         metrics=left.metrics,
         success=optimum.converged,
         score=left.score,
         blocks=blocks[dropped],
-        noise=left.noise,
+        noise=size if noise_model is not None else left.noise,
+        noise_model=noise_model,
+        noise_evidence={} if noise_model is None or found is None else found.over_the_best,
+        settings=settings or {},
         train=record,
         starts=tried,
         notes=left.notes,
@@ -154,13 +184,20 @@ def _parameters(
         bounded = np.isfinite(bounds.low[k]) or np.isfinite(bounds.high[k])
         two_sided = np.isfinite(bounds.low[k]) and np.isfinite(bounds.high[k])
         status: Status = "free"
-        if two_sided and abs(z[k]) > 7:
+        # The distance from a bound other than 0, on the bound's own scale.
+        end = bounds.low[k] if np.isfinite(bounds.low[k]) else bounds.high[k]
+        near = bounded and end != 0 and np.exp(z[k]) < 1e-3 * abs(end)
+        if abs(z[k]) > 7 if two_sided else near:
             status = "at bound"
         elif not np.isfinite(error) or (bounded and error > 2):
             status = "unidentified"
         slope = float(bounds.slope(z)[k])
-        honest = status == "free"
-        found.append(Parameter(name, value, unit, error * abs(slope) if honest else None, status))
+        if status != "free":
+            found.append(Parameter(name, value, unit, None, status))
+            continue
+        ends = [z + np.eye(len(z))[k] * side * NINETY * error for side in (-1, 1)]
+        low, high = (float(bounds.to_values(jnp.asarray(end))[k]) for end in ends)
+        found.append(Parameter(name, value, unit, error * abs(slope), status, low, high))
     return tuple(found)
 
 

@@ -13,19 +13,26 @@ from ._clocks import Clocks
 from ._least_squares import Starts
 from ._metrics import Metrics
 from ._noise import Noise
+from ._noise_model import NoiseModel
+from ._settings import Settings
 
 Level = Literal["PASS", "CAUTION", "FAIL"]
 Status = Literal["free", "fixed", "at bound", "unidentified"]
 
 
 class Parameter(NamedTuple):
-    """A fitted parameter: value, unit, standard error (None where there is no honest one), status."""
+    """A fitted parameter: value, unit, standard error (None where there is no honest one), status.
+
+    `low`, `high`: its 90 % interval, symmetric in the free space and so never beyond a bound.
+    """
 
     name: str
     value: float
     unit: str
     stderr: float | None
     status: Status
+    low: float | None = None
+    high: float | None = None
 
 
 class Verdict(NamedTuple):
@@ -46,7 +53,9 @@ class FitResult:
     - `success`: the solver converged. `trusted`: the answer can be used; `verdict` says why not.
     - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
     - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
-    - `noise`: size and correlation of the residuals. `rows`: how many rows were fitted.
+    - `noise`: size and correlation of the residuals.
+    - `noise_model`: what explains them, None where nothing does; `noise_evidence`: -log evidence of every
+      kind tried over the best one's. `settings`: what was said of the parameters.
     - `starts`: every start's objective, for parametric models.
     - `internals`: arrays the posterior of grid weights needs.
     - `candidates`: the other models tried, best first, this one included.
@@ -75,6 +84,9 @@ class FitResult:
     skipped: dict[str, str] = field(default_factory=dict)
     clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
     channels: ChannelMap | None = None
+    noise_model: NoiseModel | None = None
+    noise_evidence: dict[str, float] = field(default_factory=dict)
+    settings: Settings = field(default_factory=dict)
     seed: int = 0
     seconds: float = 0.0
 

@@ -11,74 +11,30 @@ import json
 import math
 import os
 import platform
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import (
-    BoucWen,
-    Burgers,
-    ChannelMap,
-    DegradingBoucWen,
-    FoamCurve,
-    GeneralizedKelvinVoigt,
-    GeneralizedMaxwell,
-    InputError,
-    LinearSponge,
-    MonotoneCurve,
-    MovingPreisach,
-    NonlinearMaxwell,
-    OutputDependentPreisach,
-    Pinching,
-    PrandtlIshlinskii,
-    Preisach,
-    Record,
-    Scaled,
-    Series,
-    Softening,
-    StandardLinearSolid,
-    Sum,
-)
-from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
-from hysteresis.preisach import (
-    FactorisedDensity,
-    GaussianDensity,
-    GridDensity,
-    LogNormalDensity,
-    LorentzianDensity,
-    NetworkDensity,
-    RidgeDensity,
-    SumDensity,
-)
+from hysteresis import InputError, Record
 
 from ._clocks import Clocks
 from ._composition import Composition
 from ._composition_fit import CompositionFit
+from ._information import numbers
 from ._least_squares import Starts
 from ._metrics import Metrics
+from ._model_file import describe_model, rebuild_model
 from ._noise import Noise
+from ._noise_fit import PARTS
+from ._noise_model import NoiseModel
 from ._preisach import LinearFit
 from ._preisach_unknowns import Unknowns
 from ._result import FitResult, Parameter, Verdict
+from ._settings import from_words, in_words
 from ._spectrum_file import rebuild_spectrum, spectrum_arrays, spectrum_words
 
 SCHEMA = 1
-_CLASSES = {
-    c.__name__: c
-    for c in (
-        LinearSponge, Burgers, PrandtlIshlinskii, Preisach, MovingPreisach, OutputDependentPreisach,
-        GridDensity, FactorisedDensity, NetworkDensity, RidgeDensity, SumDensity,
-        GaussianDensity, LorentzianDensity, LogNormalDensity,
-        StandardLinearSolid, GeneralizedKelvinVoigt, GeneralizedMaxwell,
-        FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve, Clip,
-        BoucWen, DegradingBoucWen, Pinching,
-        NonlinearMaxwell, Softening, Sum, Series, Scaled, ChannelMap,
-    )
-}  # fmt: skip
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
 
 
@@ -98,13 +54,8 @@ def save(
     folder = Path(folder)
     check_free(folder, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
-    for old in (
-        "posterior.json",
-        "posterior.nc",
-        "posterior_models.npz",
-        "chains.h5",
-        "report.html",
-    ):
+    posterior = ("posterior.json", "posterior.nc", "posterior_models.npz")
+    for old in (*posterior, "chains.h5", "chains.previous.h5", "report.html"):
         (folder / old).unlink(missing_ok=True)
     structure, arrays = describe_model(fit.model)
     channels: dict[str, Any] = {}
@@ -237,6 +188,10 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         success=document["success"],
         score=document["score_percent"],
         noise=Noise(**document["noise"]),
+        blocks=None if document.get("blocks") is None else np.array(document["blocks"]),
+        noise_model=_noise_model(document.get("noise_model")),
+        noise_evidence=document.get("noise_evidence", {}),
+        settings=from_words(document.get("settings", {})),
         train=records["train"],
         test=records.get("test"),
         notes=tuple(document["notes"]),
@@ -310,6 +265,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
             "history": list(record.history),
         },
         "clocks": fit.clocks._asdict(),
+        "settings": in_words(fit.settings),
         "seed": fit.seed,
         "versions": versions(),
     }
@@ -323,57 +279,17 @@ def summary(fit: FitResult) -> dict[str, Any]:
         "parameters": [p._asdict() for p in fit.parameters],
         "metrics": {k: None if m is None else m._asdict() for k, m in fit.metrics.items()},
         "score_percent": fit.score,
+        "blocks": fit.blocks,
+        "numbers": numbers(fit),
         "success": fit.success,
         "trusted": fit.trusted,
         "noise": fit.noise._asdict(),
+        "noise_model": _noise_words(fit.noise_model),
+        "noise_evidence": fit.noise_evidence,
         "notes": list(fit.notes),
         "verdict": {"level": fit.verdict.level, "reasons": list(fit.verdict.reasons)},
         "seconds": round(fit.seconds, 3),
     }
-
-
-def describe_model(model: eqx.Module, prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """A model as plain data plus named arrays: class, static fields, numbers, nested models."""
-    kind, arrays = type(model).__name__, {}
-    structure: dict[str, Any] = {"class": kind}
-    for field in fields(model):
-        value, name = getattr(model, field.name), prefix + field.name
-        if isinstance(value, eqx.Module):
-            structure[field.name], nested = describe_model(value, f"{name}.")
-            arrays |= nested
-        elif isinstance(value, tuple) and any(isinstance(part, eqx.Module) for part in value):
-            parts = [describe_model(part, f"{name}.{k}.") for k, part in enumerate(value)]
-            structure[field.name] = [described for described, _ in parts]
-            arrays |= {key: array for _, nested in parts for key, array in nested.items()}
-        elif eqx.is_array(value):
-            structure[field.name] = {"array": name}
-            arrays[name] = np.asarray(value)
-        else:
-            structure[field.name] = value
-    return structure, arrays
-
-
-def rebuild_model(structure: dict[str, Any], arrays: dict[str, Any]) -> Any:
-    """The inverse of `describe_model`. Raises `InputError` for a class that is not one of ours."""
-    if structure.get("class") not in _CLASSES:
-        raise InputError(
-            "unknown-model",
-            f"the file names the class {structure.get('class')!r}; known are {', '.join(_CLASSES)}.",
-        )
-
-    def rebuilt(value: Any) -> Any:
-        if isinstance(value, list):
-            return tuple(rebuilt(part) for part in value)
-        if not isinstance(value, dict):
-            return value
-        return (
-            rebuild_model(value, arrays)
-            if "class" in value
-            else jnp.asarray(arrays[value["array"]])
-        )
-
-    values = {name: rebuilt(value) for name, value in structure.items() if name != "class"}
-    return _CLASSES[structure["class"]](**values)
 
 
 def versions() -> dict[str, str]:
@@ -424,6 +340,19 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
     if (composition := fit.internals.get("composition")) is not None:
         arrays |= {k: getattr(composition, k) for k in ("at", "H", "b", "rows", "blocks")}
     return arrays
+
+
+def _noise_words(noise: NoiseModel | None) -> dict[str, Any] | None:
+    if noise is None:
+        return None
+    parts = {name: getattr(noise, name) for name in PARTS}
+    return {"kind": noise.words} | {n: float(v) for n, v in parts.items() if v is not None}
+
+
+def _noise_model(words: dict[str, Any] | None) -> NoiseModel | None:
+    if words is None:
+        return None
+    return NoiseModel(**{name: words[name] for name in PARTS if name in words})
 
 
 def _record_words(record: Record) -> dict[str, Any]:

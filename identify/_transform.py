@@ -3,13 +3,17 @@
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, ParameterInfo, parameter_at, parameters
+from hysteresis import AbstractModel, ParameterInfo, Record, parameter_at, parameters
 
-Model = TypeVar("Model", bound=AbstractModel)
+from ._priors import Prior
+from ._settings import Setting, Settings, data_scale, default_prior
+
+Model = TypeVar("Model", bound=eqx.Module)
 
 
 class Transform(NamedTuple):
@@ -22,16 +26,25 @@ class Transform(NamedTuple):
 
     - `names`: the numbers that move, those of an array by their places: "E.0", "E.1".
     - `low`, `high`: their bounds; `scale`: those of the unbounded ones, or one for all.
+    - `priors`: what is known of each beforehand. `ties`: (name, source, factor) of numbers that follow one.
     """
 
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
     scale: Float[np.ndarray, " parameters"] | float
+    priors: tuple[Prior, ...] = ()
+    ties: tuple[tuple[str, str, float], ...] = ()
 
-    def to_free(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
+    def to_free(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
         """z of a model's present parameters."""
-        x, low, high = self.values(model), np.array(self.low), np.array(self.high)
+        return self.from_values(self.values(model))
+
+    def from_values(
+        self, x: Float[np.ndarray, "*draws parameters"]
+    ) -> Float[np.ndarray, "*draws parameters"]:
+        """The inverse of `to_values`."""
+        low, high = np.array(self.low), np.array(self.high)
         has_low, has_high = np.isfinite(low), np.isfinite(high)
         with np.errstate(all="ignore"):
             both = np.log((x - low) / (high - x))
@@ -53,35 +66,105 @@ class Transform(NamedTuple):
         up, down = (np.asarray(self.to_values(jnp.asarray(z + d))) for d in (h, -h))
         return (up - down) / (2 * h)
 
+    def log_slope(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """log |d value / d z|, exactly."""
+        low, high = np.isfinite(self.low), np.isfinite(self.high)
+        width = np.where(low & high, np.array(self.high) - np.array(self.low), 1.0)
+        both = jnp.log(width) + jax.nn.log_sigmoid(z) + jax.nn.log_sigmoid(-z)
+        return jnp.where(low & high, both, jnp.where(low | high, z, jnp.log(self.scale)))
+
+    def log_prior(self, z: Float[Array, " parameters"]) -> Float[Array, ""]:
+        """log of the priors' density in z."""
+        values = self.to_values(z)
+        terms = [prior.log_density(x) for prior, x in zip(self.priors, values, strict=True)]
+        return jnp.sum(jnp.stack(terms) + self.log_slope(z))
+
+    @property
+    def asked(self) -> bool:
+        """Whether any prior was asked for."""
+        return not all(prior.default for prior in self.priors)
+
+    @property
+    def for_fit(self) -> "Transform":
+        """Without priors unless some were asked for: the default ones are of each record's own scale, and a
+        compiled function knows them by value."""
+        return self if self.asked else self._replace(priors=())
+
+    def penalty(self, z: Float[Array, " parameters"]) -> Float[Array, ""]:
+        """What the priors that were asked for add to -log of the likelihood, each in its own measure."""
+        asked = zip(self.priors, self.to_values(z), strict=bool(self.priors))
+        terms = [prior.penalty(x) for prior, x in asked if not prior.default]
+        return sum(terms, start=jnp.zeros((), z.dtype))
+
     def insert(self, model: Model, values: Float[Array, " parameters"]) -> Model:
         """The model with these parameters."""
-        found: dict[str, Any] = {}
-        for name, value in zip(self.names, values, strict=True):
-            whole, _, place = name.rpartition(".")
-            if place.isdigit():
-                found[whole] = jnp.append(found.get(whole, jnp.zeros_like(values[:0])), value)
+        found: dict[str, Any] = dict(zip(self.names, values, strict=True))
+        found |= {name: f * found[source] for name, source, f in self.ties if source in found}
+        whole: dict[str, Any] = {}
+        for name, value in found.items():
+            array, _, place = name.rpartition(".")
+            if place.isdigit() and eqx.is_array(parameter_at(model, array)):
+                places, entries = whole.setdefault(array, ([], []))
+                places.append(int(place))
+                entries.append(value)
             else:
-                found[name] = value
-        return eqx.tree_at(lambda m: [parameter_at(m, n) for n in found], model, [*found.values()])
+                whole[name] = value
+        for name, value in whole.items():
+            if isinstance(value, tuple):
+                places, entries = value
+                array = parameter_at(model, name)
+                whole[name] = array.at[np.array(places)].set(jnp.stack(entries))
+        return eqx.tree_at(lambda m: [parameter_at(m, n) for n in whole], model, [*whole.values()])
 
-    def values(self, model: AbstractModel) -> Float[np.ndarray, " parameters"]:
+    def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
         return np.array([float(parameter_at(model, name)) for name in self.names])
 
 
-def transform(model: AbstractModel, scale: float, input_scale: float = 1.0) -> Transform:
+def transform(
+    model: eqx.Module,
+    scale: float,
+    input_scale: float = 1.0,
+    settings: Settings | None = None,
+    time_scale: float = 1.0,
+) -> Transform:
     """The transform of a model's free parameters, numbers and one-dimensional arrays that lie within their
-    bounds; `scale` and `input_scale` are the sizes of output and input, for unbounded ones."""
+    bounds; `scale` and `input_scale` are the sizes of output and input, for unbounded ones, and with
+    `time_scale` for the default priors."""
     sizes = {"input": input_scale, "output / input": scale / input_scale, "1": 1.0}
-    entries = [
-        (name if np.ndim(value) == 0 else f"{name}.{k}", info)
-        for name, info, value in parameters(model)
-        if value is not None and _moves(info, value)
-        for k in range(np.size(value))
-    ]
-    names = tuple(name for name, _ in entries)
-    low, high = (tuple(float(info.bounds[k]) for _, info in entries) for k in (0, 1))
-    return Transform(names, low, high, np.array([sizes.get(i.unit, scale) for _, i in entries]))
+    of_words = {"input": input_scale, "output": scale, "time": time_scale}
+    if isinstance(model, AbstractModel):
+        words = model.unit_words("input", "output", "time")
+        of_words = {word: of_words[meaning] for word, meaning in words.items()}
+    said, entries, ties = settings or {}, [], []
+    for name, info, value in parameters(model):
+        if value is None or not _moves(info, value):
+            continue
+        for k in range(np.size(value)):
+            number = name if np.ndim(value) == 0 else f"{name}.{k}"
+            setting = said.get(number, Setting())
+            if setting.tied is not None:
+                ties.append((number, *setting.tied))
+            elif not setting.fixed:
+                bounds = setting.bounds or info.bounds
+                prior = setting.prior or default_prior(bounds, data_scale(info.unit, of_words))
+                entries.append((number, bounds, sizes.get(info.unit, scale), prior))
+    names = tuple(name for name, *_ in entries)
+    low, high = (tuple(float(bounds[k]) for _, bounds, *_ in entries) for k in (0, 1))
+    of_unbounded = np.array([size for *_, size, _ in entries])
+    priors = tuple(prior for *_, prior in entries)
+    return Transform(names, low, high, of_unbounded, priors, tuple(ties))
+
+
+def transform_for(model: eqx.Module, record: Record, settings: Settings | None = None) -> Transform:
+    """The transform of a model's free parameters on the scale of a record."""
+    y, u = record.output[record.mask], record.input[record.mask]
+    time = 1.0
+    if record.time is not None:
+        steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
+        step, span = np.median(np.concatenate(steps)), max(s.sum() for s in steps)
+        time = float(np.sqrt(step * span)) or 1.0
+    return transform(model, float(np.ptp(y)), float(np.ptp(u)), settings, time)
 
 
 def _moves(info: ParameterInfo, value: Any) -> bool:

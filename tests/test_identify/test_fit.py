@@ -196,7 +196,7 @@ def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
     ):
         assert key in document
     for parameter in document["parameters"]:
-        assert set(parameter) == {"name", "value", "unit", "stderr", "status"}
+        assert set(parameter) == {"name", "value", "unit", "stderr", "status", "low", "high"}
     assert set(document["metrics"]["test"]) == {"rmse", "nrmse_percent", "max_abs", "r2"}
 
 

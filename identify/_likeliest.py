@@ -1,0 +1,234 @@
+"""The likeliest parameters under noise that the residuals themselves show, and how far to believe it."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from hysteresis import AbstractModel
+
+from ._noise import Noise
+from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
+from ._noise_model import NoiseModel, Rows, whitened_columns
+from ._transform import Transform
+
+ROUNDS = 8
+"""How often a model is linearised anew about the likeliest parameters."""
+
+STEP = 1.0
+"""A free number changes by no more than this in a round."""
+
+ENOUGH = 1e-5
+"""Standard deviations, all parameters together, by which the last round may still move."""
+
+LONG = 8192
+"""Rows from which on the first ones choose the kind of noise."""
+
+LAGS = 20
+"""Lags over which innovations are looked at."""
+
+BELIEVED = 1e-3
+"""Chance of noise to leave what is left, below which it is not believed to be noise."""
+
+
+class Likeliest(NamedTuple):
+    """The maximum of the likelihood.
+
+    - `free`: of the model's parameters, `root`: rows with root'root = its information there.
+    - `noise`: of the kind chosen; `kinds`: the parts of every kind tried, `evidence`: its -log evidence.
+    - `believed`: the chance of such noise to leave what it leaves, see `About`. `rows`: how many counted.
+    """
+
+    free: Float[np.ndarray, " parameters"]
+    root: Float[np.ndarray, "rows parameters"]
+    noise: NoiseModel
+    kinds: tuple[tuple[str, ...], ...]
+    evidence: Float[np.ndarray, " kinds"]
+    believed: float
+    rows: int
+
+    @property
+    def over_the_best(self) -> dict[str, float]:
+        """-log evidence of every kind, by its name, over the least one."""
+        some = NoiseModel(*[0.0] * len(PARTS))
+        over = self.evidence - self.evidence.min()
+        return {only(some, k).words: float(e) for k, e in zip(self.kinds, over, strict=True)}
+
+    def summary(self) -> Noise:
+        """Size and correlation in figures; of Student's t its standard deviation."""
+        noise = self.noise
+        tail = 0.0 if noise.tail is None else float(noise.tail)
+        time = max(float(noise.correlation_time), 1.0)
+        return Noise(float(noise.sigma) / np.sqrt(1 - 2 * tail), self.rows, time)
+
+
+def likeliest(
+    bounds: Transform,
+    model: AbstractModel,
+    prepared: Any,
+    y: Float[np.ndarray, " rows"],
+    rows: Rows,
+    free: Float[np.ndarray, " parameters"],
+    kinds: tuple[tuple[str, ...], ...],
+    temper: float = 1.0,
+) -> Likeliest | None:
+    """From a least-squares fit to the maximum of the likelihood, the kind of noise chosen by evidence.
+
+    Each round linearises the model, finds noise and parameters together for every kind (see `noise_fit`)
+    and goes to the best one's. Evidence is the restricted likelihood with its Bayesian penalty, half of
+    log rows for each part. Of a long record the first rows choose, and where no kind leaves them white
+    nothing more is done. `temper`: rows that count for one, against the priors that were asked for. None
+    where the rounds end at no maximum.
+    """
+    arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
+    z, least, evidence, every = jnp.asarray(free), np.inf, None, kinds
+    for _ in range(ROUNDS):
+        at = linearised(bounds, z, arguments)
+        at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
+        if evidence is None and len(kinds) > 1 and len(y) > LONG:
+            first = likeliest_about(_padded(_first(at)), tried)
+            if first.believed < BELIEVED:
+                return None
+            best, evidence = int(first.best), first.evidence
+            kinds, tried = (kinds[best],), tried[best : best + 1]
+        now = likeliest_about(_padded(at), tried)
+        evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
+        root, away = now.root[:, : len(z)], now.away[: len(z)]
+        moved, least = float(jnp.linalg.norm(root @ away)), min(least, float(now.cost))
+        if not moved > ENOUGH:  # not a number neither
+            break
+        z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
+    if not np.isfinite(moved) or float(now.cost) > least + 1:
+        return None
+    noise, counted = only(of_free(now.noise), kinds[int(now.best)]), int(np.sum(rows.counted))
+    return Likeliest(
+        np.asarray(z),
+        np.asarray(root),
+        noise,
+        every,
+        np.asarray(evidence),
+        float(now.believed),
+        counted,
+    )
+
+
+class About(NamedTuple):
+    """The likeliest noise and parameters of a linearised model.
+
+    - `best`: which kind of noise has the greatest evidence; `evidence`: -log of each one's.
+    - `noise`: its free numbers, `away`: the change of the parameters that goes with it, `cost`: -log of the
+      restricted likelihood.
+    - `root`: rows with root'root = the information about the parameters, the prior's below.
+    - `believed`: the smaller of two chances: of white innovations to be as coloured, and of noise to
+      look as much like a function of the input.
+    """
+
+    best: Int[Array, ""]
+    evidence: Float[Array, " kinds"]
+    noise: Float[Array, " parts"]
+    away: Float[Array, " parameters"]
+    cost: Float[Array, ""]
+    root: Float[Array, "rows parameters"]
+    believed: Float[Array, ""]
+
+
+@jax.jit
+def likeliest_about(at: Linearised, kinds: Bool[Array, "kinds parts"]) -> About:
+    """Try every kind of noise; pure JAX."""
+    found = jax.vmap(lambda kind: noise_fit(at, kind))(kinds)
+    parts = jnp.sum(jnp.where(kinds, 1.0, 0.0), 1)
+    evidence = found.cost + parts * jnp.log(jnp.sum(jnp.where(at.rows.counted, 1.0, 0.0))) / 2
+    evidence = jnp.where(jnp.isfinite(evidence), evidence, jnp.inf)
+    best = jnp.argmin(evidence)
+    noise = of_free(found.free[best])
+    W = whitened_columns(noise, at.jacobian, at.rows) * jnp.sqrt(noise.information)
+    precision, vectors = jnp.linalg.eigh(at.precision)
+    root = jnp.concatenate([W, vectors.T * jnp.sqrt(jnp.clip(precision, 0.0))[:, None]])
+    x = noise.whitened(at.residuals, at.rows)
+    shapes = whitened_columns(noise, at.rows.shapes, at.rows)
+    believed = jnp.minimum(whiteness(x, at.rows, kinds[best]), shapelessness(x, W, shapes))
+    return About(
+        best, evidence, found.free[best], found.away[best], found.cost[best], root, believed
+    )
+
+
+def shapelessness(
+    x: Float[Array, " rows"],
+    W: Float[Array, "rows parameters"],
+    shapes: Float[Array, "rows shapes"],
+) -> Float[Array, ""]:
+    """Chance of noise to look as much like the shapes as x: |P x|^2 is chi-square, P the projection onto
+    what the shapes add to the model's own directions W."""
+    parameters = W.shape[1]
+    A = jnp.concatenate([W, shapes], 1)
+    size = jnp.sqrt(jnp.sum(A**2, 0))
+    A = A / jnp.where(size > 0, size, 1.0)[None]
+
+    def explained(A: Array) -> tuple[Array, Array]:
+        values, vectors = jnp.linalg.eigh(A.T @ A)
+        seen = values > 1e-9
+        along = (vectors.T @ (A.T @ x)) ** 2 / jnp.where(seen, values, 1.0)
+        return jnp.sum(jnp.where(seen, along, 0.0)), jnp.sum(jnp.where(seen, 1.0, 0.0))
+
+    (whole, rank), (own, own_rank) = explained(A), explained(A[:, :parameters])
+    return jax.scipy.special.gammaincc(jnp.clip(rank - own_rank, 1.0) / 2, (whole - own) / 2)
+
+
+def whiteness(
+    x: Float[Array, " rows"], rows: Rows, kind: Bool[Array, " parts"]
+) -> Float[Array, ""]:
+    """Chance of white innovations to be as coloured as x, by Ljung and Box's test:
+
+    rows (rows + 2) sum over lags of rho_k^2 / (rows - k) is chi-square with as many degrees of freedom as
+    lags, less those spent on phi and theta. Outliers count as four deviations.
+    """
+    x = jnp.clip(x, -4.0, 4.0)
+    count = jnp.sum(jnp.where(rows.counted, 1.0, 0.0))
+    lags = jnp.arange(1.0, LAGS + 1)
+    pairs = [jnp.where(rows.place[k:] >= k, x[k:] * x[:-k], 0.0).sum() for k in range(1, LAGS + 1)]
+    rho = jnp.stack(pairs) / jnp.sum(x**2)
+    told = lags < count / 4
+    Q = count * (count + 2) * jnp.sum(jnp.where(told, rho**2 / jnp.clip(count - lags, 1.0), 0.0))
+    freedom = jnp.sum(jnp.where(told, 1.0, 0.0)) - jnp.sum(jnp.where(kind[3:5], 1.0, 0.0))
+    return jax.scipy.special.gammaincc(jnp.clip(freedom, 1.0) / 2, Q / 2)
+
+
+def only(noise: NoiseModel, kind: tuple[str, ...]) -> NoiseModel:
+    """The noise with the parts of its kind alone."""
+    return NoiseModel(**{part: getattr(noise, part) for part in PARTS if part in kind})
+
+
+@eqx.filter_jit
+def linearised(bounds: Transform, z: Array, arguments: Any) -> Linearised:
+    """The model about z."""
+    model, prepared, y, rows = arguments
+
+    def residuals(z: Array) -> tuple[Array, Array]:
+        predicted = bounds.insert(model, bounds.to_values(z)).evaluate(prepared)
+        return jnp.where(rows.counted, predicted - y, 0.0), predicted
+
+    (r, predicted), J = residuals(z), jax.jacfwd(lambda z: residuals(z)[0])(z)
+    rows = rows._replace(output=predicted)
+    return Linearised(r, J, rows, jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z))
+
+
+def _first(at: Linearised) -> Linearised:
+    """Its first rows."""
+    rows = Rows(*(x[:LONG] for x in at.rows))
+    return at._replace(residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=rows)
+
+
+def _padded(at: Linearised) -> Linearised:
+    """With rows that do not count and parameters that do nothing: few shapes, so little to compile."""
+    rows = max(256, 1 << (len(at.residuals) - 1).bit_length()) - len(at.residuals)
+    more = -at.jacobian.shape[1] % 4
+    return Linearised(
+        jnp.pad(at.residuals, (0, rows)),
+        jnp.pad(at.jacobian, ((0, rows), (0, more))),
+        jax.tree.map(lambda x: jnp.pad(x, ((0, rows), (0, 0))[: x.ndim]), at.rows),
+        jnp.pad(at.pull, (0, more)),
+        jnp.pad(at.precision, (0, more)),
+    )

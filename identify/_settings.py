@@ -1,0 +1,221 @@
+"""What a user says of a parameter: where it starts, between which bounds, how likely, fixed, tied."""
+
+import difflib
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import InputError, ParameterInfo, parameter_at, parameters
+
+from ._priors import Prior, prior
+
+Model = TypeVar("Model", bound=eqx.Module)
+
+KEYS = ("start", "bounds", "prior", "fixed", "tied")
+
+DECADES = 1e3
+"""Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
+
+
+class Setting(NamedTuple):
+    """What is said of one number of a model.
+
+    - `bounds`: between which it is sought. `prior`: how likely its values are.
+    - `fixed`: it stays at the start. `tied`: (name, factor), it is that many times another one.
+    """
+
+    bounds: tuple[float, float] | None = None
+    prior: Prior | None = None
+    fixed: bool = False
+    tied: tuple[str, float] | None = None
+
+
+Settings = dict[str, Setting]
+
+
+def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[Model, Settings]:
+    """The model with the starts and fixed values that were given, and what else was said.
+
+    `said`: name of a parameter -> {"start": number, "bounds": [low, high], "prior": "log-normal(100, 2)",
+    "fixed": true or a number, "tied": "2 * E1"}; the numbers of an array are "tau.0", "tau.1".
+
+    Raises `InputError` for an unknown name or key, bounds the wrong way round, a start on or outside them
+    or where the prior has no density, a tie to what is tied.
+    """
+    numbers = {name: info for name, info, _ in numbers_of(model)}
+    settings: Settings = {}
+    for name, words in said.items():
+        if name not in numbers:
+            near = difflib.get_close_matches(name, numbers, 1)
+            raise InputError(
+                "unknown-parameter",
+                f"{type(model).__name__} has no parameter {name!r}; it has {', '.join(numbers)}.",
+                fix=f"did you mean {near[0]}?" if near else "name one of these.",
+            )
+        model, settings[name] = _said(model, name, numbers[name], words)
+    for name, setting in settings.items():
+        if setting.tied is None:
+            continue
+        source, factor = setting.tied
+        if source not in numbers:
+            raise InputError("bad-tie", f"{name} is tied to {source!r}: no such parameter.")
+        if source == name or settings.get(source, Setting()).tied is not None:
+            raise InputError("bad-tie", f"{name} is tied to {source}, which is tied itself.")
+        model = replaced(model, name, factor * float(parameter_at(model, source)))
+    return model, settings
+
+
+def in_words(settings: Settings) -> dict[str, dict[str, Any]]:
+    """Settings as plain data, of which `from_words` makes them again."""
+    return {
+        name: {
+            "bounds": None if s.bounds is None else list(s.bounds),
+            "prior": None if s.prior is None else str(s.prior),
+            "fixed": s.fixed,
+            "tied": None if s.tied is None else f"{s.tied[1]!r} * {s.tied[0]}",
+        }
+        for name, s in settings.items()
+    }
+
+
+def from_words(words: Mapping[str, Mapping[str, Any]]) -> Settings:
+    """The inverse of `in_words`."""
+
+    def bounds(said: Any) -> tuple[float, float] | None:
+        if said is None:
+            return None
+        low, high = (
+            side if x is None else x for x, side in zip(said, (-np.inf, np.inf), strict=True)
+        )
+        return low, high
+
+    return {
+        name: Setting(
+            bounds(w["bounds"]),
+            None if w["prior"] is None else prior(w["prior"], name),
+            w["fixed"],
+            None if w["tied"] is None else _tie(name, w["tied"]),
+        )
+        for name, w in words.items()
+    }
+
+
+def numbers_of(model: eqx.Module) -> list[tuple[str, ParameterInfo, float]]:
+    """Every number among a model's parameters, those of a one-dimensional array by their places."""
+    return [
+        (name if value.ndim == 0 else f"{name}.{k}", info, float(number))
+        for name, info, value in parameters(model)
+        if value is not None and value.ndim <= 1
+        for k, number in enumerate(np.ravel(value))
+    ]
+
+
+def replaced(model: Model, name: str, value: Any) -> Model:
+    """The model with one number changed."""
+    whole, _, place = name.rpartition(".")
+    if place.isdigit() and eqx.is_array(array := parameter_at(model, whole)):
+        return eqx.tree_at(lambda m: parameter_at(m, whole), model, array.at[int(place)].set(value))
+    old = parameter_at(model, name)
+    return eqx.tree_at(lambda m: parameter_at(m, name), model, jnp.asarray(value, old.dtype))
+
+
+def default_prior(bounds: tuple[float, float], scale: float) -> Prior:
+    """A weak prior about the data's scale.
+
+    Log-normal within a factor of a thousand for a positive number, uniform between two bounds, else normal
+    with ten times the scale.
+    """
+    low, high = bounds
+    if np.isfinite(low) and np.isfinite(high):
+        return Prior("uniform", low, high, default=True)
+    if low == 0:
+        return Prior("log-normal", scale, DECADES, default=True)
+    middle = low if np.isfinite(low) else high if np.isfinite(high) else 0.0
+    return Prior("normal", middle, 10 * scale, default=True)
+
+
+def data_scale(unit: str, sizes: Mapping[str, float]) -> float:
+    """The size of a parameter, from its unit and the sizes of what the unit's words stand for.
+
+    "force * time / displacement" -> sizes["force"] * sizes["time"] / sizes["displacement"].
+    """
+    scale, divide = 1.0, False
+    for word in unit.split():
+        if word in ("*", "/"):
+            divide = word == "/"
+            continue
+        base, _, power = word.partition("^")
+        size = sizes.get(base, 1.0) ** float(power or 1)
+        scale, divide = (scale / size if divide else scale * size), False
+    return scale
+
+
+def _said(
+    model: Model, name: str, info: ParameterInfo, words: Mapping[str, Any]
+) -> tuple[Model, Setting]:
+    if odd := [key for key in words if key not in KEYS]:
+        raise InputError("unknown-key", f"{name} has no {odd[0]!r}.", fix=f"say {', '.join(KEYS)}.")
+    bounds = None if words.get("bounds") is None else _bounds(name, words["bounds"])
+    belief = None if words.get("prior") is None else prior(words["prior"], name)
+    fixed = words.get("fixed", False)
+    start = words.get("start")
+    if fixed is not True and fixed is not False:
+        start, fixed = fixed, True
+    if start is not None:
+        model = replaced(model, name, float(start))
+    tied = None if words.get("tied") is None else _tie(name, str(words["tied"]))
+    if tied is not None and (fixed or start is not None):
+        raise InputError("bad-tie", f"{name} cannot be tied and fixed or started.")
+    value = float(parameter_at(model, name))
+    low, high = bounds or info.bounds
+    if not fixed and tied is None and not low < value < high:
+        where = "on a bound" if value in (low, high) else "outside"
+        raise InputError(
+            "start-out-of-bounds",
+            f"{name} starts at {value:g}, {where} of ({low:g}, {high:g}).",
+            cause="no slope leads away from a bound." if value in (low, high) else "",
+            fix="start inside, or fix it (fixed = true).",
+        )
+    if (
+        belief is not None
+        and not fixed
+        and not np.isfinite(float(belief.penalty(jnp.asarray(value))))
+    ):
+        raise InputError(
+            "prior-excludes-start",
+            f"{name} starts at {value:g}, where its prior {belief} has no density.",
+            fix="start where the prior has some, or widen the prior.",
+        )
+    if belief is not None and belief.kind == "uniform" and bounds is None:
+        bounds = (max(belief.first, info.bounds[0]), min(belief.second, info.bounds[1]))
+    return model, Setting(bounds, belief, bool(fixed), tied)
+
+
+def _bounds(name: str, said: Any) -> tuple[float, float]:
+    try:
+        low, high = (float(x) for x in said)
+    except (TypeError, ValueError):
+        raise InputError("bad-bounds", f"{said!r} are no bounds of {name}: [low, high].") from None
+    if not low < high:
+        raise InputError(
+            "bad-bounds",
+            f"{name} has the bounds [{low:g}, {high:g}].",
+            cause="the lower one has to be below the upper one.",
+            fix="turn them round, or fix the parameter.",
+        )
+    return low, high
+
+
+def _tie(name: str, said: str) -> tuple[str, float]:
+    found = re.fullmatch(r"\s*(?:([-+.\deE]+)\s*\*\s*)?([A-Za-z_][\w.]*)\s*", said)
+    try:
+        assert found is not None
+        return found[2], float(found[1] or 1)
+    except (AssertionError, ValueError):
+        raise InputError(
+            "bad-tie", f"{said!r} is no tie of {name}.", fix='write "E1" or "2 * E1".'
+        ) from None
