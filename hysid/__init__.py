@@ -25,12 +25,16 @@ if TYPE_CHECKING:
     from hysteresis.preisach import GaussianDensity as GaussianDensity
     from hysteresis.preisach import GridDensity as GridDensity
     from hysteresis.preisach import LorentzianDensity as LorentzianDensity
+    from identify import change as change
+    from identify import compare as compare
     from identify import everett_surface as everett_surface
     from identify import fit as fit
+    from identify import fit_many as fit_many
     from identify import fit_step as fit_step
     from identify import forc_curves as forc_curves
     from identify import forc_diagram as forc_diagram
     from identify import load as load
+    from identify import pool as pool
     from identify import sample as sample
     from identify import save as save
     from identify import spectrum as spectrum
@@ -55,12 +59,16 @@ _HOME = {
     ),
     "hysteresis.preisach": ("GaussianDensity", "GridDensity", "LorentzianDensity"),
     "identify": (
+        "change",
+        "compare",
         "everett_surface",
         "fit",
+        "fit_many",
         "fit_step",
         "forc_curves",
         "forc_diagram",
         "load",
+        "pool",
         "sample",
         "save",
         "spectrum",

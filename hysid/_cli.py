@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import sys
 import tempfile
 import traceback
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
+
+from ._config import SELECTION, Config, options_of, selection_options
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
@@ -118,7 +121,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Look at a record: rows, cycles, noise, and what stands against identifying a model."""
-    options = _selection_options(locals())
+    options = selection_options(locals())
     jobs = _start()
     found = jobs.check(file, jobs.Selection(**options))
     lines = []
@@ -131,9 +134,11 @@ def check(
 
 @app.command()
 def fit(
+    context: typer.Context,
     file: File,
     output: Output,
     out: Out,
+    config: Config = None,
     input: Input = None,
     step: Step = None,
     time: Time = None,
@@ -185,14 +190,48 @@ def fit(
     as_json: AsJson = False,
 ) -> None:
     """Fit models to a record, rank them on held-out parts, write the best to a folder."""
-    options = _selection_options(locals())
+    options = selection_options(locals())
+    said = context.meta.get("parameters")
+    known = {"parameters": said} if said else {}
     jobs = _start(double=not allow_float32)
     document = jobs.fit(
         file, jobs.Selection(**options), out, overwrite=overwrite, say=_say, model=model,
         initial=initial, conditioning=conditioning, clocks=clocks, starts=starts, seed=seed,
-        allow_float32=allow_float32,
+        allow_float32=allow_float32, **known,
     )  # fmt: skip
     _print(document, as_json, [*_verdict_lines(document), f"Results: {out}"])
+
+
+@app.command()
+def batch(
+    pattern: Annotated[str, typer.Argument(metavar="'GLOB'", help="Files, as in 'data/*.csv'.")],
+    config: Annotated[
+        Path, typer.Option(help="TOML file: [selection], [fit], [parameters], as hysid fit has.")
+    ],
+    out: Out,
+    scheduler: Annotated[str | None, typer.Option(help="ADDRESS of a Dask scheduler.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 1,
+    resume: Annotated[
+        bool, typer.Option("--resume/--no-resume", help="Leave alone what is there already.")
+    ] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Fit every file of a pattern, each to a folder of its own; a bad one is named and stops nothing."""
+    options, said = options_of(config, typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
+    chosen = selection_options(options)
+    others = {name: value for name, value in options.items() if name not in SELECTION}
+    work = _start(double=not others["allow_float32"])
+    from . import _batch
+
+    known = {"parameters": said} if said else {}
+    document = _batch.batch(
+        pattern, work.Selection(**chosen), out, scheduler=scheduler, jobs=jobs, resume=resume,
+        say=_say, **others, **known,
+    )  # fmt: skip
+    before = f", {document['skipped']} of them before" if document["skipped"] else ""
+    lines = [f"{document['fitted']} fitted{before}; {len(document['failed'])} not."]
+    lines += [f"{name}: {why}" for name, why in document["failed"].items()]
+    _print(document, as_json, [*lines, f"Table: {document['file']}"])
 
 
 @app.command()
@@ -222,27 +261,69 @@ def predict(
 @app.command()
 def sample(
     folder: Folder,
-    steps: Annotated[int, typer.Option(help="Steps of each ensemble, in all.")] = 2000,
+    steps: Annotated[
+        int | None,
+        typer.Option(help="Steps of each ensemble, in all; by default until they agree."),
+    ] = None,
     ensembles: Annotated[int, typer.Option(help="Independent ensembles.")] = 4,
+    walkers: Annotated[int | None, typer.Option(help="Walkers of each ensemble.")] = None,
+    method: Annotated[
+        str, typer.Option(callback=_one_of("emcee", "nuts"), help="emcee, or nuts (an extra).")
+    ] = "emcee",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the chains kept.")] = False,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
     """Draw from the posterior of a fit."""
     jobs = _start()
-    with _Progress() as progress:
-        found = jobs.sample(
-            folder, steps=steps, ensembles=ensembles, seed=seed, resume=resume, progress=progress
-        )
+    chosen = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
+    try:
+        with _Progress() as progress:
+            found = jobs.sample(folder, **chosen, method=method, resume=resume, progress=progress)
+    except KeyboardInterrupt:
+        if method == "emcee":
+            given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
+            _say(f"To go on: hysid sample {shlex.quote(str(folder))} --resume {' '.join(given)}")
+        raise
     lines = [f"{'parameter':24}{'mean':>12}{'sd':>12}{'5 %':>12}{'95 %':>12}{'R-hat':>8}{'ESS':>8}"]
     lines += [
         f"{p['name']:24}{p['mean']:12.4g}{p['sd']:12.3g}{p['q05']:12.4g}{p['q95']:12.4g}"
-        f"{p['rhat']:8.3f}{p['ess']:8.0f}"
+        f"{p['rhat']:8.3f}{p['ess']:8.0f}{''.join(f'  {words}' for words in p['words'])}"
         for p in found["parameters"]
     ]
+    lines += [f"Mind: {note}" for note in found["notes"]]
     if not found["converged"]:
-        lines.append("Not converged: R-hat above 1.01 or too few draws; take more --steps.")
+        lines.append(
+            "Not converged: R-hat above 1.01, or too few draws; leave --steps out, or take more."
+        )
     _print(found, as_json, lines)
+
+
+@app.command()
+def compare(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of fits.")],
+    change: Annotated[
+        bool, typer.Option("--change", help="One model on different data: what changed?")
+    ] = False,
+    margin: Annotated[
+        float, typer.Option(help="With --change: the part of a value that counts as a change.")
+    ] = 0.05,
+    times: Annotated[
+        str, typer.Option(help="With --change: T,T,... when each fit's data were taken.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Rank models of the same data, or with --change see what became of one model's parameters."""
+    _start()
+    from . import _compare
+
+    if change:
+        document = _compare.change(folders, margin, _compare.parse_times(times))
+        lines = _compare.change_lines(document)
+    else:
+        document = _compare.compare(folders)
+        lines = _compare.comparison_lines(document)
+    _print(document, as_json, lines)
 
 
 @app.command()
@@ -300,33 +381,6 @@ def _start(double: bool = True) -> Any:
     from . import _jobs
 
     return _jobs
-
-
-def _selection_options(options: dict[str, Any]) -> dict[str, Any]:
-    """The selecting ones of a command's options, lists as tuples."""
-    names = [
-        "output",
-        "time",
-        "dt",
-        "each",
-        "nan",
-        "segments",
-        "decimal",
-        "units_row",
-        "input_unit",
-        "output_unit",
-        "test_cycles",
-        "test_tail",
-        "step",
-    ]
-    chosen = {name: options[name] for name in names if name in options}
-    inputs = tuple(options["input"] or ())
-    chosen["input"] = inputs if len(inputs) > 1 else next(iter(inputs), None)
-    for name in ("group", "na_values"):
-        chosen[name] = tuple(part for part in options[name].split(",") if part)
-    for name in ("where", "test_where"):
-        chosen[name] = tuple(options.get(name) or ())
-    return chosen
 
 
 def _verdict_lines(document: dict[str, Any]) -> list[str]:

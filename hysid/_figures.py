@@ -183,61 +183,6 @@ def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys:
 
 
 @styled
-def autocorrelation(values: np.ndarray, band: float) -> Figure:
-    """Autocorrelation from lag 0 on, with the band that white residuals would stay in."""
-    figure, axes = _one()
-    lag = np.arange(len(values))
-    axes.axhspan(-band, band, color=SKY, alpha=0.35, lw=0, label="99 % band of white residuals")
-    if len(lag) <= 60:
-        axes.vlines(lag, 0, values, color=BLUE, lw=2)
-    else:
-        axes.fill_between(lag, 0, values, color=BLUE, alpha=0.35, lw=0)
-        axes.plot(lag, values, color=BLUE, lw=0.8)
-    axes.axhline(0, color="#666666", lw=0.8)
-    axes.set(xlabel="lag (samples)", ylabel="autocorrelation (no unit)", xlim=(-0.5, lag[-1] + 0.5))
-    axes.set_ylim(min(-0.25, 1.1 * values.min()), 1.05)
-    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    _legend(figure)
-    return figure
-
-
-@styled
-def waterfall(errors: np.ndarray, same: int, y_label: str) -> Figure:
-    """Errors of sorted starts; the first `same` of them found the best minimum."""
-    figure, axes = _one()
-    rank = np.arange(1, len(errors) + 1)
-    axes.plot(rank, errors, color=DIM, lw=1)
-    axes.plot(rank[:same], errors[:same], "o", color=GREEN, ms=5, label="the best minimum")
-    axes.plot(rank[same:], errors[same:], "s", color=GREY, ms=4, label="elsewhere")
-    finite = errors[np.isfinite(errors) & (errors > 0)]
-    if len(finite) and finite.max() > 20 * finite.min():
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.3g}"))
-        axes.yaxis.set_minor_formatter(FuncFormatter(lambda x, _: ""))
-    else:
-        axes.set_ylim(0, 1.1 * finite.max() if len(finite) else 1)
-    axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
-    axes.set(xlabel="start (sorted, best first)", ylabel=_short(y_label))
-    _legend(figure)
-    return figure
-
-
-@styled
-def band(x: np.ndarray, low: np.ndarray, high: np.ndarray, measured: np.ndarray,
-         x_label: str, y_label: str, *, zero: bool = False) -> Figure:  # fmt: skip
-    """Measured values over a predictive band; NaN in `x` breaks both."""
-    figure, axes = _one()
-    axes.fill_between(x, low, high, color=SKY, alpha=0.6, lw=0, label="predicted, 5 to 95 %")
-    few = len(x) < 300
-    axes.plot(x, measured, color=INK, lw=0.8, marker="o" if few else "", ms=3, label="measured")
-    if zero:
-        axes.axhline(0, color="#666666", lw=0.8)
-    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
-    _legend(figure)
-    return figure
-
-
-@styled
 def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) -> Figure:
     """Histogram of every parameter, scatter of every pair; a log axis where one spans decades."""
     n = len(labels)

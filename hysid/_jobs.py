@@ -160,13 +160,10 @@ def predict(
 def sample(
     folder: Path,
     *,
-    steps: int,
-    ensembles: int,
-    seed: int,
-    resume: bool,
     progress: Callable[[int, int, str], None] | None = None,
+    **options: Any,
 ) -> dict[str, Any]:
-    """Sample the posterior of a fit, or of each of several, and keep it beside."""
+    """Sample the posterior of a fit, or of each of several, and keep it beside; options as `identify.sample`."""
     folders = identify.read_document(folder).get("folders", {"": "."})
     documents = {}
     for value, name in folders.items():
@@ -177,9 +174,8 @@ def sample(
                 progress(done, total, f"{value}, {text}" if value else text)
 
         posterior = identify.sample(
-            identify.load(place), steps, ensembles, seed,
-            checkpoint=place / "chains.h5", resume=resume, progress=named,
-        )  # fmt: skip
+            identify.load(place), checkpoint=place / "chains.h5", progress=named, **options
+        )
         identify.save_posterior(posterior, place)
         documents[value] = identify.posterior_json(posterior)
     if "" in documents:
@@ -194,6 +190,7 @@ def sample(
         "draws": sum(d["draws"] for d in documents.values()),
         "seconds": round(sum(d["seconds"] for d in documents.values()), 3),
         "converged": all(d["converged"] for d in documents.values()),
+        "notes": [f"{value}: {note}" for value, d in documents.items() for note in d["notes"]],
         "each": documents,
     }
 

@@ -17,7 +17,8 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from . import _report_step
 from ._report_case import Case, Link, Section, Table
 from ._report_channels import channels
-from ._report_fit import candidates, data, loops, parameters, residuals, starts
+from ._report_diagnostics import believed
+from ._report_fit import candidates, data, loops, parameters, residuals
 from ._report_model import compensator, density, posterior
 from ._words import plain_name, pretty, quantity
 
@@ -30,7 +31,7 @@ HEADLINES = {
 
 
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    loops, channels, residuals, parameters, starts, posterior, density, compensator, candidates,
+    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
     data,
 )  # fmt: skip
 STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (

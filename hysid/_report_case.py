@@ -43,17 +43,19 @@ class Table(NamedTuple):
 
 @dataclass
 class Section:
-    """A heading and what is under it, in this order."""
+    """A heading and what is under it: text, tables, pictures, notes, then parts with headings of their
+    own."""
 
     title: str
     text: list[str] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    parts: list["Section"] = field(default_factory=list)
 
     @property
     def id(self) -> str:
-        return self.title.lower().replace(" ", "-")
+        return self.title.lower().replace(" ", "-").rstrip("?")
 
 
 @dataclass(frozen=True)

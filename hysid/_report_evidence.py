@@ -1,21 +1,13 @@
-"""What a report shows beyond the fit itself: residuals' correlation, excited cells, band, round trip."""
+"""What a report shows beyond the fit itself: residuals of all rows, and the round trip."""
 
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jaxtyping import Bool, Float, Int
 
 from compensate import AbstractCompensator, Status
 from hysteresis import AbstractModel, Record
-from identify import Posterior
 
-ROWS = 4000
-"""Rows of a predictive band, at most."""
 TRIP = 100_000
 """Rows sent through a compensator, at most; whole sequences."""
 
@@ -72,60 +64,6 @@ def residual_rows(
         np.concatenate([r.starts + k for r, k in zip(records, offsets, strict=True)]),
         np.concatenate(groups),
     )
-
-
-def autocorrelation(
-    residuals: Float[np.ndarray, " samples"],
-    used: Bool[np.ndarray, " samples"],
-    starts: Int[np.ndarray, " sequences"],
-    most: int,
-) -> Float[np.ndarray, " lags"]:
-    """Of the used residuals up to lag `most`, the mean left in: an offset is an error."""
-    products = np.zeros(most + 1)
-    for a, b in pairwise([*starts, len(residuals)]):
-        r = residuals[a:b][used[a:b]]
-        spectrum = np.fft.rfft(r, 2 * max(len(r), 1))
-        lags = np.fft.irfft(spectrum * spectrum.conj())[: min(most + 1, len(r))]
-        products[: len(lags)] += lags
-    return products / (products[0] or 1.0)
-
-
-class Band(NamedTuple):
-    """Predictive 5, 50 and 95 % quantiles over some `rows` of a record, and the share inside."""
-
-    rows: Int[np.ndarray, " rows"]
-    low: Float[np.ndarray, " rows"]
-    middle: Float[np.ndarray, " rows"]
-    high: Float[np.ndarray, " rows"]
-    coverage: float
-
-
-@eqx.filter_jit
-def _evaluate_draws(models: Any, prepared: Any, rows: Any) -> Any:
-    return jax.lax.map(lambda model: model.evaluate(prepared)[rows], models, batch_size=10)
-
-
-def predictive_band(posterior: Posterior, record: Record, draws: int = 100) -> Band:
-    """Where the next measurement would lie: the models of some draws, each with its own noise.
-
-    The noise enters by its quantiles, not at random, so the band is smooth and the same every time.
-    """
-    mask = np.flatnonzero(record.mask)
-    rows = mask[:: -(-len(mask) // ROWS)]
-    total = posterior.draws.shape[0] * posterior.draws.shape[1]
-    chosen = np.unique(np.linspace(0, total - 1, min(draws, total)).astype(int))
-    models = jax.tree.map(lambda leaf: leaf[chosen], posterior.model)
-    starts = tuple(int(k) for k in record.starts)
-    # All draws of a model prepare an input alike.
-    one: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
-    prepared = one.prepare(record.time, record.input, starts=starts)
-    y = np.asarray(_evaluate_draws(models, prepared, jnp.asarray(rows)))
-    sigma = posterior.draws.reshape(total, -1)[chosen, posterior.names.index("sigma")]
-    noise = scipy.stats.norm.ppf((np.arange(11) + 0.5) / 11)
-    spread = y[:, None] + (sigma[:, None] * noise)[..., None]
-    low, middle, high = np.quantile(spread.reshape(-1, len(rows)), [0.05, 0.5, 0.95], axis=0)
-    measured = record.output[rows]
-    return Band(rows, low, middle, high, float(np.mean((measured >= low) & (measured <= high))))
 
 
 class RoundTrip(NamedTuple):

@@ -7,7 +7,6 @@ import numpy as np
 import identify
 
 from ._report_case import Case, Link, Section, Table, picture
-from ._report_evidence import autocorrelation
 from ._words import label, number, plain_name, pretty, quantity
 
 
@@ -111,20 +110,6 @@ def residuals(case: Case) -> Section:
     caption = f"By {kind}: the worst is {names[worst]} ({words[worst]})"
     caption += f" with {quantity(sizes[worst], unit)} rms."
     section.pictures.append(picture(figure, f"Bars of the rms error of each {kind}", caption))
-
-    noise = fit.noise
-    most = int(min(max(30, 3 * noise.correlation_time), max(noise.samples // 2, 2)))
-    values = autocorrelation(np.nan_to_num(fit.residuals), used, train.starts, most)
-    limit = 2.576 / math.sqrt(max(noise.samples, 1))
-    figure = f.autocorrelation(values, limit)
-    outside = int((np.abs(values[1:]) > limit).sum())
-    caption = (
-        f"Autocorrelation of the fitted rows: {outside} of {most} lags lie outside the band, where one"
-        " in a hundred would by chance. They are correlated over"
-        f" {number(noise.correlation_time)} samples, so {noise.samples:,} rows count as"
-        f" {noise.effective:,.0f}; the errors below allow for it."
-    )
-    section.pictures.append(picture(figure, "Autocorrelation of the residuals", caption))
     return section
 
 
@@ -182,28 +167,6 @@ def parameters(case: Case) -> Section:
         )
     section.notes += [*fit.notes]
     return section
-
-
-def starts(case: Case) -> Section:
-    from . import _figures as f
-
-    starts, unit = case.fit.starts, case.units[1]
-    if starts is None:
-        return Section("Starts", [
-            "None needed: for this model the fit is a convex problem, which has one minimum."
-        ])  # fmt: skip
-    errors = np.sqrt(starts.objective)
-    # Short runs stop near the minimum, not at it.
-    same = int((errors <= 1.01 * errors[0]).sum())
-    text = f"{same} of {len(errors)} starts came within 1 % of the best error."
-    if same == 1 < len(errors):
-        text += " A minimum found once may not be the best there is: try more starts."
-    caption = (
-        "Error of every start, sorted. A long flat beginning means the minimum can be relied on."
-    )
-    figure = f.waterfall(errors, same, label("rms error", unit))
-    alt = f"Errors of {len(errors)} starts, sorted; {same} of them share the best"
-    return Section("Starts", [text], [picture(figure, alt, caption)])
 
 
 def candidates(case: Case) -> Section:

@@ -11,7 +11,6 @@ from hysteresis.preisach import GridDensity
 from identify import excited_cells
 
 from ._report_case import Case, Link, Section, Table, picture
-from ._report_evidence import predictive_band
 from ._words import label, number, plain_name, pretty, quantity
 
 MEANINGS = {
@@ -47,38 +46,6 @@ def posterior(case: Case) -> Section:
         for s in posterior.summaries
     ]
     section.tables.append(Table("R-hat should be below 1.01.", columns, rows))
-    _, record = case.judged
-    word = "held-out" if fit.test is not None else "training"
-    band = predictive_band(posterior, record)
-    said = f"{100 * band.coverage:.0f} % of {len(band.rows):,} {word} rows lie in the band; 90 % should."
-    if band.coverage < 0.8:
-        said += " It is too narrow: the model is off by more than noise there."
-    elif band.coverage > 0.97:
-        said += " It is wider than it need be."
-    section.text.append(said)
-    if fit.test is None:
-        section.text.append("These rows were fitted, so that proves little.")
-    clock = len(record.labels) == 1 and record.time is not None
-    x = record.time[band.rows] if clock and record.time is not None else band.rows.astype(float)
-    x_label = (
-        label(plain_name(record.time_name, record.time_unit), record.time_unit) if clock else "row"
-    )
-    order, at = _gapped(band.rows, record.starts)
-    measured = record.output[band.rows]
-    values = [
-        np.where(at, np.nan, v[order]) for v in (x, band.low, band.high, measured, band.middle)
-    ]
-    x, low, high, measured, middle = values
-    figure = f.band(x, low, high, measured, x_label, case.output_label)
-    caption = f"Predictive band over the {word} rows. {said}"
-    section.pictures.append(picture(figure, f"Predictive band of {case.output}", caption))
-    y_label = label("measured − median", case.units[1])
-    figure = f.band(x, low - middle, high - middle, measured - middle, x_label, y_label, zero=True)
-    caption = (
-        "The same with the median prediction taken away, so that the band's width can be seen."
-    )
-    section.pictures.append(picture(figure, "Predictive band around its median", caption))
-
     fitted = {p.name: p.value for p in fit.parameters} | {"sigma": fit.noise.sigma}
     units = {p.name: pretty(p.unit) for p in fit.parameters} | {"sigma": case.units[1]}
     if len(posterior.names) <= 6:
@@ -207,14 +174,3 @@ def compensator(case: Case) -> Section:
         )
     )
     return section
-
-
-def _gapped(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """An order of rows that repeats one wherever they leave off, and where: NaN goes there."""
-    usual = int(np.min(np.diff(rows), initial=len(rows)))
-    inside = np.searchsorted(starts, rows, side="right")
-    cut = np.flatnonzero((np.diff(rows) > 2 * usual) | (np.diff(inside) > 0))
-    order = np.insert(np.arange(len(rows)), cut + 1, cut)
-    at = np.zeros(len(order), bool)
-    at[cut + 1 + np.arange(len(cut))] = True
-    return order, at

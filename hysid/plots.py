@@ -1,4 +1,4 @@
-"""Figures of a Preisach model's memory and density: arrays in, a matplotlib Figure out.
+"""Figures of a Preisach model's memory and density, and of what a fit is worth: a matplotlib Figure out.
 
     from hysid import plots
     plots.staircase(u).savefig("staircase.svg")
@@ -23,6 +23,10 @@ from hysteresis.preisach import MemoryTree, memory_tree
 from identify import FitResult, ForcDiagram, Identifiability
 
 from ._figures import BLUE, GREY, INK, VERMILLION, styled
+from ._figures_diagnostics import bands as bands
+from ._figures_diagnostics import profiles as profiles
+from ._figures_diagnostics import residual_correlation as residual_correlation
+from ._figures_diagnostics import waterfall as waterfall
 from ._words import label
 
 EDGE = "#666666"

@@ -230,6 +230,10 @@ def _fit_one(
     said, noise = about
     start, settings = with_settings(start, said)
     free = len(transform_for(start, record, settings).names)
+    if not free:
+        raise InputError(
+            "nothing-free", f"every parameter of {name} is fixed or tied, so nothing is to fit."
+        )
     check_identifiable(record, n_parameters=free)
     others = suggested if template and not said else None
     return fit_parametric(name, start, record, cut, starts, seed, others, noise, settings)

@@ -97,11 +97,12 @@ def likeliest(
         now = likeliest_about(_padded(at), tried)
         evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
         root, away = now.root[:, : len(z)], now.away[: len(z)]
-        moved, least = float(jnp.linalg.norm(root @ away)), min(least, float(now.cost))
+        cost = float(now.cost + temper * bounds.penalty(z))
+        moved, least = float(jnp.linalg.norm(root @ away)), min(least, cost)
         if not moved > ENOUGH:  # not a number neither
             break
         z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
-    if not np.isfinite(moved) or float(now.cost) > least + 1:
+    if not np.isfinite(moved) or cost > least + 1:
         return None
     noise, counted = only(of_free(now.noise), kinds[int(now.best)]), int(np.sum(rows.counted))
     return Likeliest(
@@ -120,7 +121,7 @@ class About(NamedTuple):
 
     - `best`: which kind of noise has the greatest evidence; `evidence`: -log of each one's.
     - `noise`: its free numbers, `away`: the change of the parameters that goes with it, `cost`: -log of the
-      restricted likelihood.
+      restricted likelihood, the prior's part over its value at the model's place.
     - `root`: rows with root'root = the information about the parameters, the prior's below.
     - `believed`: the smaller of two chances: of white innovations to be as coloured, and of noise to
       look as much like a function of the input.

@@ -186,7 +186,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         residuals=extra["residuals"],
         metrics=_metrics(document["metrics"]),
         success=document["success"],
-        score=document["score_percent"],
+        score=math.nan if (score := document["score_percent"]) is None else score,
         noise=Noise(**document["noise"]),
         blocks=None if document.get("blocks") is None else np.array(document["blocks"]),
         noise_model=_noise_model(document.get("noise_model")),

@@ -190,8 +190,9 @@ def _said(
             f"{name} starts at {value:g}, where its prior {belief} has no density.",
             fix="start where the prior has some, or widen the prior.",
         )
-    if belief is not None and belief.kind == "uniform" and bounds is None:
-        bounds = (max(belief.first, info.bounds[0]), min(belief.second, info.bounds[1]))
+    if belief is not None:
+        # Sought where the prior has a density: a positive number by its logarithm.
+        bounds = max(low, belief.support[0]), min(high, belief.support[1])
     return model, Setting(bounds, belief, bool(fixed), tied)
 
 

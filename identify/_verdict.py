@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from ._profile import another_minimum
 from ._result import FitResult, Level, Verdict
+from ._sloppiness import without_effect
 from ._time_constants import unseen_time_constants
 
 GOOD, USABLE = 5.0, 15.0
@@ -14,8 +16,8 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
 
     FAIL: not converged; held-out error above 15 % of the range; no better than the mean.
     CAUTION: held-out error above 5 %, or more than twice that on the training part; nothing held out;
-    parameters without an honest error; a time constant that the record cannot show; a tenth of the
-    test rows beyond the trained inputs; a warning about the data.
+    parameters without an honest error; another minimum as good; a time constant that the record cannot
+    show; a tenth of the test rows beyond the trained inputs; a warning about the data.
     """
     train, test = fit.metrics["train"], fit.metrics["test"]
     assert train is not None
@@ -50,6 +52,11 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
         names = [p.name for p in fit.parameters if p.status == status]
         if names:
             cautions.append(f"{', '.join(names)}: {status}, so without an error bar.")
+            if status == "unidentified":
+                cautions += without_effect(fit, names)
+    if (found := another_minimum(fit)) is not None:
+        sentence, exchanged = found
+        (facts if exchanged else cautions).append(sentence)
     cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
     if fit.noise.correlation_time > 3:
         facts.append(

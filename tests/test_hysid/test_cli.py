@@ -168,7 +168,7 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     said = run("sample", folder / "each", "--steps", 40, "--ensembles", 2)
     assert "\nthin: K  " in said.out
     assert "Not converged" in said.out
-    assert ", thin, ensemble 2" in said.err
+    assert ", thin, acceptance" in said.err
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,11 @@
 """Posteriors: against analytic ones, reproducible, resumable, and honest about convergence."""
 
+import sys
+from dataclasses import replace
+
+import arviz
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -8,7 +13,10 @@ from compensate import invert
 from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior
-from identify._posterior import rhat
+from identify._noise_model import NoiseModel
+from identify._priors import prior
+from identify._settings import Setting
+from identify._target import target
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:
@@ -39,6 +47,19 @@ def test_emcee_on_a_line_is_the_analytic_posterior(line_fit) -> None:
     assert posterior.summaries[2].mean == pytest.approx(0.1, rel=0.15)  # 1/sqrt(2 N) = 5 %
 
 
+def test_without_steps_it_goes_on_until_it_can_be_believed(line_fit, tmp_path) -> None:
+    told = []
+    posterior = sample(line_fit, seed=5, progress=lambda *said: told.append(said))
+    assert posterior.converged
+    assert (posterior.notes, posterior.long_enough) == ((), True)
+    assert "R-hat 1.0" in told[-1][2]
+    assert all(s.contraction is not None and 0.9 < s.contraction <= 1 for s in posterior.summaries)
+    assert all(s.modes == 1 for s in posterior.summaries)
+    short = sample(line_fit, most=30, seed=5)
+    assert not short.converged
+    assert "not converged after 30 steps" in short.notes[0]
+
+
 def test_a_seed_makes_a_posterior_repeatable(line_fit) -> None:
     one, other, third = (sample(line_fit, steps=60, seed=s) for s in (3, 3, 4))
     np.testing.assert_array_equal(one.draws, other.draws)
@@ -46,24 +67,132 @@ def test_a_seed_makes_a_posterior_repeatable(line_fit) -> None:
 
 
 def test_resumed_chains_are_the_uninterrupted_ones(line_fit, tmp_path) -> None:
-    whole = sample(line_fit, steps=120, seed=2, checkpoint=tmp_path / "whole.h5")
-    sample(line_fit, steps=50, seed=2, checkpoint=tmp_path / "parts.h5")
-    resumed = sample(line_fit, steps=120, seed=2, checkpoint=tmp_path / "parts.h5", resume=True)
-    np.testing.assert_array_equal(resumed.draws, whole.draws)
+    whole = sample(line_fit, steps=120, seed=2)
+    for steps in (50, 120):
+        kept = sample(line_fit, steps, seed=2, checkpoint=tmp_path / "c.h5", resume=True)
+    np.testing.assert_array_equal(kept.draws, whole.draws)
+    for one, other in zip(jax.tree.leaves(kept.model), jax.tree.leaves(whole.model), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
-def test_a_checkpoint_of_another_model_is_refused(line_fit, tmp_path) -> None:
-    sample(line_fit, steps=30, checkpoint=tmp_path / "chains.h5")
-    t = np.arange(200) * 0.1
-    other = fit(Record.from_arrays(line().input, line().output, t), "Burgers", starts=4)
-    with pytest.raises(InputError) as error:
-        sample(other, steps=60, checkpoint=tmp_path / "chains.h5", resume=True)
+@pytest.mark.parametrize(
+    ("what", "changed", "options"),
+    [
+        (
+            "data",
+            lambda fit: replace(fit, train=replace(fit.train, output=fit.train.output + 1e-9)),
+            {},
+        ),
+        ("model", lambda fit: replace(fit, model=replace(fit.model, K=fit.model.K + 1e-9)), {}),
+        ("noise", lambda fit: replace(fit, noise_model=NoiseModel(0.1, tail=0.1)), {}),
+        (
+            "priors",
+            lambda fit: replace(fit, settings={"K": Setting(prior=prior("normal(2, 1)"))}),
+            {},
+        ),
+        ("seed", lambda fit: fit, {"seed": 1}),
+        ("ensembles", lambda fit: fit, {"ensembles": 3}),
+        ("walkers", lambda fit: fit, {"walkers": 18}),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_chains_are_only_gone_on_from_where_all_is_the_same(
+    line_fit, tmp_path, what, changed, options
+) -> None:
+    sample(line_fit, steps=20, checkpoint=tmp_path / "chains.h5")
+    with pytest.raises(InputError, match=f"another {what}") as error:
+        sample(
+            changed(line_fit), steps=30, checkpoint=tmp_path / "chains.h5", resume=True, **options
+        )
     assert error.value.code == "other-checkpoint"
 
 
-def test_too_few_steps_are_refused(line_fit) -> None:
-    with pytest.raises(InputError):
-        sample(line_fit, steps=3)
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"steps": 3}, "too-few-draws"),
+        ({"most": 10}, "too-few-draws"),
+        ({"ensembles": 1}, "too-few-draws"),
+        ({"walkers": 4}, "too-few-walkers"),
+        ({"walkers": 17}, "too-few-walkers"),
+        ({"seed": -1}, "bad-seed"),
+        ({"method": "gibbs"}, "unknown-method"),
+    ],
+)
+def test_bad_settings_are_refused(line_fit, options, code) -> None:
+    with pytest.raises(InputError) as error:
+        sample(line_fit, **options)
+    assert error.value.code == code
+
+
+def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
+    fixed = {name: Setting(fixed=True) for name in ("K", "b", "threshold")}
+    with pytest.raises(InputError) as error:
+        sample(replace(line_fit, settings=fixed))
+    assert error.value.code == "nothing-free"
+
+
+def test_nuts_draws_from_the_same_posterior(line_fit, tmp_path) -> None:
+    one = sample(line_fit, seed=1)
+    other = sample(line_fit, 400, seed=1, method="nuts", checkpoint=tmp_path / "chains.h5")
+    assert other.draws.shape == (4, 400, 3)
+    assert other.notes[0] == "NUTS keeps no checkpoint."
+    assert other.method == "NUTS, 4 chains, 400 steps"
+    assert set(other.statistics) == {"acceptance_rate", "diverging", "n_steps"}
+    for a, b in zip(one.summaries, other.summaries, strict=True):
+        # Four standard errors of the mean, and of the deviation sd / sqrt(2 ess).
+        error = 4 * a.sd * np.sqrt(1 / a.ess + 1 / b.ess)
+        assert a.mean == pytest.approx(b.mean, abs=error)
+        assert a.sd == pytest.approx(b.sd, abs=error)
+        assert b.rhat < 1.02
+
+
+def test_without_blackjax_the_extra_is_named(line_fit, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "blackjax", None)
+    with pytest.raises(InputError, match=r"hysid\[nuts\]"):
+        sample(line_fit, method="nuts")
+
+
+def test_draws_of_every_row_are_those_of_the_target(line_fit) -> None:
+    posterior = sample(line_fit, seed=1)
+    rows, aim = posterior.per_row, target(line_fit)
+    assert rows is not None
+    np.testing.assert_array_equal(rows.observed, line_fit.train.output[rows.rows])
+    ensembles, _, count = rows.log_likelihood.shape
+    assert count == len(line_fit.train)
+    # The first draw of each ensemble is the first that was kept.
+    first = np.asarray(posterior.draws[:, 0])
+    point = np.column_stack(
+        [aim.bounds.from_values(first[:, :2]), aim.noise_bounds.from_values(first[:, 2:])]
+    )
+    for k in range(ensembles):
+        np.testing.assert_allclose(
+            rows.log_likelihood[k, 0], aim.pointwise(jnp.asarray(point[k])), rtol=1e-9, atol=1e-9
+        )
+    # Every row's 90 % range holds nine readings of ten: 200 rows, three deviations of 2 per cent.
+    low, high = np.quantile(rows.predictive, [0.05, 0.95], axis=(0, 1))
+    inside = ((rows.observed > low) & (rows.observed < high)).mean()
+    assert inside == pytest.approx(0.9, abs=0.065)
+
+
+def test_arviz_reads_the_groups(line_fit, tmp_path) -> None:
+    posterior = sample(line_fit, seed=1)
+    save(line_fit, tmp_path)
+    save_posterior(posterior, tmp_path)
+    again = load_posterior(tmp_path)
+    assert again is not None
+    assert again.summaries == posterior.summaries
+    assert (again.notes, again.converged) == (posterior.notes, True)
+    data = arviz.from_netcdf(tmp_path / "posterior.nc")
+    assert set(data.groups()) == {
+        "posterior", "sample_stats", "prior", "log_likelihood", "posterior_predictive", "observed_data",
+    }  # fmt: skip
+    assert data.posterior["K"].dims == ("chain", "draw")
+    assert data.log_likelihood["output"].dims == ("chain", "draw", "row")
+    np.testing.assert_array_equal(data.sample_stats["lp"], posterior.log_probability)
+    np.testing.assert_array_equal(data.observed_data["output"], line_fit.train.output)
+    assert arviz.loo(data).elpd_loo == pytest.approx(200 * 0.88, abs=50)  # log N(0 | 0.1) - 1/2
+    data.close()
 
 
 @pytest.fixture(scope="module")
@@ -121,12 +250,3 @@ def test_posterior_comes_back_and_other_tools_read_it(grid_fit, tmp_path) -> Non
     (tmp_path / "posterior.nc").write_bytes(b"cut off")
     with pytest.raises(InputError, match="sample again"):
         load_posterior(tmp_path)
-
-
-def test_rhat_tells_ensembles_that_disagree() -> None:
-    random = np.random.default_rng(0)
-    same = random.normal(size=(4, 2000))
-    # sd of R-hat for independent draws is about 1 / draws.
-    assert rhat(same) < 1.005
-    assert rhat(same + np.arange(4)[:, None] * 0.5) > 1.05
-    assert rhat(same * (1 + np.arange(4)[:, None])) > 1.05  # only the folded ranks see this

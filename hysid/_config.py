@@ -1,0 +1,165 @@
+"""Options from a TOML file: the same names as on the command line, which has the last word."""
+
+import inspect
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
+
+import typer
+
+if TYPE_CHECKING:  # which loads JAX, and a command line has to answer --help at once
+    from hysteresis import InputError
+
+SELECTION = (
+    "input", "step", "output", "time", "dt", "group", "each", "where", "test_where", "test_cycles",
+    "test_tail", "nan", "segments", "decimal", "units_row", "na_values", "input_unit", "output_unit",
+)  # fmt: skip
+"""Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
+
+NOT_HERE = ("context", "file", "out", "config", "overwrite", "as_json", "return")
+"""Of the command line alone."""
+
+WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+JOINED = ("group", "na_values", "model")
+"""Options that hold several words with commas between: in TOML a list will do."""
+
+
+def read_config(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The options in a file for a command, by the names of its parameters, and the table [parameters].
+
+        [selection]
+        input = "force (N)"
+        output = "displacement (mm)"
+
+        [fit]
+        model = "Burgers"
+
+        [parameters]
+        E1 = {start = 2.0, bounds = [0.1, 100.0]}
+
+    Raises `InputError` for a file that is not there or no TOML, and for a table, a key or a kind of value
+    that the command does not know.
+    """
+    document = _read(file)
+    hints = get_type_hints(inspect.unwrap(command.callback))
+    known = {name: hint for name, hint in hints.items() if name not in NOT_HERE}
+    tables = {
+        "selection": [name for name in known if name in SELECTION],
+        "fit": [name for name in known if name not in SELECTION],
+    }
+    found: dict[str, Any] = {}
+    for table, values in document.items():
+        if table not in (*tables, "parameters"):
+            raise _unknown(file, f"[{table}]", table, [*tables, "parameters"], tables)
+        if not isinstance(values, Mapping):
+            raise _unknown(file, table, table, [], tables)
+        if table == "parameters":
+            continue
+        for key, value in values.items():
+            if key not in tables[table]:
+                raise _unknown(file, f"{key} in [{table}]", key, tables[table], tables)
+            found[key] = _of_kind(file, key, value, known[key])
+    return found, dict(document.get("parameters", {}))
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text("utf-8"))
+    except OSError as error:
+        raise _error(
+            "no-config",
+            f"the configuration cannot be read: {error.strerror or error}.",
+            place=str(file),
+            fix="name a TOML file (--config FILE).",
+        ) from None
+    except ValueError as error:  # TOML's and UTF-8's errors are both
+        raise _error(
+            "bad-config",
+            f"this is no TOML: {error}.",
+            place=str(file),
+            cause="text without quotation marks, or a table that is not closed.",
+        ) from None
+
+
+def _unknown(
+    file: Path, what: str, key: str, there: list[str], tables: Mapping[str, list[str]]
+) -> "InputError":
+    """For a key that is not known there: the nearest that is, or the table it belongs to."""
+    elsewhere = [table for table, names in tables.items() if key in names]
+    near = get_close_matches(key.replace("-", "_"), there, 1, 0.5)
+    if elsewhere:
+        fix = f"it belongs into the table [{elsewhere[0]}]."
+    else:
+        fix = f"did you mean {near[0]}?" if near else f"known are {', '.join(there)}."
+    return _error("unknown-key", f"unknown: {what}.", place=str(file), fix=fix)
+
+
+def _of_kind(file: Path, key: str, value: Any, hint: Any) -> Any:
+    """A value as the command line would have it: lists for options that repeat, or joined by commas."""
+    (hint,) = [h for h in get_args(hint) or (hint,) if h is not NoneType]
+    repeats = get_origin(hint) is list
+    kind = str if repeats else hint
+    kinds = (int, float) if kind is float else (kind,)
+    listed = value if isinstance(value, list) else [value]
+    one = not (repeats or key in JOINED)
+    if (isinstance(value, list) and one) or any(type(x) not in kinds for x in listed):
+        raise _error("bad-config", f"{key} = {value!r}, and it is {WORDS[kind]}.", place=str(file))
+    return listed if repeats else ",".join(listed) if key in JOINED else value
+
+
+def _error(code: str, problem: str, **words: str) -> "InputError":
+    from hysteresis import InputError
+
+    return InputError(code, problem, **words)
+
+
+def _configure(context: typer.Context, file: Any) -> Path | None:
+    """What the file says becomes the defaults of the command; read before its other options."""
+    if file is not None:
+        found, said = read_config(Path(file), context.command)  # some typers give the text
+        context.default_map = {**(context.default_map or {}), **found}
+        context.meta["parameters"] = said
+    return file
+
+
+Config = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        is_eager=True,
+        callback=_configure,
+        help="TOML file of options: [selection], [fit], [parameters]; those given here win.",
+    ),
+]
+
+
+def options_of(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All options of a command, as if called with `--config FILE` alone, and the table [parameters].
+
+    Raises `InputError` where the file does not say enough.
+    """
+    if "output" not in read_config(file, command)[0]:
+        raise _error(
+            "bad-config",
+            "the table [selection] has no output.",
+            place=str(file),
+            fix='name its column: output = "displacement (mm)".',
+        )
+    context = command.make_context(command.name, ["FILE", "--out", "DIR", "--config", str(file)])
+    options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
+    return options, context.meta["parameters"]
+
+
+def selection_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The selecting ones of a command's options, lists as tuples."""
+    chosen = {name: options[name] for name in SELECTION if name in options}
+    inputs = tuple(options["input"] or ())
+    chosen["input"] = inputs if len(inputs) > 1 else next(iter(inputs), None)
+    for name in ("group", "na_values"):
+        chosen[name] = tuple(part for part in options[name].split(",") if part)
+    for name in ("where", "test_where"):
+        chosen[name] = tuple(options.get(name) or ())
+    return chosen

@@ -1,0 +1,106 @@
+"""Whether chains agree, how many draws they are worth, and whether they know one mode or several."""
+
+from typing import Any
+
+import numpy as np
+import scipy.fft
+import scipy.stats
+from jaxtyping import Float
+
+VALLEY, ASIDE = 0.5, 0.05
+"""A valley counts below this part of the lower peak, and with this part of the draws on either side."""
+
+DRAWS_ASIDE = 20
+"""Effective draws that have to be there, too."""
+
+
+def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
+    """Rank-normalised split R-hat, a chain being an ensemble, never one of its walkers.
+
+    The larger of that of the draws and of their distances from the median, which sees chains of
+    unequal width; infinite where chains do not move.
+
+    Source: Vehtari and others, Rank-normalization, folding, and localization, Bayesian Analysis 2021.
+    """
+    split = _split(chains)
+    folded = np.abs(split - np.median(split))
+    return max(_rhat_of(_normal_scores(split)), _rhat_of(_normal_scores(folded)))
+
+
+def bulk_ess(chains: Float[np.ndarray, "chains draws"]) -> float:
+    """Effective number of draws of ordinary chains, one point at a time, by rank-normalised split chains.
+
+    Not for an ensemble's walkers one after the other: those are not a chain.
+
+    Source: as `rhat`; Geyer's initial monotone sequence ends the sum over lags.
+    """
+    z = _normal_scores(_split(chains))
+    n = z.shape[1]
+    covariance = autocovariance(z.T).mean(axis=1) / n
+    within = covariance[0] * n / (n - 1)
+    whole = within * (n - 1) / n + z.mean(axis=1).var(ddof=1)
+    if not whole > 0:
+        return float("nan")
+    rho = 1 - (within - covariance * n / (n - 1)) / whole
+    rho[0] = 1.0
+    pairs = rho[: n - n % 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0)
+    pairs = np.minimum.accumulate(pairs[: ends[0] if len(ends) else None])
+    tau = max(2 * pairs.sum() - 1, 1 / np.log10(z.size))
+    return float(z.size / tau)
+
+
+def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
+    """Whether draws of one number lie about more than one place.
+
+    The density is estimated with a Gaussian kernel of Silverman's width,
+    0.9 min(sd, interquartile range / 1.34) / effective^(1/5). There are two modes where it falls below half
+    of the lower of two peaks, with a twentieth of the draws, and twenty effective ones, on either
+    side; so walkers stuck in separate places count too. Modes that part in several numbers at once, but in
+    none of them alone, are not seen, and neither is a mode in which no draw is.
+
+    Source: Silverman, Density Estimation for Statistics and Data Analysis, 1986, section 3.4.
+    """
+    q1, q3 = np.quantile(draws, [0.25, 0.75])
+    sd = draws.std()
+    width = 0.9 * min(sd, (q3 - q1) / 1.34 or sd) * max(effective, 2.0) ** -0.2
+    if not width > 0:
+        return False
+    cells = int(min(max(np.ptp(draws) / width * 8, 16), 100_000))
+    counts, edges = np.histogram(draws, cells)
+    step = edges[1] - edges[0]
+    reach = np.arange(-int(4 * width / step) - 1, int(4 * width / step) + 2)
+    kernel = np.exp(-0.5 * (reach * step / width) ** 2)
+    density = np.convolve(np.pad(counts, len(reach)), kernel, "same")
+    below = np.cumsum(np.pad(counts, len(reach))) / len(draws)
+    lower = np.minimum(
+        np.maximum.accumulate(density), np.maximum.accumulate(density[::-1])[::-1]
+    )  # of the highest peaks on either side
+    aside = max(ASIDE, DRAWS_ASIDE / effective)
+    valleys = (density < VALLEY * lower) & (below > aside) & (below < 1 - aside)
+    return bool(valleys.any())
+
+
+def autocovariance(x: Float[np.ndarray, "steps *series"]) -> Float[np.ndarray, "steps *series"]:
+    """Sums of products of deviations from the mean that lie k steps apart, by k; along the first axis."""
+    size = scipy.fft.next_fast_len(2 * len(x), real=True)
+    spectrum: Any = scipy.fft.rfft(x - x.mean(axis=0), size, axis=0)
+    return np.asarray(scipy.fft.irfft(np.abs(spectrum) ** 2, size, axis=0))[: len(x)]
+
+
+def _split(chains: np.ndarray) -> np.ndarray:
+    half = chains.shape[1] // 2
+    return np.concatenate([chains[:, :half], chains[:, -half:]])
+
+
+def _normal_scores(chains: np.ndarray) -> np.ndarray:
+    ranks: np.ndarray = scipy.stats.rankdata(chains).reshape(chains.shape)
+    return scipy.stats.norm.ppf((ranks - 0.375) / (chains.size + 0.25))
+
+
+def _rhat_of(z: np.ndarray) -> float:
+    n = z.shape[1]
+    within, between = z.var(axis=1, ddof=1).mean(), n * z.mean(axis=1).var(ddof=1)
+    if not within > 0:
+        return float("inf")
+    return float(np.sqrt(((n - 1) / n * within + between / n) / within))

@@ -1,0 +1,163 @@
+"""`hysid batch` and `--config`: every file of a pattern, a bad one, and options that are wrong."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text
+
+CONFIG = f"""
+[selection]
+input = "{F}"
+output = "{X}"
+time = "{T}"
+
+[fit]
+model = "LinearSponge"
+conditioning = "keep"
+clocks = "keep"
+starts = 4
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch) -> Path:
+    """Three files, one of them bad, and a configuration, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("data").mkdir()
+    rows = sponge()
+    for name in ("a", "b"):
+        put(text(rows), f"data/{name}.csv")
+    put(text([[t, f, "", c] for t, f, _, c in rows]), "data/bad.csv")
+    put(CONFIG, "batch.toml")
+    return tmp_path
+
+
+def batch(*more: object, pattern: str = "data/*.csv", out: str = "out"):
+    return run("batch", pattern, "--config", "batch.toml", "--out", out, *more)
+
+
+def test_every_file_is_fitted_and_the_bad_one_named():
+    found = batch("--json").json()
+    assert (found["fitted"], found["skipped"]) == (2, 0)
+    assert "nan-output" in found["failed"]["bad"]
+    assert [row["name"] for row in found["fits"]] == ["a", "b"]
+    with open("out/batch.csv", newline="", encoding="utf-8") as handle:
+        table = list(csv.DictReader(handle))
+    assert [row["name"] for row in table] == ["a", "b", "bad"]
+    assert table[0]["K status"] == "free"
+    kept = json.loads(Path("out/batch.json").read_text("utf-8"))
+    assert kept["finished"]
+    assert list(kept["failed"]) == ["bad"]
+    # Each is a fit as any other.
+    assert run("predict", "out/a", "data/b.csv", "--json").json()["rmse"] < 1
+
+    # As a single fit with the same options.
+    alone = run("fit", "data/a.csv", "--config", "batch.toml", "--out", "alone", "--json").json()
+    assert [p["value"] for p in alone["parameters"]] == [
+        p["value"] for p in json.loads(Path("out/a/fit.json").read_text("utf-8"))["parameters"]
+    ]
+    # The command line has the last word.
+    more = run(
+        "fit", "data/a.csv", "--config", "batch.toml", "--out", "more", "--json", "--seed", 7
+    )
+    assert more.json()["seed"] == 7
+
+    # Mended, the bad one alone is left to do.
+    put(text(sponge()), "data/bad.csv")
+    again = batch()
+    assert again.code == 0
+    assert "3 fitted, 2 of them before; 0 not." in again.out
+    anew = batch("--no-resume", "--json").json()
+    assert (anew["fitted"], anew["skipped"]) == (3, 0)
+
+    # Results of another configuration are left alone.
+    put(CONFIG.replace("starts = 4", "starts = 5"), "batch.toml")
+    refused(batch(), "another configuration", "--no-resume")
+
+
+def test_what_was_killed_on_the_way_goes_on(monkeypatch):
+    import identify
+
+    fitted = identify.fit
+
+    def interrupted(*arguments, **options):
+        if arguments[0].source.endswith("b.csv"):
+            raise KeyboardInterrupt
+        return fitted(*arguments, **options)
+
+    monkeypatch.setattr(identify, "fit", interrupted)
+    stopped = batch()
+    assert stopped.code == 130
+    assert not json.loads(Path("out/batch.json").read_text("utf-8"))["fits"][1:]
+    monkeypatch.setattr(identify, "fit", fitted)
+    assert "2 fitted, 1 of them before; 1 not." in batch().out
+
+
+def test_each_value_of_each_file():
+    rows = [[*row, part] for part in ("x", "y/1") for row in sponge()]
+    put(text(rows, (*HEADER, "part")), "data/a.csv")
+    put(CONFIG.replace("[fit]", 'each = "part"\n[fit]'), "batch.toml")
+    found = batch("--json", pattern="data/a.csv").json()
+    assert [row["name"] for row in found["fits"]] == ["a/x", "a/y_1"]
+    assert Path("out/a/y_1/fit.json").is_file()
+
+
+def test_two_files_of_one_name():
+    Path("data/deep").mkdir()
+    put(text(sponge()), "data/deep/a.csv")
+    found = batch("--json", pattern="data/**/a.csv").json()
+    assert [row["name"] for row in found["fits"]] == ["a", "deep-a"]
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("output = 'x\n", ["line 1", "bad-config"]),
+        ("[selection]\nouput = 'x'", ["ouput", "did you mean output?", "unknown-key"]),
+        ("[selection]\nmodel = 'Burgers'", ["[fit]", "unknown-key"]),
+        ("[select]\noutput = 'x'", ["[select]", "did you mean selection?"]),
+        ("[fit]\nstarts = 'many'", ["starts = 'many'", "a whole number"]),
+        ("[fit]\nstarts = true", ["a whole number"]),
+        ("[selection]\noutput = ['x', 'y']", ["text"]),
+        ("[selection]\ninput = 'x'", ["no output"]),
+        ("[selection]\ninput = 'x'\noutput = 'y'\n[fit]\nclocks = 'no'", ["'no'", "auto or keep"]),
+    ],
+)
+def test_a_configuration_that_is_wrong(said, words):
+    put(said, "batch.toml")
+    refused(batch(), *words)
+
+
+def test_a_pattern_or_a_configuration_that_is_not_there():
+    refused(batch(pattern="nothing/*.csv"), "nothing/*.csv", "no-files")
+    Path("batch.toml").unlink()
+    refused(batch(), "batch.toml", "no-config")
+    one = ("fit", "data/a.csv", *COLUMNS, "--out", "out", "--config", "none.toml")
+    refused(run(*one), "none.toml", "no-config")
+
+
+def test_nothing_that_can_be_fitted():
+    result = batch(pattern="data/bad.csv")
+    assert result.code == 2
+    assert "nan-output" in result.err
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch):
+    from hysid import _batch
+
+    monkeypatch.setattr(_batch, "PATIENCE", 1)
+    refused(batch("--scheduler", "tcp://127.0.0.1:9"), "no-scheduler", "127.0.0.1:9")
+    refused(batch("--scheduler", "no address"), "no-scheduler")
+
+
+def test_without_distributed(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    refused(batch("--scheduler", "tcp://127.0.0.1:9"), "hysid[cluster]")
+
+
+def test_several_processes():
+    found = batch("--jobs", 2, "--json").json()
+    assert (found["fitted"], list(found["failed"])) == (2, ["bad"])

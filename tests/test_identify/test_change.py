@@ -1,0 +1,350 @@
+"""Changes, trends and pooled specimens: p values are uniform, intervals hold what they say."""
+
+import emcee
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+import scipy.stats
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError
+from identify import change, change_over_time, pool
+from identify._change import between, holm
+from identify._estimate import Estimate, estimate
+from identify._pooling import PRIOR, population_draws
+from identify._transform import Transform
+from identify._trend import line_in_time
+from tests.test_identify.lines import line, pressed
+
+NEW, AGED = (1.2, 5.4), (1.298, 6.186)
+"""K (mm/N) and b (mm) of a sponge, and after six months: Tsuji 2014's line of the aged one."""
+
+BOUNDS = Transform(("E", "offset", "ratio"), (0.0, -np.inf, 0.0), (np.inf, np.inf, 1.0), 1.0)
+"""A positive parameter, one without bounds, and one between two."""
+
+
+def gaussian(random: np.random.Generator, centre: np.ndarray) -> Estimate:
+    """An estimate of three correlated numbers about a centre."""
+    root = random.normal(size=(3, 3)) * [0.05, 0.3, 0.1]
+    covariance = root.T @ root
+    free = random.multivariate_normal(centre, covariance)
+    return Estimate(BOUNDS, ("N", "mm", "1"), free, covariance, {})
+
+
+def test_p_values_of_nothing_are_uniform() -> None:
+    """200 pairs: a p below 0.001 of Kolmogorov's test is one in a thousand such tests."""
+    random = np.random.default_rng(0)
+    centre = np.array([0.2, 1.0, -0.5])
+    found = [
+        between(gaussian(random, centre), gaussian(random, centre), 0.05, {}) for _ in range(200)
+    ]
+    assert scipy.stats.kstest([c.p for c in found], "uniform").pvalue > 1e-3
+    for k in range(3):
+        assert scipy.stats.kstest([c.parameters[k].p for c in found], "uniform").pvalue > 1e-3
+        increased = [c.parameters[k].increased for c in found]
+        assert scipy.stats.kstest(increased, "uniform").pvalue > 1e-3
+    # One test in twenty finds anything: binomial(200, 0.05) is above 20 in one of a thousand.
+    assert sum(any(p.clear for p in c.parameters) for c in found) <= 20
+
+
+@given(st.integers(0, 1000))
+def test_a_change_backwards_is_the_change_with_its_sign_turned(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    one, other = (gaussian(random, random.normal(size=3)) for _ in range(2))
+    forth, back = between(one, other, 0.1, {}), between(other, one, 0.1, {})
+    assert forth.p == pytest.approx(back.p)
+    for a, b in zip(forth.parameters, back.parameters, strict=True):
+        assert a.difference == pytest.approx(-b.difference)
+        assert a.increased == pytest.approx(1 - b.increased)
+        assert a.p_holm == pytest.approx(b.p_holm)
+    first, second = forth.parameters[0], back.parameters[0]
+    assert first.ratio is not None
+    assert second.ratio is not None
+    assert first.ratio == pytest.approx(1 / second.ratio)
+    assert [p.ratio for p in forth.parameters[1:]] == [None, None]
+
+
+@given(st.integers(0, 1000), st.permutations(range(3)))
+def test_the_order_of_the_parameters_does_not_matter(seed: int, order: list[int]) -> None:
+    random = np.random.default_rng(seed)
+    one, other = (gaussian(random, np.zeros(3)) for _ in range(2))
+    names = [BOUNDS.names[k] for k in order]
+    plain, mixed = between(one, other, 0.1, {}), between(one.of(names), other.of(names), 0.1, {})
+    assert mixed.p == pytest.approx(plain.p)
+    found = {p.name: p for p in mixed.parameters}
+    for p in plain.parameters:
+        assert found[p.name][2:6] == pytest.approx(p[2:6])
+        assert found[p.name].p_holm == pytest.approx(p.p_holm)
+
+
+def test_the_chance_of_a_change_is_that_of_draws() -> None:
+    """More than a tenth of the value before, in every kind of bounds; 100,000 draws, so 0.0016 each."""
+    random = np.random.default_rng(3)
+    one, other = (gaussian(random, np.array([0.0, 2.0, 0.3])) for _ in range(2))
+    found = between(one, other, 0.1, {})
+    moved = random.multivariate_normal(
+        other.free - one.free, one.covariance + other.covariance, 100_000
+    )
+    before = one.values(one.free)
+    after = one.values(one.free + moved)
+    outside = np.abs(after - before) > 0.1 * np.abs(before)
+    np.testing.assert_allclose([p.changed for p in found.parameters], outside.mean(0), atol=0.007)
+
+
+def test_holms_steps_by_hand() -> None:
+    corrected = holm(np.array([0.04, 0.01, 0.03]))
+    np.testing.assert_allclose(corrected, [0.06, 0.03, 0.06])
+
+
+def test_a_sponge_and_the_same_six_months_later() -> None:
+    before, after = line(*pressed(*NEW, seed=0)), line(*pressed(*AGED, seed=1))
+    found = change(before, after)
+    K, b = found.parameters
+    # The errors of either are a few thousandths of K, and a hundredth of b.
+    assert K.difference == pytest.approx(0.098, abs=4 * K.error)
+    assert b.difference == pytest.approx(0.786, abs=4 * b.error)
+    assert K.clear
+    assert b.clear
+    assert K.increased > 0.99
+    assert found.left_out == {"threshold": "fixed"}
+    assert found.words[0].startswith("It has changed")
+    assert found.words[1].startswith("K rose from 1.198 to 1.299 mm / N")
+    assert found.words[-1] == "Not tested: threshold (fixed)."
+    again = change(before, line(*pressed(*NEW, seed=2)))
+    assert again.p > 0.01
+    assert again.words[0].startswith("No change is seen")
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    before, after = line(*pressed(*NEW, seed=0)), line(*pressed(*AGED, seed=1))
+    fixed = line(*pressed(*AGED, seed=1), slope=1.2)
+    assert change(before, fixed).left_out == {"K": "fixed", "threshold": "fixed"}
+    with pytest.raises(InputError, match="same rows"):
+        change(before, before)
+    with pytest.raises(InputError, match="below 1"):
+        change(before, after, margin=5)
+    with pytest.raises(InputError, match="2 fits, and 1 posteriors"):
+        change(before, after, posteriors=[None])
+    with pytest.raises(InputError, match="3 times"):
+        change_over_time([before, after], [0, 1, 2])
+    with pytest.raises(InputError, match="no trend beyond scatter"):
+        change_over_time([before, after], [0, 1])
+    with pytest.raises(InputError, match="No parameter 'E1'; have K, b, threshold"):
+        pool([before, after], ["E1"])
+    with pytest.raises(InputError, match="no parameter is known in every fit"):
+        pool([before, after], ["threshold"])
+    with pytest.raises(InputError, match="takes two"):
+        pool([before])
+
+
+def restricted(z: np.ndarray, X: np.ndarray, V: np.ndarray) -> float:
+    """REML as it is defined: the likelihood of what is left when the line is projected out."""
+    contrasts = scipy.linalg.null_space(X.T)
+    cov = contrasts.T @ V @ contrasts
+    return float(scipy.stats.multivariate_normal.logpdf(contrasts.T @ z, cov=cov))
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.1, 0.5])
+def test_a_trend_is_that_of_the_restricted_likelihood(scatter: float) -> None:
+    random = np.random.default_rng(5)
+    t = np.sort(random.uniform(0, 10, 12))
+    variance = random.uniform(0.05, 0.2, 12) ** 2
+    z = 1 + 0.05 * t + random.normal(0, np.sqrt(variance + scatter**2))
+    found = line_in_time(t, z, variance)
+    X = np.stack([np.ones_like(t), t], 1)
+
+    def worse(tau: float) -> float:
+        return -restricted(z, X, np.diag(variance + tau**2))
+
+    best = scipy.optimize.minimize_scalar(worse, bounds=(0, 2), method="bounded").x
+    # Two minimisers of one flat function.
+    assert found.scatter == pytest.approx(best if worse(best) < worse(0.0) else 0.0, abs=1e-3)
+    w = np.sqrt(1 / (variance + found.scatter**2))
+    np.testing.assert_allclose(found.at, np.linalg.lstsq(X * w[:, None], z * w)[0], rtol=1e-6)
+    later = line_in_time(t - 3, z, variance)
+    assert later.at[1] == pytest.approx(found.at[1])
+    assert later.at[0] == pytest.approx(found.at[0] + 3 * found.at[1])
+
+
+def test_an_interval_of_a_trend_holds_nine_times_in_ten() -> None:
+    """Thirty records that scatter: binomial(400, 0.9) is within 340 and 380 but once in 1,000 times."""
+    random = np.random.default_rng(6)
+    t, variance, inside = np.linspace(0, 5, 30), np.full(30, 0.01), 0
+    quantile = scipy.stats.t.ppf(0.95, 28)
+    for _ in range(400):
+        found = line_in_time(t, random.normal(0.3 * t, np.sqrt(0.01 + 0.04)), variance)
+        inside += abs(found.at[1] - 0.3) < quantile * np.sqrt(found.covariance[1, 1])
+    assert 340 <= inside <= 380
+
+
+def test_records_over_time_show_how_a_sponge_ages() -> None:
+    times = np.arange(6.0)
+    fits = [line(*pressed(1.2 + 0.02 * t, 5.4, seed=int(t))) for t in times]
+    found = change_over_time(fits, times)
+    K, b = found.parameters
+    assert K.low < 0.02 < K.high
+    assert K.clear
+    assert not b.clear
+    assert K.last - K.first == pytest.approx(5 * K.rate)
+    assert "K: +0.0" in found.words[0]
+    assert "b: no trend beyond chance" in found.words[1]
+
+
+# Several specimens
+
+
+def cells(low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of a quadrature in the logarithm, and their weights."""
+    x = np.geomspace(low, high, count)
+    return x, x * np.log(high / low) / count
+
+
+def by_quadrature(
+    z: np.ndarray, V: np.ndarray, prior: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of every pair of taus, those taus, and mean and covariance of mu given them: two numbers."""
+    (a, wa), (b, wb) = (cells(1e-3, 300 * p, 90) for p in prior)
+    tau = np.stack(np.meshgrid(a, b, indexing="ij"), -1).reshape(-1, 2)
+    weight = np.outer(wa / (1 + (a / prior[0]) ** 2), wb / (1 + (b / prior[1]) ** 2)).ravel()
+    log_density, means, covariances = np.empty(len(tau)), [], []
+    for k, scatter in enumerate(tau):
+        A = np.linalg.inv(V + np.diag(scatter**2))
+        M = A.sum(0)
+        mean = np.linalg.solve(M, np.einsum("sij,sj->i", A, z))
+        r = z - mean
+        log_density[k] = (np.linalg.slogdet(A)[1].sum() - np.linalg.slogdet(M)[1]) / 2
+        log_density[k] -= np.einsum("si,sij,sj->", r, A, r) / 2
+        means.append(mean)
+        covariances.append(np.linalg.inv(M))
+    weight = weight * np.exp(log_density - log_density.max())
+    return weight / weight.sum(), tau, np.array(means), np.array(covariances)
+
+
+def test_pooling_agrees_with_quadrature() -> None:
+    """Two numbers whose errors are correlated, five specimens; 16,000 draws."""
+    random = np.random.default_rng(1)
+    root = random.normal(size=(5, 2, 2)) * 0.1 + [[0.2, 0.15], [0.0, 0.1]]
+    V = root @ root.transpose(0, 2, 1)
+    z = random.multivariate_normal([0.3, -0.5], np.diag([0.09, 0.01]), 5)
+    z = z + np.array([random.multivariate_normal([0, 0], v) for v in V])
+    prior = np.array([0.5, 0.5])
+    found = population_draws(np.broadcast_to(z, (16, 5, 2)), V, prior, 1000, random)
+    weight, tau, means, covariances = by_quadrature(z, V, prior)
+    for k in range(2):
+        for place in (-0.1, 0.2, 0.5):
+            deviation = np.sqrt(covariances[:, k, k])
+            exact = weight @ scipy.stats.norm.cdf((place - means[:, k]) / deviation)
+            # Draws of tau are correlated over two sweeps or so: 0.5 / sqrt(16000 / 3), four times.
+            assert (found.mean[..., k] < place).mean() == pytest.approx(exact, abs=0.03)
+            exact = weight @ (tau[:, k] < abs(place))
+            assert (found.tau[..., k] < abs(place)).mean() == pytest.approx(exact, abs=0.03)
+            spread = np.sqrt(deviation**2 + tau[:, k] ** 2)
+            exact = weight @ scipy.stats.norm.cdf((place - means[:, k]) / spread)
+            new = found.mean[..., k] + found.tau[..., k] * random.normal(size=(16, 1000))
+            assert (new < place).mean() == pytest.approx(exact, abs=0.03)
+    # The specimens: their mean given mu and tau is exact, so only the outer average is drawn.
+    A = np.linalg.inv(V + tau[:, None, :, None] ** 2 * np.eye(2))
+    gain = (tau[:, None, :, None] ** 2 * np.eye(2)) @ A
+    centre = means[:, None] + np.einsum("ksij,ksj->ksi", gain, z - means[:, None])
+    np.testing.assert_allclose(
+        found.specimens.mean((0, 1)), np.einsum("k,ksi->si", weight, centre), atol=0.01
+    )
+
+
+def test_pooling_agrees_with_emcee_on_every_specimen() -> None:
+    """mu, log tau and each theta sampled as they stand, nothing integrated."""
+    z, sd = np.array([0.1, 0.4, 0.9]), np.array([0.1, 0.2, 0.1])
+
+    def log_probability(points: np.ndarray) -> np.ndarray:
+        mu, log_tau, away = points[:, 0], points[:, 1], points[:, 2:]
+        tau = np.exp(log_tau)
+        theta = mu[:, None] + tau[:, None] * away
+        squares = (((z - theta) / sd) ** 2).sum(1) + (away**2).sum(1)
+        return -squares / 2 + log_tau - np.log1p((tau / 0.5) ** 2)
+
+    random = np.random.default_rng(2)
+    sampler = emcee.EnsembleSampler(60, 5, log_probability, vectorize=True)
+    sampler.random_state = np.random.RandomState(0).get_state()
+    sampler.run_mcmc(random.normal([0.4, -1, 0, 0, 0], 0.3, (60, 5)), 5000)
+    chain = sampler.get_chain(discard=500, flat=True, thin=5)
+    assert chain is not None
+    lanes = np.broadcast_to(z[:, None], (16, 3, 1))
+    found = population_draws(lanes, sd[:, None, None] ** 2, np.array([0.5]), 1000, random)
+    theta = chain[:, :1] + np.exp(chain[:, 1:2]) * chain[:, 2:]
+    # emcee's autocorrelation time is about 60 steps: 60 x 4500 / 60 draws, 0.02 of a deviation.
+    for quantile in (0.1, 0.5, 0.9):
+        for mine, other in (
+            (found.mean, chain[:, 0]),
+            (np.log(found.tau), chain[:, 1]),
+            (found.specimens[:, :, 0], theta[:, 0]),
+            (found.specimens[:, :, 1], theta[:, 1]),
+        ):
+            a, b = np.quantile(mine, quantile), np.quantile(other, quantile)
+            assert a == pytest.approx(b, abs=0.15 * float(np.std(other)))
+
+
+@pytest.mark.parametrize(("specimens", "draws"), [(3, 400), (5, 400), (30, 150)])
+def test_nine_intervals_in_ten_hold_the_population(specimens: int, draws: int) -> None:
+    """500 populations whose tau is from its prior: 86 to 94 % is three standard errors each way."""
+    random = np.random.default_rng(specimens)
+    # Beyond its 95 % quantile tau is only a matter of scale, and would stretch every lane's grid.
+    tau = PRIOR * np.tan(np.pi / 2 * random.uniform(0, 0.95, (500, 1, 1)))
+    mu = random.normal(size=(500, 1, 1))
+    sd = random.uniform(0.1, 0.4, (specimens, 1))
+    theta = mu + tau * random.normal(size=(500, specimens, 1))
+    z = theta + sd * random.normal(size=theta.shape)
+    found = population_draws(z, sd[..., None] ** 2, np.array([PRIOR]), draws, random)
+    new = mu + tau * random.normal(size=mu.shape)
+    predicted = found.mean + found.tau * random.normal(size=found.tau.shape)
+    for truth, draw in (
+        (mu[:, 0, 0], found.mean[..., 0]),
+        (tau[:, 0, 0], found.tau[..., 0]),
+        (new[:, 0, 0], predicted[..., 0]),
+        (theta[:, 0, 0], found.specimens[:, :, 0, 0]),
+    ):
+        low, high = np.quantile(draw, [0.05, 0.95], axis=1)
+        assert 0.86 <= ((low < truth) & (truth < high)).mean() <= 0.94
+
+
+def test_thirty_specimens_spread_as_der_simonian_and_laird_say() -> None:
+    random = np.random.default_rng(8)
+    sd = random.uniform(0.05, 0.2, 30)
+    z = random.normal(0, np.sqrt(sd**2 + 0.3**2))
+    w = 1 / sd**2
+    Q = np.sum(w * (z - w @ z / w.sum()) ** 2)
+    laird = np.sqrt((Q - 29) / (w.sum() - (w**2).sum() / w.sum()))
+    lanes = np.broadcast_to(z[:, None], (16, 30, 1))
+    found = population_draws(lanes, sd[:, None, None] ** 2, np.array([PRIOR]), 200, random)
+    # Two estimators of a deviation known to 13 %.
+    assert np.median(found.tau) == pytest.approx(laird, rel=0.15)
+
+
+def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> None:
+    values = [(1.1, 5.0), (1.2, 5.5), (1.25, 5.3), (1.3, 6.0)]
+    fits = [line(*pressed(*v, seed=k, noise=3.0)) for k, v in enumerate(values)]
+    found = pool(fits)
+    K, b = found.parameters
+    assert (K.name, K.unit, b.unit) == ("K", "mm / N", "mm")
+    assert found.left_out == {"threshold": "fixed"}
+    assert found.new.shape == (4000, 2)
+    assert found.specimens.shape == (4000, 4, 2)
+    assert found.words[0].startswith("K: mean 1.2")
+    assert found.words[-1] == "Not pooled: threshold (fixed)."
+    assert K.new.low < K.mean.low < K.mean.value < K.mean.high < K.new.high
+    # The other way round the draws are others; 4,000 of them, and the interval's ends its tails.
+    mixed = pool(fits[::-1], ["b", "K"])
+    other_b, other_K = mixed.parameters
+    width = K.mean.high - K.mean.low
+    assert other_K.mean.value == pytest.approx(K.mean.value, abs=0.05 * width)
+    assert other_K.specimens[0].value == pytest.approx(K.specimens[-1].value, abs=0.05 * width)
+    assert other_b.spread.value == pytest.approx(b.spread.value, rel=0.1)
+    np.testing.assert_array_equal(pool(fits).new, found.new)
+    # Alone; together with b a specimen moves along what its data cannot tell of the two.
+    (alone,) = pool(fits, ["K"]).parameters
+    own = np.array([estimate(fit).free[0] for fit in fits])
+    shrunk = np.array([s.value for s in alone.specimens])
+    assert np.all(np.diff(shrunk) > 0)
+    assert np.all(np.abs(shrunk - alone.mean.value) < np.abs(own - alone.mean.value) + 0.01)
+    assert np.ptp(shrunk) < np.ptp(own)

@@ -1,0 +1,300 @@
+"""Comparing models of one record: signs, chance, leave-one-out and evidence against exact answers."""
+
+import warnings
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError, LinearSponge
+from identify import (
+    Compared,
+    Comparison,
+    FitResult,
+    Posterior,
+    compare,
+    compare_candidates,
+    fit,
+    loo,
+    save,
+)
+from identify._information import criteria, log_evidence
+from identify._loo import smoothed
+from identify._target import target
+from tests.test_identify.lines import line, pressed
+
+
+def model(name: str, blocks: np.ndarray) -> Compared:
+    return Compared(name, "LinearSponge", float(np.sqrt(blocks.mean())), None, 2, blocks=blocks)
+
+
+def normal_posterior(
+    fitted: FitResult, draws: int, seed: int = 0, known_sigma: bool = False
+) -> Posterior:
+    """The exact posterior of a line, sigma given or with its own chi-square."""
+    random = np.random.default_rng(seed)
+    size = (4, draws // 4)
+    free = [p for p in fitted.parameters if p.status == "free"]
+    rows = fitted.noise.samples - len(free)
+    wide = np.ones(size) if known_sigma else np.sqrt(rows / random.chisquare(rows, size))
+    away = random.multivariate_normal(np.zeros(len(free)), fitted.covariance, size)
+    values = np.array([p.value for p in free]) + wide[..., None] * away
+    found = dict(zip((p.name for p in free), values.reshape(draws, -1).T, strict=True))
+    K = found.get("K", np.full(draws, float(fitted.model.K)))  # type: ignore[attr-defined]
+    models = jax.vmap(lambda K, b: LinearSponge(K=K, b=b, threshold=1.5))(
+        jnp.asarray(K), jnp.asarray(found["b"])
+    )
+    kept = np.concatenate([values, fitted.noise.sigma * wide[..., None]], -1)
+    names = (*(p.name for p in free), "sigma")
+    return Posterior(names, kept, models, (), "exact", 1.0, float("nan"), 0.0)
+
+
+# The difference of two models
+
+
+@given(st.integers(0, 1000), st.floats(0.5, 2))
+def test_a_comparison_is_antisymmetric(seed: int, ratio: float) -> None:
+    random = np.random.default_rng(seed)
+    a, b = random.chisquare(5, 10), ratio * random.chisquare(5, 10)
+    comparison = Comparison((model("a", a), model("b", b)), "held-out", ())
+    forth, back = comparison.pair("a", "b").held_out, comparison.pair("b", "a").held_out
+    assert forth is not None
+    assert back is not None
+    assert forth.value == pytest.approx(-back.value)
+    assert forth.error == pytest.approx(back.error)
+    assert forth.clear == back.clear
+    assert forth.value == pytest.approx(np.sqrt(b.mean()) - np.sqrt(a.mean()))
+    # Leaving out one block of ten after the other; the error is its first order in those.
+    left = np.array(
+        [np.sqrt(np.delete(b, k).mean()) - np.sqrt(np.delete(a, k).mean()) for k in range(10)]
+    )
+    assert forth.error == pytest.approx(np.sqrt(0.9 * np.sum((left - left.mean()) ** 2)), rel=0.1)
+
+
+def test_equal_models_are_told_apart_one_time_in_twenty() -> None:
+    """Blocks of thirty rows: 2,000 pairs, so 0.05 to three times 0.005; the t is not quite one."""
+    random = np.random.default_rng(0)
+    a, b = random.chisquare(30, (2, 2000, 10))
+    clear = []
+    for one, other in zip(a, b, strict=True):
+        pair = Comparison((model("a", one), model("b", other)), "held-out", ()).pairs[0]
+        assert pair.held_out is not None
+        clear.append(pair.held_out.clear)
+    assert 0.035 < np.mean(clear) < 0.065
+
+
+def test_words_say_who_is_better_or_that_nobody_knows() -> None:
+    good, noisy = np.full(10, 1.0), np.linspace(0.5, 1.5, 10)
+    comparison = Comparison((model("a", good), model("b", 4 * good + 0.1 * noisy)), "held-out", ())
+    assert comparison.words[0].startswith("a predicts held-out rows better than b by 1 ±")
+    comparison = Comparison((model("a", good), model("b", noisy)), "held-out", ())
+    assert comparison.words[0].startswith("a and b cannot be told apart on held-out rows (")
+    bare = model("a", good)._replace(blocks=None)
+    assert "no blocks to pair" in Comparison((bare, model("b", good)), "test", ()).words[0]
+
+
+# Fits of one record
+
+
+@pytest.fixture(scope="module")
+def steep() -> tuple[FitResult, FitResult]:
+    """A line, and one whose slope is a tenth too small."""
+    train, test = pressed(1.3, 6.0, seed=0)
+    return line(train, test), line(train, test, slope=1.17)
+
+
+def test_the_better_line_comes_first_whatever_the_order(steep, tmp_path) -> None:
+    free, given = steep
+    save(given, tmp_path / "given")
+    one = compare({"free": free, "given": tmp_path / "given"})
+    other = compare({"given": given, "free": free})
+    assert one.best == other.best == "free"
+    assert one.ranked_on == "held-out"
+    for key in ("held_out", "test", "aic", "bic", "log_evidence"):
+        figures = [getattr(c.models[0], key) for c in (one, other)]
+        assert figures[0] == pytest.approx(figures[1])
+    (pair,) = one.pairs
+    assert pair == other.pairs[0]
+    assert pair.test is not None
+    assert pair.test.clear
+    first, second = one.models
+    assert first.aic is not None
+    assert second.aic is not None
+    assert first.aic < second.aic
+    assert first.log_evidence is not None
+    assert second.log_evidence is not None
+    assert first.log_evidence > second.log_evidence
+    assert any("weighs the priors" in note for note in one.notes)
+    assert [m.name for m in compare([free, given]).models] == [
+        "LinearSponge (1)", "LinearSponge (2)",
+    ]  # fmt: skip
+
+
+def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
+    free, given = steep
+    other = line(*pressed(1.3, 6.0, seed=1))
+    with pytest.raises(InputError, match="do not compare") as error:
+        compare({"one": free, "two": other})
+    assert error.value.code == "other-data"
+    renamed = replace(free, train=replace(free.train, output_name="height"))
+    with pytest.raises(InputError, match="one predicts displacement, two height"):
+        compare({"one": free, "two": renamed})
+    with pytest.raises(InputError, match="takes two"):
+        compare([free])
+    # Fitted to fewer rows: the test record is still the same.
+    fewer = replace(given, train=given.train.select(cycle=[3, 4, 5]))
+    found = compare({"one": free, "two": fewer})
+    assert found.ranked_on == "test"
+    assert found.pairs[0].held_out is None
+    assert "other training rows" in found.notes[0]
+    with pytest.raises(InputError, match="share no test record") as error:
+        compare({"one": free, "two": replace(fewer, test=None)})
+    assert error.value.code == "other-held-out"
+
+
+def test_criteria_are_those_of_the_likelihood() -> None:
+    residuals = np.random.default_rng(0).normal(0, 0.3, 200)
+    rmse = float(np.sqrt(np.mean(residuals**2)))
+    log_likelihood = scipy.stats.norm.logpdf(residuals, 0, rmse).sum()
+    found = criteria(rmse, 3, 200.0)
+    assert found.aic == pytest.approx(2 * 4 - 2 * log_likelihood)
+    assert found.bic == pytest.approx(4 * np.log(200) - 2 * log_likelihood)
+
+
+def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
+    """A grid over K, b and log sigma; Laplace's error is of the order of 1 / rows."""
+    fitted = steep[0]
+    about = target(fitted)
+    root = np.linalg.cholesky(np.asarray(about.covariance))
+    axis = np.linspace(-6, 6, 41)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    points = jnp.asarray(np.asarray(about.start) + grid @ root.T)
+    heights = np.asarray(jax.jit(jax.vmap(about.log_probability))(points))
+    volume = (axis[1] - axis[0]) ** 3 * np.prod(np.diagonal(root))
+    exact = scipy.special.logsumexp(heights) + np.log(volume)
+    assert log_evidence(fitted) == pytest.approx(exact, abs=0.03)
+
+
+# Leave-one-out
+
+
+def test_smoothed_weights_are_those_of_arviz() -> None:
+    """Ratios without ties, from tame to hopeless; the same sums in another order."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a rewrite to come
+        import arviz
+    random = np.random.default_rng(0)
+    terms = -np.linspace(0.1, 3, 40) * random.chisquare(1, (1000, 40))
+    weights, k = smoothed(-terms)
+    theirs, their_k = arviz.psislw(-terms.T, reff=1.0)
+    np.testing.assert_allclose(k, their_k, rtol=1e-8)
+    np.testing.assert_allclose(weights, theirs.T, rtol=1e-8, atol=1e-8)
+    assert (k > 0.7).any()
+    assert (k < 0.5).any()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data = arviz.from_dict(
+            posterior={"x": np.zeros((4, 250))}, log_likelihood={"y": terms.reshape(4, 250, 40)}
+        )
+        reference = arviz.loo(data, pointwise=True, reff=1.0)
+    found = loo(terms)
+    assert found.elpd == pytest.approx(reference.elpd_loo, rel=1e-8)
+    assert found.error == pytest.approx(reference.se, rel=1e-8)
+    assert found.effective_parameters == pytest.approx(reference.p_loo, rel=1e-6)
+    np.testing.assert_allclose(found.pointwise, reference.loo_i.values, rtol=1e-8)
+
+
+def test_draws_too_few_or_too_much_alike_have_no_tail() -> None:
+    few = np.random.default_rng(0).normal(size=(10, 3))
+    weights, k = smoothed(few)
+    assert np.isinf(k).all()
+    np.testing.assert_allclose(np.exp(weights), np.exp(few) / np.exp(few).sum(0))
+    same = np.zeros((1000, 2))
+    assert np.isinf(smoothed(same)[1]).all()
+    assert loo(same).unreliable == 2
+
+
+def test_leave_one_out_is_the_exact_one_of_a_line() -> None:
+    """sigma known: without row i the mean is y_i - e_i / (1 - h_i), the variance sigma^2 / (1 - h_i)."""
+    random = np.random.default_rng(1)
+    X = np.stack([np.ones(60), np.linspace(-1, 1, 60)], 1)
+    y = X @ [1.0, 2.0] + random.normal(0, 0.5, 60)
+    covariance = np.linalg.inv(X.T @ X) * 0.25
+    centre = np.linalg.lstsq(X, y)[0]
+    h = np.einsum("ij,jk,ik->i", X, covariance / 0.25, X)
+    away = (y - X @ centre) / (1 - h)
+    exact = scipy.stats.norm.logpdf(away, 0, 0.5 / np.sqrt(1 - h))
+    draws = random.multivariate_normal(centre, covariance, 8000)
+    found = loo(scipy.stats.norm.logpdf(y, draws @ X.T, 0.5))
+    # Of 8,000 weights with k below 0.5: each row to a hundredth or so.
+    np.testing.assert_allclose(found.pointwise, exact, atol=0.03)
+    assert found.elpd == pytest.approx(exact.sum(), abs=0.05)
+    with_it = scipy.stats.norm.logpdf(y - X @ centre, 0, 0.5 * np.sqrt(1 + h))
+    assert found.effective_parameters == pytest.approx((with_it - exact).sum(), abs=0.05)
+    assert found.unreliable == 0
+
+
+def test_posteriors_bring_leave_one_out_and_doubts(steep) -> None:
+    posteriors = [normal_posterior(f, 1000, seed=k) for k, f in enumerate(steep)]
+    found = compare({"free": steep[0], "given": steep[1]}, posteriors=posteriors)
+    left = found.models[0].loo
+    assert left is not None
+    used = steep[0].internals["used"]
+    terms = scipy.stats.norm.logpdf(
+        steep[0].residuals[used], 0, steep[0].noise.sigma
+    )  # two parameters and sigma cost about three halves
+    assert left.elpd == pytest.approx(terms.sum() - 1.5, abs=1.5)
+    assert len(left.pointwise) == used.sum()
+    elpd, back = found.pairs[0].elpd, found.pair("given", "free").elpd
+    assert elpd is not None
+    assert back is not None
+    assert elpd[0] > 3 * elpd[1]
+    assert "in log density for free" in found.pairs[0].words[-1]
+    assert back == (-elpd[0], elpd[1])
+    # The residuals of a wrong slope repeat with the presses, and say so.
+    coloured = [note for note in found.notes if "coloured residuals" in note]
+    assert coloured[0].startswith("given: leave-one-out is not for coloured residuals")
+
+
+# With fits as `fit` makes them
+
+
+def test_candidates_and_folders_of_real_fits(tmp_path) -> None:
+    train, test = pressed(1.3, 6.0, seed=0)
+    options = {"test": test, "starts": 2, "noise": "gaussian", "conditioning": "keep"}
+    first = fit(train, "LinearSponge", **options)
+    later = fit(train, LinearSponge(K=1.3, b=6.0, threshold=8.0), **options)
+    save(first, tmp_path / "at first contact")
+    save(later, tmp_path / "from 8 N")
+    found = compare([tmp_path / "at first contact", tmp_path / "from 8 N"])
+    assert found.best == "at first contact"
+    assert [m.numbers for m in found.models] == [2, 2]
+    (pair,) = found.pairs
+    assert pair.held_out is not None
+    assert pair.held_out.clear
+    assert pair.held_out.blocks == 10
+    assert found.models[0].test == pytest.approx(first.metrics["test"].nrmse_percent)  # type: ignore[union-attr]
+    # What a folder keeps of its candidates gives the same pair.
+    both = replace(first, candidates=(first, replace(later, name="from 8 N")))
+    save(both, tmp_path / "both")
+    kept = compare_candidates(tmp_path / "both")
+    again = kept.pair("LinearSponge", "from 8 N").held_out
+    assert again is not None
+    assert again == pytest.approx(pair.held_out)
+    assert [m.bic for m in kept.models] == pytest.approx([m.bic for m in found.models])
+    assert "figures alone" in kept.notes[0]
+    with pytest.raises(InputError, match="one model was tried"):
+        compare_candidates(tmp_path / "from 8 N")
+
+
+def test_the_input_of_two_fits_may_differ() -> None:
+    """One output from either of two inputs."""
+    train, test = pressed(1.3, 6.0, seed=0)
+    a, b = (replace(r, input=1.01 * r.input + 0.2, input_name="current") for r in (train, test))
+    found = compare({"force": line(train, test), "current": line(a, b)})
+    assert found.pairs[0].held_out is not None

@@ -1,0 +1,137 @@
+"""Ensembles on known densities: their draws and autocorrelation, when they stop, and what R-hat sees."""
+
+import arviz
+import emcee
+import numpy as np
+import pytest
+
+from identify._chains import Chains
+from identify._checkpoint import Checkpoint, Identity
+from identify._ensembles import autocorrelation_times, judged, sample_ensembles
+from identify._posterior import Summary, modes_of
+from identify._rhat import bulk_ess, has_two_modes, rhat
+
+KEEPS_NOTHING = Checkpoint(None, Identity(*"mdnpsewv"))
+
+
+def normal(points: np.ndarray) -> np.ndarray:
+    """Correlated by 0.9, of deviations 1 and 10."""
+    x, y = points[:, 0], points[:, 1] / 10
+    return -(x**2 - 1.8 * x * y + y**2) / (2 * (1 - 0.9**2))
+
+
+def two_places(points: np.ndarray) -> np.ndarray:
+    """Half each at -4 and 4 in the first number, deviation 1."""
+    x = points[:, 0]
+    return np.logaddexp(-((x - 4) ** 2) / 2, -((x + 4) ** 2) / 2) - points[:, 1] ** 2 / 2
+
+
+def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_: None) -> Chains:
+    first = scale * np.random.default_rng(seed).normal(size=(4, 12, 2)) * [1.0, 10.0]
+    return sample_ensembles(density, lambda: first, seed, steps, most, KEEPS_NOTHING, progress)
+
+
+def test_draws_are_those_of_the_density_and_stop_by_the_rule() -> None:
+    chains = draw(normal)
+    points = chains.points.reshape(-1, 2)
+    # Monte Carlo, four standard errors.
+    error = 4 / np.sqrt(chains.ess.min())
+    np.testing.assert_allclose(points.mean(0) / [1, 10], 0.0, atol=error)
+    np.testing.assert_allclose(points.std(0) / [1, 10], 1.0, rtol=error)
+    assert np.corrcoef(points.T)[0, 1] == pytest.approx(0.9, abs=error)
+    assert chains.rhat.max() < 1.01
+    assert chains.points.shape[1] >= 50 * chains.autocorrelation
+    assert chains.long_enough
+    assert chains.notes == ()
+    ensembles, steps, walkers, _ = chains.points.shape
+    assert chains.ess.min() * chains.autocorrelation == pytest.approx(ensembles * walkers * steps)
+
+
+def test_ess_of_ensembles_is_that_of_their_means_scatter() -> None:
+    """Variance of the mean over 40 repetitions: 1 / ess, known to 22 per cent, three times over."""
+    runs = [draw(normal, steps=200, seed=k) for k in range(40)]
+    means = np.array([chains.points[..., 0].mean() for chains in runs])
+    expected = np.mean([1 / chains.ess[0] for chains in runs])
+    assert means.var() == pytest.approx(expected, rel=0.67)
+
+
+def test_autocorrelation_times_are_emcees() -> None:
+    random = np.random.default_rng(0)
+    x = random.normal(size=(2, 3000, 5, 2))
+    for k in range(1, 3000):
+        x[:, k] += [0.5, 0.9] * x[:, k - 1]
+    found = autocorrelation_times(x)
+    for ensemble, tau in zip(x, found, strict=True):
+        exact = emcee.autocorr.integrated_time(ensemble, tol=0)
+        np.testing.assert_allclose(tau, exact, rtol=1e-10)
+    # (1 + a) / (1 - a); 15,000 numbers tell 19 to a tenth.
+    np.testing.assert_allclose(found.mean(0), [3, 19], rtol=0.15)
+    x[0, :, 2] = 1.0
+    assert (autocorrelation_times(x)[0] == 3000).all()  # a walker that does not move
+
+
+def test_too_short_a_run_says_so() -> None:
+    chains = draw(normal, most=60)
+    assert chains.points.shape[1] <= 60
+    assert not chains.long_enough
+    assert "not converged after 60 steps" in chains.notes[0]
+    assert draw(normal, steps=60).notes == ()  # as many as were asked for
+    assert not judged(draw(normal, steps=60).points).finished
+
+
+def test_the_run_does_not_depend_on_how_it_was_cut_up(monkeypatch) -> None:
+    whole = draw(normal, steps=100)
+    monkeypatch.setattr("identify._ensembles.MOMENT", 0.0)  # a step at a time
+    told = []
+    cut = draw(normal, steps=100, progress=lambda *said: told.append(said))
+    np.testing.assert_array_equal(cut.points, whole.points)
+    assert [done for done, _, _ in told] == [*range(1, 101)]
+    assert told[-1][1] == 100
+    assert "acceptance 0." in told[-1][2]
+
+
+def test_two_modes_are_seen_whether_walkers_change_between_them_or_not() -> None:
+    chains = draw(two_places, steps=600, scale=3.0)
+    assert modes_of(chains.points[..., 0].reshape(4, -1), 1000.0) == 2
+    assert modes_of(chains.points[..., 1].reshape(4, -1), 1000.0) == 1
+    # A tenth of the steps leads from one to the other.
+    inside = (chains.points[..., 0] > 0).mean(axis=(1, 2))
+    np.testing.assert_allclose(inside, 0.5, atol=0.15)
+    stuck = np.random.default_rng(0).normal(size=(4, 500)) + np.array([[-9], [-9], [9], [9]])
+    assert has_two_modes(stuck.ravel(), 200.0)
+
+
+@pytest.mark.parametrize("kind", ["normal", "uniform", "exponential", "standard_t"])
+def test_one_mode_is_not_taken_for_two(kind: str) -> None:
+    random = np.random.default_rng(1)
+    degrees = (3,) if kind == "standard_t" else ()
+    many = [getattr(random, kind)(*degrees, size=n) for n in (100, 400, 4000) for _ in range(20)]
+    assert not any(has_two_modes(x, len(x)) for x in many)
+
+
+def test_what_to_mind_is_said_in_words() -> None:
+    plain = Summary("E", 1.0, 0.1, 0.8, 1.2, 1.0, 500.0)
+    assert plain.words == ()
+    assert plain._replace(contraction=0.99).words == ()
+    odd = plain._replace(modes=2, contraction=0.02)
+    assert odd.words == ("two modes", "as wide as its prior")
+
+
+def test_rhat_tells_ensembles_that_disagree() -> None:
+    random = np.random.default_rng(0)
+    same = random.normal(size=(4, 2000))
+    # sd of R-hat for independent draws is about 1 / draws.
+    assert rhat(same) < 1.005
+    assert rhat(same + np.arange(4)[:, None] * 0.5) > 1.05
+    assert rhat(same * (1 + np.arange(4)[:, None])) > 1.05  # only the folded ranks see this
+    assert rhat(np.ones((4, 20))) == np.inf
+
+
+@pytest.mark.parametrize("memory", [-0.3, 0.0, 0.8])
+def test_rhat_and_bulk_ess_are_arvizs(memory: float) -> None:
+    x = np.random.default_rng(0).normal(size=(4, 501))
+    for k in range(1, 501):
+        x[:, k] += memory * x[:, k - 1]
+    assert rhat(x) == pytest.approx(float(arviz.rhat(x)), rel=1e-12)
+    # ArviZ ends the sum over lags a lag earlier or later.
+    assert bulk_ess(x) == pytest.approx(float(arviz.ess(x)), rel=0.03)

@@ -1,0 +1,150 @@
+"""The noise model against dense covariances, SciPy's densities, and simulated residuals."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hysteresis import LinearSponge, Record
+from identify import fit
+from identify._likeliest import likeliest_about
+from identify._noise_fit import Linearised, kinds, lanes, noise_fit, of_free
+from identify._noise_model import NoiseModel, Rows, rows_of
+
+ROWS = 40
+inner = st.floats(-0.95, 0.95)
+
+
+def some_rows(
+    random: np.random.Generator, rows: int = ROWS, gap: bool = True
+) -> tuple[Rows, np.ndarray]:
+    """Rows in three stretches, one of them after a gap, and the stretch of each (-1: does not count)."""
+    u = random.normal(size=rows)
+    used = np.ones(rows, bool)
+    stretch = np.zeros(rows, int)
+    if gap:
+        used[10:13] = False
+        stretch = np.repeat([0, -1, 1, 2], [10, 3, 12, rows - 25])
+    groups = np.repeat(["a", "b"], [25, rows - 25]) if gap else None
+    record = Record.from_arrays(u, u, groups=groups, mask=used)
+    return rows_of(record, used, random.normal(size=rows)), stretch
+
+
+def dense(noise: NoiseModel, rows: Rows, stretch: np.ndarray) -> np.ndarray:
+    """The covariance of the counted residuals, from the autocovariances of an ARMA(1,1) process."""
+    phi, theta = (0.0 if x is None else float(x) for x in (noise.phi, noise.theta))
+    gamma = (1 + 2 * phi * theta + theta**2) / (1 - phi**2)
+    first = (1 + phi * theta) * (phi + theta) / (1 - phi**2)
+    rho = np.array([1.0, *(first / gamma * phi**k for k in range(len(stretch)))])
+    s, index = np.asarray(noise.scale(rows)), np.arange(len(stretch))
+    lag = np.abs(index[:, None] - index)
+    alike = stretch[:, None] == stretch
+    whole = np.where(alike, rho[lag], 0.0) * s[:, None] * s
+    counted = stretch >= 0
+    return whole[np.ix_(counted, counted)]
+
+
+@settings(max_examples=30, deadline=None)
+@given(phi=inner, theta=inner, growth=st.floats(0.0, 3.0), seed=st.integers(0, 99))
+def test_the_likelihood_is_that_of_the_dense_covariance(
+    phi: float, theta: float, growth: float, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    rows, stretch = some_rows(random)
+    noise = NoiseModel(1.7, growth=growth, input_sigma=0.3, phi=phi, theta=theta)
+    r = random.normal(size=ROWS)
+    counted = stretch >= 0
+    expected = scipy.stats.multivariate_normal(
+        np.zeros(counted.sum()), dense(noise, rows, stretch), allow_singular=True
+    ).logpdf(r[counted])
+    # SciPy's eigenvalues lose digits where the process is nearly singular.
+    assert float(noise.pointwise(jnp.asarray(r), rows).sum()) == pytest.approx(expected, rel=1e-6)
+
+
+def test_without_theta_it_is_the_first_order_model() -> None:
+    random = np.random.default_rng(0)
+    rows, _ = some_rows(random)
+    r = jnp.asarray(random.normal(size=ROWS))
+    one, other = NoiseModel(2.0, phi=0.6), NoiseModel(2.0, phi=0.6, theta=0.0)
+    np.testing.assert_allclose(one.pointwise(r, rows), other.pointwise(r, rows), rtol=1e-12)
+
+
+def test_student_is_scipys_and_tends_to_the_gaussian() -> None:
+    random = np.random.default_rng(1)
+    rows, _ = some_rows(random, gap=False)
+    r = random.normal(size=ROWS)
+    student = NoiseModel(1.3, tail=0.25).pointwise(jnp.asarray(r), rows)
+    np.testing.assert_allclose(student, scipy.stats.t(4, scale=1.3).logpdf(r), rtol=1e-10)
+    nearly, plain = (
+        np.asarray(n.pointwise(jnp.asarray(r), rows))
+        for n in (NoiseModel(1.3, tail=1e-6), NoiseModel(1.3))
+    )
+    np.testing.assert_allclose(nearly, plain, atol=1e-4)
+
+
+def test_whitening_is_linear_and_whitens() -> None:
+    """Residuals of its own covariance become independent ones of unit variance."""
+    random = np.random.default_rng(2)
+    rows, stretch = some_rows(random)
+    noise = NoiseModel(0.8, phi=0.7, theta=-0.3)
+    counted = stretch >= 0
+    W = np.asarray(jax.vmap(lambda e: noise.whitened(e, rows))(jnp.eye(ROWS))).T
+    covariance = (
+        W[np.ix_(counted, counted)] @ dense(noise, rows, stretch) @ W[np.ix_(counted, counted)].T
+    )
+    np.testing.assert_allclose(covariance, np.eye(counted.sum()), atol=1e-10)
+
+
+def linear(e: np.ndarray, predicted: np.ndarray | None = None) -> Linearised:
+    """Three columns and residuals e."""
+    u = np.linspace(0, 1, len(e))
+    record = Record.from_arrays(u, u)
+    rows = rows_of(record, record.mask, u if predicted is None else predicted)
+    J = jnp.asarray(np.vander(u, 3))
+    return Linearised(jnp.asarray(e), J, rows, jnp.zeros(3), jnp.zeros((3, 3)))
+
+
+def test_white_noise_has_the_textbook_errors() -> None:
+    """The restricted likelihood of Gaussian noise: sigma^2 = squares / (rows - parameters)."""
+    random = np.random.default_rng(3)
+    e = random.normal(size=64)
+    at = linear(e)
+    found = noise_fit(at, jnp.asarray(lanes((("sigma",),))[0]))
+    J = np.asarray(at.jacobian)
+    left = e - J @ np.linalg.lstsq(J, e, rcond=None)[0]
+    assert float(of_free(found.free).sigma) == pytest.approx(np.sqrt(left @ left / 61), rel=1e-5)
+    np.testing.assert_allclose(found.away, -np.linalg.lstsq(J, e, rcond=None)[0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "student-t", "ar1", "arma11", "growing"])
+def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
+    """Of 2,000 rows the evidence is beyond doubt."""
+    random = np.random.default_rng(4)
+    w = random.standard_t(4, 2000) if kind == "student-t" else random.normal(size=2000)
+    e = w.copy()
+    for i in range(1, 2000):
+        if kind in ("ar1", "arma11"):
+            e[i] = 0.8 * e[i - 1] + w[i] + (-0.5 * w[i - 1] if kind == "arma11" else 0.0)
+    if kind == "growing":
+        e = e * np.hypot(0.3, 5 * np.linspace(0, 1, 2000))
+    found = likeliest_about(
+        linear(e, predicted=np.linspace(0, 1, 2000)), jnp.asarray(lanes(kinds("auto")))
+    )
+    best = kinds("auto")[int(found.best)]
+    assert set(best) == {"sigma", *kinds(kind)[0]}
+    assert float(found.believed) > 1e-3
+
+
+def test_a_misfit_is_not_taken_for_noise() -> None:
+    """A smooth function of the input, the same in every cycle, is no noise, however it is coloured."""
+    random = np.random.default_rng(5)
+    u = np.tile(np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)]), 4)
+    y = 2 * u + 0.3 * u**2 + 0.002 * random.normal(size=400)
+    result = fit(Record.from_arrays(u, y), LinearSponge(1.0, 0.0, -np.inf), conditioning="keep")
+    assert result.noise_model is None
+    K, b = np.polyfit(u, y, 1)
+    assert (float(result.model.K), float(result.model.b)) == pytest.approx((K, b), rel=1e-6)
+    assert result.noise.correlation_time > 10

@@ -1,0 +1,177 @@
+"""What is said of parameters: bounds, priors, fixed and tied ones, and what cannot be meant."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+from hysteresis import Burgers, GeneralizedMaxwell, InputError, LinearSponge, Record
+from identify import fit, load, save
+from identify._priors import Prior, prior
+from identify._settings import data_scale, from_words, in_words, with_settings
+from identify._transform import transform
+
+BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
+
+
+def record(noise: float = 0.02) -> Record:
+    """Half a minute of steps and ramps."""
+    t = np.linspace(0.0, 30.0, 120)
+    u = np.interp(t, np.linspace(0, 30, 9), [0, 5, 5, 1, 1, 4, 4, 0, 0])
+    y = np.asarray(BURGERS.simulate(t, u))
+    return Record.from_arrays(u, y + np.random.default_rng(0).normal(0, noise, len(t)), t)
+
+
+@pytest.mark.parametrize(
+    ("said", "scipys"),
+    [
+        ("normal(2, 3)", scipy.stats.norm(2, 3)),
+        ("log-normal(100, 2)", scipy.stats.lognorm(np.log(2), scale=100)),
+        ("half-normal(3)", scipy.stats.halfnorm(scale=3)),
+        ("uniform(-1, 4)", scipy.stats.uniform(-1, 5)),
+    ],
+)
+def test_priors_are_scipys(said: str, scipys: Any) -> None:
+    made = prior(said)
+    assert str(made) == said
+    x = scipys.ppf(np.linspace(0.1, 0.9, 9))
+    found = [float(made.log_density(jnp.asarray(value))) for value in x]
+    np.testing.assert_allclose(found, scipys.logpdf(x), rtol=1e-10)
+    drawn = made.draws(np.random.default_rng(0), 4000)
+    assert scipy.stats.kstest(drawn, scipys.cdf).pvalue > 1e-3
+
+
+@pytest.mark.parametrize(
+    "said",
+    ["normal", "normal(1)", "normal(1, 0)", "log-normal(0, 2)", "log-normal(1, 0.5)", "cauchy(0, 1)",
+     "uniform(2, 1)", "half-normal(-1)", "normal(a, b)", "normal(1, inf)"],
+)  # fmt: skip
+def test_no_prior(said: str) -> None:
+    with pytest.raises(InputError, match="E1") as caught:
+        prior(said, "E1")
+    assert caught.value.code == "bad-prior"
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"K": {"prior": "log-normal(2, 1.5)"}},
+        {"K": {"bounds": [0.5, 3], "prior": "uniform(0.5, 3)"}},
+        {"K": {"prior": "half-normal(2)"}},
+        {"K": {"bounds": [0.5, 3]}},
+        {"b": {"prior": "normal(0.2, 0.1)"}},
+        {},
+    ],
+)
+def test_a_prior_is_a_density_of_the_free_number(said: dict[str, Any]) -> None:
+    """Its integral over z is 1, whichever bounds the parameter has."""
+    other = "b" if "K" in said or not said else "K"
+    model, settings = with_settings(LinearSponge(1.0, 0.2, 1.5), said | {other: {"fixed": True}})
+    bounds = transform(model, 5.0, settings=settings)
+    z = np.linspace(-60.0, 60.0, 200_001)[:, None]
+    density = np.exp(np.asarray(jax.vmap(bounds.log_prior)(jnp.asarray(z))))
+    # The trapezoids are 0.02 of the narrowest prior wide.
+    assert np.trapezoid(density, z[:, 0]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_tied_and_fixed_parameters_stay_so() -> None:
+    said = {"eta2": {"tied": "8 * E2"}, "offset": {"fixed": 0.3}, "E1": {"bounds": [1, 4]}}
+    result = fit(record(), BURGERS, parameters=said, starts=4)
+    model: Any = result.model
+    assert float(model.eta2) == pytest.approx(8 * float(model.E2), rel=1e-12)
+    assert float(model.offset) == 0.3
+    found = {p.name: p for p in result.parameters}
+    assert found["eta2"].status == "fixed"
+    assert found["offset"].status == "fixed"
+    assert found["E1"].stderr is not None
+    assert found["E1"].low < found["E1"].value < found["E1"].high  # type: ignore[operator]
+    assert result.covariance.shape == (3, 3)
+
+
+def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
+    """Of a line the posterior of the offset is known: a mean weighted with the two precisions."""
+    u = np.linspace(0.0, 10.0, 200)
+    y = 2 * u + 1 + np.random.default_rng(1).normal(0, 0.5, 200)
+    line = LinearSponge(1.0, 0.0, -np.inf)
+    free = fit(Record.from_arrays(u, y), line, starts=4, noise="gaussian")
+    said = {"b": {"prior": "normal(0, 0.1)"}}
+    pulled = fit(Record.from_arrays(u, y), line, starts=4, noise="gaussian", parameters=said)
+    # The noise is estimated anew about the shifted line.
+    told = np.linalg.inv(free.covariance) * (free.noise.sigma / pulled.noise.sigma) ** 2
+    precision = told + np.diag([0.0, 1 / 0.1**2])
+    at = np.array([p.value for p in free.parameters if p.status == "free"])
+    expected = np.linalg.solve(precision, told @ at)
+    found = np.array([p.value for p in pulled.parameters if p.status == "free"])
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    save(pulled, tmp_path / "fit")
+    again = load(tmp_path / "fit")
+    assert again.settings == pulled.settings
+    assert again.noise_model is not None
+    assert float(again.noise_model.sigma) == pytest.approx(pulled.noise.sigma)
+
+
+def test_a_parameter_at_its_bound_has_no_error() -> None:
+    result = fit(record(), BURGERS, parameters={"E2": {"bounds": [1.5, 9], "start": 2}}, starts=4)
+    found = {p.name: p for p in result.parameters}["E2"]
+    assert (found.status, found.stderr, found.low) == ("at bound", None, None)
+    assert found.value == pytest.approx(1.5, rel=1e-2)
+    assert "at bound" in " ".join(result.verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("said", "code"),
+    [
+        ({"E3": {"fixed": 1}}, "unknown-parameter"),
+        ({"E1": {"begin": 1}}, "unknown-key"),
+        ({"E1": {"bounds": [3, 1]}}, "bad-bounds"),
+        ({"E1": {"bounds": 3}}, "bad-bounds"),
+        ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds"),
+        ({"E1": {"start": -1}}, "start-out-of-bounds"),
+        ({"E1": {"prior": "uniform(3, 4)"}}, "prior-excludes-start"),
+        ({"E1": {"tied": "E9"}}, "bad-tie"),
+        ({"E1": {"tied": "E1"}}, "bad-tie"),
+        ({"E1": {"tied": "E2 + 1"}}, "bad-tie"),
+        ({"E1": {"tied": "E2", "start": 2}}, "bad-tie"),
+        ({"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}}, "bad-tie"),
+    ],
+)
+def test_what_cannot_be_meant(said: dict[str, Any], code: str) -> None:
+    with pytest.raises(InputError) as caught:
+        with_settings(BURGERS, said)
+    assert caught.value.code == code
+
+
+def test_nothing_free_and_no_model() -> None:
+    said = {name: {"fixed": True} for name in ("K", "b")}
+    with pytest.raises(InputError) as caught:
+        fit(record(), LinearSponge(1.0, 0.0, 1.5), parameters=said)
+    assert caught.value.code == "nothing-free"
+    with pytest.raises(InputError) as caught:
+        fit(record(), "auto", parameters=said)
+    assert caught.value.code == "which-model"
+    with pytest.raises(InputError) as caught:
+        fit(record(), "Burgers", noise="pink")
+    assert caught.value.code == "unknown-noise"
+
+
+def test_settings_survive_words() -> None:
+    _, settings = with_settings(
+        GeneralizedMaxwell(1.0, [1.0, 2.0], [0.1, 10.0], 0.0),
+        {
+            "tau.1": {"prior": "log-normal(10, 3)", "bounds": [1, 100]},
+            "E.1": {"tied": "2 * E.0"},
+            "offset": {"fixed": True},
+        },
+    )
+    assert from_words(in_words(settings)) == settings
+    assert isinstance(settings["tau.1"].prior, Prior)
+
+
+def test_the_scale_of_a_unit() -> None:
+    sizes = {"force": 4.0, "time": 10.0, "displacement": 2.0}
+    assert data_scale("force * time / displacement", sizes) == 20.0
+    assert data_scale("1 / force", sizes) == 0.25
+    assert data_scale("1", sizes) == 1.0
