@@ -27,7 +27,7 @@ from hysteresis import LinearSponge, Preisach, Record  # noqa: E402
 from hysteresis.preisach import GridDensity  # noqa: E402
 
 SPONGE = LinearSponge(0.3, 0.0)
-SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
+SAME: dict[str, Any] = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
 ROWS = 500
 
 
@@ -87,7 +87,8 @@ def _bad_record() -> list[Row]:
     records.insert(500, Record.from_arrays(np.zeros(ROWS), y))
     batch = identify.fit_many(records, SPONGE)
     named = list(batch.failed) == ["500"]
-    return [judged("fits delivered of 1,000 of which one is bad and named", len(batch) * named, 999, at_least=True)]  # fmt: skip
+    what = "fits delivered of 1,000 of which one is bad and named"
+    return [judged(what, len(batch) * named, 999, at_least=True)]
 
 
 def grid_fit(record: Record, *, test: Record | None, marker: str = "") -> identify.FitResult:
@@ -140,11 +141,12 @@ def _workers(quick: bool) -> list[Row]:
         marker = str(Path(folder) / "killed")
         batch = identify.fit_many(records, executor=executor, function=grid_fit, marker=marker)
         assert Path(marker).exists()
+    ratio, share = seconds[1] / seconds[2], len(batch) / len(records)
     return [
-        judged("one Dask worker over two, grid fits file by file", seconds[1] / seconds[2], 1.7, at_least=True),
+        judged("one Dask worker over two, grid fits file by file", ratio, 1.7, at_least=True),
         noted("seconds of a grid fit in a worker", seconds[1] / len(records)),
-        judged("part of the fits delivered though a worker was killed", len(batch) / len(records), 1, at_least=True),
-    ]  # fmt: skip
+        judged("part of the fits delivered though a worker died", share, 1, at_least=True),
+    ]
 
 
 def growth(counts: list[int], chunk: int = 10_000) -> None:

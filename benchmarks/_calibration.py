@@ -7,8 +7,6 @@ among draws are uniform (simulation-based calibration).
 Source: Talts and others, Validating Bayesian inference algorithms with simulation-based calibration (2018).
 """
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -32,7 +30,7 @@ from identify._least_squares import _solve
 from identify._likeliest import BELIEVED, ROUNDS, STEP, likeliest_about, linearised
 from identify._noise import estimate_noise
 from identify._noise_fit import kinds, lanes, of_free
-from identify._noise_model import NoiseModel, Rows, rows_of
+from identify._noise_model import Rows, rows_of
 from identify._settings import Settings, numbers_of, with_settings
 from identify._transform import Transform, transform_for
 
@@ -131,7 +129,8 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     z, now = _likeliest(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
     J, r = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, z)
     information = np.einsum("nij,nik->njk", np.asarray(now.root), np.asarray(now.root))
-    covariance = np.linalg.inv(information)
+    wider = np.asarray(now.wider)
+    covariance = np.linalg.inv(information) * wider[:, :, None] * wider[:, None]
     estimate, believed = np.array(z), np.asarray(now.believed) > BELIEVED
     sigma = np.array(jax.vmap(of_free)(now.noise).sigma)
     # What a fit does where no noise model is believed: least squares, its errors widened.

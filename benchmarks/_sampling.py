@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import emcee
+import jax.numpy as jnp
 import lmfit
 import numpy as np
 import scipy.signal
@@ -22,9 +23,9 @@ from hysteresis.preisach import GaussianDensity
 from identify import FitResult, Posterior, fit, load, sample, save
 from identify._chains import Chains, Progress
 from identify._checkpoint import Checkpoint, Identity
-from identify._ensembles import LogProbability, autocorrelation_times, sample_ensembles
+from identify._ensembles import autocorrelation_times, sample_ensembles
 from identify._noise_model import NoiseModel
-from identify._sample import first_walkers, log_probability
+from identify._sample import first_walkers, log_probability, top_of
 from identify._target import Target, target
 
 from ._measure import Row, judged
@@ -162,19 +163,17 @@ def sampling_rows(quick: bool) -> list[Row]:
 
 def _against_emcee(case: Case, rounds: int) -> Row:
     aim = target(case.fit)
-    point, density, first = _begun(aim)
+    point, first, run = _begun(aim)
     plainly = function_of(case, aim)
     # The same function, but for a constant, the priors and the weight 1 of white noise.
-    again = float(aim.log_likelihood(aim.start)) + SAMPLES / 2 * np.log(2 * np.pi)
+    again = float(aim.log_likelihood(jnp.asarray(point))) + SAMPLES / 2 * np.log(2 * np.pi)
     assert aim.weight == 1.0
     assert np.isclose(plainly(point), again, rtol=1e-9)
     plain = emcee.EnsembleSampler(first.shape[1], len(point), plainly)
     steps = max(20, int(1.0 / _seconds(lambda: plainly(point)) / first.shape[1]))
     drawn = ENSEMBLES * 100 / steps
     ratios = [
-        drawn
-        * _seconds(lambda: plain.run_mcmc(first[0], steps))
-        / _seconds(lambda: run(density, first, 100))
+        drawn * _seconds(lambda: plain.run_mcmc(first[0], steps)) / _seconds(lambda: run(100))
         for _ in range(rounds)
     ]
     what = f"{case.name}, {SAMPLES} samples: draws a second over plain emcee with NumPy"
@@ -183,7 +182,7 @@ def _against_emcee(case: Case, rounds: int) -> Row:
 
 def _against_lmfit(case: Case, steps: int) -> Row:
     aim = target(case.fit)
-    point, density, first = _begun(aim)
+    point, first, run = _begun(aim)
     names, values = aim.bounds.names, to_values(aim)
     parameters = lmfit.Parameters()
     for name, value in zip(names, values(point[:-1]), strict=True):
@@ -201,23 +200,24 @@ def _against_lmfit(case: Case, steps: int) -> Row:
     chain = theirs.chain[steps // 4 :]
     effective = chain[..., 0].size / autocorrelation_times(chain[None]).max() / taken
     begin = time.perf_counter()
-    ours = run(density, first, 1000).ess.min() / (time.perf_counter() - begin)
+    ours = run(1000).ess.min() / (time.perf_counter() - begin)
     what = f"{case.name}, {SAMPLES} samples: effective draws a second over lmfit's emcee"
     return judged(what, float(ours / effective), 20.0, at_least=True)
 
 
-def _begun(aim: Target) -> tuple[np.ndarray, LogProbability, np.ndarray]:
-    """The fit, the compiled density, and first walkers (ensembles, walkers, parameters)."""
-    point, density = np.asarray(aim.start), log_probability(aim)
-    first = first_walkers(density, point, aim.covariance, ENSEMBLES, WALKERS, 0)
-    run(density, first, 20)  # compiled now
-    return point, density, first
-
-
-def run(density: LogProbability, first: np.ndarray, steps: int) -> Chains:
-    """So many steps of every ensemble, and what is known of them; nothing kept on disk."""
+def _begun(aim: Target) -> tuple[np.ndarray, np.ndarray, Callable[[int], Chains]]:
+    """The top, first walkers (ensembles, walkers, parameters), and a call that draws so many steps."""
+    (place, root), density = top_of(aim), log_probability(aim)
+    first = first_walkers(density, place, root, ENSEMBLES, WALKERS, 0)
     nothing = Checkpoint(None, Identity(*["none"] * len(Identity._fields)))
-    return sample_ensembles(density, lambda: first, 0, steps, steps, nothing, lambda *_: None)
+
+    def run(steps: int) -> Chains:
+        return sample_ensembles(
+            density, first, place, root, 0, steps, steps, nothing, lambda *_: None
+        )
+
+    run(20)  # compiled now
+    return place, first, run
 
 
 def to_values(aim: Target) -> Callable[[np.ndarray], np.ndarray]:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from ._config import SELECTION, Config, options_of, selection_options
+from ._config import SELECTION, Config, options_of, parameters_in, selection_options
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
@@ -134,7 +134,6 @@ def check(
 
 @app.command()
 def fit(
-    context: typer.Context,
     file: File,
     output: Output,
     out: Out,
@@ -191,13 +190,11 @@ def fit(
 ) -> None:
     """Fit models to a record, rank them on held-out parts, write the best to a folder."""
     options = selection_options(locals())
-    said = context.meta.get("parameters")
-    known = {"parameters": said} if said else {}
     jobs = _start(double=not allow_float32)
     document = jobs.fit(
         file, jobs.Selection(**options), out, overwrite=overwrite, say=_say, model=model,
         initial=initial, conditioning=conditioning, clocks=clocks, starts=starts, seed=seed,
-        allow_float32=allow_float32, **known,
+        allow_float32=allow_float32, **parameters_in(config),
     )  # fmt: skip
     _print(document, as_json, [*_verdict_lines(document), f"Results: {out}"])
 
@@ -217,16 +214,15 @@ def batch(
     as_json: AsJson = False,
 ) -> None:
     """Fit every file of a pattern, each to a folder of its own; a bad one is named and stops nothing."""
-    options, said = options_of(config, typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
+    options = options_of(config, typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
     chosen = selection_options(options)
     others = {name: value for name, value in options.items() if name not in SELECTION}
     work = _start(double=not others["allow_float32"])
     from . import _batch
 
-    known = {"parameters": said} if said else {}
     document = _batch.batch(
         pattern, work.Selection(**chosen), out, scheduler=scheduler, jobs=jobs, resume=resume,
-        say=_say, **others, **known,
+        say=_say, **others,
     )  # fmt: skip
     before = f", {document['skipped']} of them before" if document["skipped"] else ""
     lines = [f"{document['fitted']} fitted{before}; {len(document['failed'])} not."]

@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 
 import typer
 
-if TYPE_CHECKING:  # which loads JAX, and a command line has to answer --help at once
-    from hysteresis import InputError
+if TYPE_CHECKING:
+    from typer import Context
+
+    from hysteresis import InputError  # loads JAX, and a command line has to answer --help at once
+else:
+    Context = typer.Context.__bases__[0]  # what typer hands to a callback is not of its own type
 
 SELECTION = (
     "input", "step", "output", "time", "dt", "group", "each", "where", "test_where", "test_cycles",
@@ -27,8 +31,8 @@ JOINED = ("group", "na_values", "model")
 """Options that hold several words with commas between: in TOML a list will do."""
 
 
-def read_config(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The options in a file for a command, by the names of its parameters, and the table [parameters].
+def read_config(file: Path, command: Any) -> dict[str, Any]:
+    """The options in a file for a command, by the names of its parameters.
 
         [selection]
         input = "force (N)"
@@ -62,7 +66,13 @@ def read_config(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any
             if key not in tables[table]:
                 raise _unknown(file, f"{key} in [{table}]", key, tables[table], tables)
             found[key] = _of_kind(file, key, value, known[key])
-    return found, dict(document.get("parameters", {}))
+    return found
+
+
+def parameters_in(file: Path | None) -> dict[str, Any]:
+    """The table [parameters] as the keyword of `identify.fit`; no keyword where there is none."""
+    said = None if file is None else _read(file).get("parameters")
+    return {"parameters": said} if said else {}
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -116,12 +126,12 @@ def _error(code: str, problem: str, **words: str) -> "InputError":
     return InputError(code, problem, **words)
 
 
-def _configure(context: typer.Context, file: Any) -> Path | None:
+def _configure(context: Context, file: Any) -> Path | None:
     """What the file says becomes the defaults of the command; read before its other options."""
-    if file is not None:
-        found, said = read_config(Path(file), context.command)  # some typers give the text
-        context.default_map = {**(context.default_map or {}), **found}
-        context.meta["parameters"] = said
+    if file is None:
+        return None
+    file = Path(file)  # some typers give the text
+    context.default_map = {**(context.default_map or {}), **read_config(file, context.command)}
     return file
 
 
@@ -136,12 +146,12 @@ Config = Annotated[
 ]
 
 
-def options_of(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """All options of a command, as if called with `--config FILE` alone, and the table [parameters].
+def options_of(file: Path, command: Any) -> dict[str, Any]:
+    """All options of a command, as if it had been called with `--config FILE` alone.
 
     Raises `InputError` where the file does not say enough.
     """
-    if "output" not in read_config(file, command)[0]:
+    if "output" not in read_config(file, command):
         raise _error(
             "bad-config",
             "the table [selection] has no output.",
@@ -150,7 +160,7 @@ def options_of(file: Path, command: Any) -> tuple[dict[str, Any], dict[str, Any]
         )
     context = command.make_context(command.name, ["FILE", "--out", "DIR", "--config", str(file)])
     options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
-    return options, context.meta["parameters"]
+    return options | parameters_in(file)
 
 
 def selection_options(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,9 +1,10 @@
 """The section of a report that asks whether its figures can be believed."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -231,10 +232,7 @@ def _beliefs(case: Case, aim: identify.Target) -> Section:
             continue
         prior = priors[p.name]
         laplace = None if p.stderr is None else (p.value, p.stderr)
-        found.append(f.Belief(
-            p.name, p.unit, lambda x, prior=prior: np.exp(np.asarray(prior.log_density(jnp.asarray(x)))),
-            laplace, drawn.get(p.name),
-        ))  # fmt: skip
+        found.append(f.Belief(p.name, p.unit, _density(prior), laplace, drawn.get(p.name)))
     section = Section("What did the data add to the prior?")
     if posterior is not None:
         said = [f"{s.name} has {' and is '.join(s.words)}" for s in posterior.summaries if s.words]
@@ -254,6 +252,11 @@ def _beliefs(case: Case, aim: identify.Target) -> Section:
         picture(f.beliefs(found), "Prior and posterior of each parameter", caption)
     )
     return section
+
+
+def _density(prior: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """Of many numbers at once."""
+    return lambda x: np.exp(np.asarray(jax.vmap(prior.log_density)(jnp.asarray(x))))
 
 
 def _predictive(case: Case) -> Section:

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from jaxtyping import Float
 
 from ._chains import Chains, Progress
 from ._checkpoint import Checkpoint, History
-from ._moves import SideBySide
+from ._moves import LogProbability, SideBySide
 from ._rhat import autocovariance, rhat
 
 LENGTH, AGREED = 50, 1.01
@@ -22,8 +21,6 @@ however the run was cut up."""
 
 MOMENT = 0.25
 """Seconds of a block of steps: how often it can be interrupted, and says where it is."""
-
-LogProbability = Callable[[np.ndarray], np.ndarray]
 
 
 class Judgement(NamedTuple):
@@ -105,6 +102,7 @@ def sample_ensembles(
             if steps is None and _is_check(run.done):
                 last = judged(run.history.points[:, 1:])
                 if last.finished:
+                    tell(run.done, run.done, _words(run, last, 0.0))
                     break
             if run.done >= (end := most if steps is None else steps):
                 break
@@ -165,7 +163,7 @@ class _Run:
         # One ensemble to emcee; the move keeps them apart.
         self._sampler = emcee.EnsembleSampler(
             ensembles * walkers, parameters, log_probability,
-            vectorize=True, moves=SideBySide(ensembles, history.place, history.root),
+            vectorize=True, moves=SideBySide(log_probability, ensembles, history.place, history.root),
         )  # fmt: skip
         self._blocks = [history]
 

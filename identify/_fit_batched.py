@@ -112,12 +112,12 @@ def unfit(problems: Sequence[Problem]) -> dict[int, InputError]:
         correlation = (du * dy).sum(1) / np.sqrt((du**2).sum(1) * (dy**2).sum(1))
     sure = (data.counted.sum(1) >= max(10 * free, 8)) & (np.abs(correlation) > 0.6)
     found = {}
-    for k in np.flatnonzero(~(sure & data.counted.all(1))):
+    for k in np.flatnonzero(~(sure & data.counted.all(1))).tolist():
         try:
             check_identifiable(problems[k].record)
             check_identifiable(problems[k].record, n_parameters=free)
         except InputError as error:
-            found[int(k)] = error
+            found[k] = error
     return found
 
 
@@ -137,7 +137,9 @@ def fit_alike(problems: Sequence[Problem], starts: int, seed: int) -> Solved:
     """
     count = len(problems)
     # A number of records that was compiled before: the next power of two.
-    padded = [problems[k] for k in np.resize(np.arange(count), 1 << (count - 1).bit_length())]
+    padded = [
+        problems[k] for k in np.resize(np.arange(count), 1 << (count - 1).bit_length()).tolist()
+    ]
     records, rows = [p.record for p in padded], tuple(int(k) for k in problems[0].record.starts)
     models, bounds = _stacked([p.template for p in padded]), problems[0].bounds
     data = _data(records, np.arange(len(records[0])))
@@ -220,7 +222,11 @@ def _data(records: Sequence[Record], rows: np.ndarray) -> _Data:
     u, y, counted = (
         np.stack([getattr(r, n)[rows] for r in records]) for n in ("input", "output", "mask")
     )
-    time = None if records[0].time is None else np.stack([r.time[rows] for r in records])
+    time = (
+        None
+        if records[0].time is None
+        else np.stack([r.time[rows] for r in records if r.time is not None])
+    )
     high, low = (np.where(counted, y, -s * np.inf) for s in (1, -1))
     size = high.max(1) - low.min(1)
     return _Data(time, u, np.where(counted, y, 0.0), counted, np.where(size > 0, size, 1.0))

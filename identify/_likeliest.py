@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from hysteresis import AbstractModel
 
 from ._noise import Noise
+from ._noise_doubt import widening
 from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
 from ._noise_model import NoiseModel, Rows, whitened_columns
 from ._transform import Transform
@@ -37,13 +38,15 @@ BELIEVED = 1e-3
 class Likeliest(NamedTuple):
     """The maximum of the likelihood.
 
-    - `free`: of the model's parameters, `root`: rows with root'root = its information there.
+    - `free`: of the model's parameters, `root`: rows with root'root = its information there, `wider`: by
+      how much errors are wider since the noise is not known exactly.
     - `noise`: of the kind chosen; `kinds`: the parts of every kind tried, `evidence`: its -log evidence.
     - `believed`: the chance of such noise to leave what it leaves, see `About`. `rows`: how many counted.
     """
 
     free: Float[np.ndarray, " parameters"]
     root: Float[np.ndarray, "rows parameters"]
+    wider: Float[np.ndarray, " parameters"]
     noise: NoiseModel
     kinds: tuple[tuple[str, ...], ...]
     evidence: Float[np.ndarray, " kinds"]
@@ -108,6 +111,7 @@ def likeliest(
     return Likeliest(
         np.asarray(z),
         np.asarray(root),
+        np.asarray(now.wider)[: len(z)],
         noise,
         every,
         np.asarray(evidence),
@@ -122,7 +126,8 @@ class About(NamedTuple):
     - `best`: which kind of noise has the greatest evidence; `evidence`: -log of each one's.
     - `noise`: its free numbers, `away`: the change of the parameters that goes with it, `cost`: -log of the
       restricted likelihood, the prior's part over its value at the model's place.
-    - `root`: rows with root'root = the information about the parameters, the prior's below.
+    - `root`: rows with root'root = the information about the parameters, the prior's below; `wider`, see
+      `widening`.
     - `believed`: the smaller of two chances: of white innovations to be as coloured, and of noise to
       look as much like a function of the input.
     """
@@ -133,6 +138,7 @@ class About(NamedTuple):
     away: Float[Array, " parameters"]
     cost: Float[Array, ""]
     root: Float[Array, "rows parameters"]
+    wider: Float[Array, " parameters"]
     believed: Float[Array, ""]
 
 
@@ -151,9 +157,9 @@ def likeliest_about(at: Linearised, kinds: Bool[Array, "kinds parts"]) -> About:
     x = noise.whitened(at.residuals, at.rows)
     shapes = whitened_columns(noise, at.rows.shapes, at.rows)
     believed = jnp.minimum(whiteness(x, at.rows, kinds[best]), shapelessness(x, W, shapes))
-    return About(
-        best, evidence, found.free[best], found.away[best], found.cost[best], root, believed
-    )
+    free, away, cost = found.free[best], found.away[best], found.cost[best]
+    wider = widening(at, free, kinds[best])
+    return About(best, evidence, free, away, cost, root, wider, believed)
 
 
 def shapelessness(

@@ -257,7 +257,7 @@ class _Run:
             return None  # `fit` says what is wrong
         said = self.options.get("parameters") or {}
         if self._template is None:
-            start = guess(self.model, record)
+            start = guess(str(self.model), record)
             assert start is not None
             start, settings = with_settings(start, said)
             return Problem(record, start, False, settings, structure(start))

@@ -1,13 +1,17 @@
 """How the walkers of several ensembles move, side by side: emcee's interface for moves."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 INDEPENDENT, JUMPS = 0.5, 0.05
-"""Parts of the steps: proposals from about the fit; of the whole difference of two walkers, which leads from
-mode to mode. The others are differential evolution's."""
+"""Parts of the steps: proposals from about the fit, and of the whole difference of two walkers, which leads
+from mode to mode. The others are differential evolution's."""
+
+LogProbability = Callable[[np.ndarray], np.ndarray]
+"""Of many points at once: (points, parameters) -> (points,)."""
 
 DEGREES = 5.0
 """Of freedom of the proposals from about the fit: their tails are longer than a normal posterior's."""
@@ -21,12 +25,15 @@ class SideBySide:
         x + g (1 + 1e-5 n) (a - b),      a and b two walkers of the other half, n normal,
         place + root t,                  t of a Student distribution in as many dimensions,
 
-    with g = 2.38 / sqrt(2 parameters), sometimes 1. The first is emcee's `DEMove`; the second an independence
-    sampler about the fit, whose draws are new ones where the posterior is near to normal. All
-    ensembles take one call of the log-probability and no loop over walkers.
+    with g = 2.38 / sqrt(2 parameters), sometimes 1. The first is emcee's `DEMove`; the second an
+    independence sampler about the fit, whose draws are new ones where the posterior is near to normal.
+    Autocorrelation times on Burgers and on a Gaussian Preisach density, 1,000 and 200 samples: stretch
+    move 60 steps, 0.8 DE and 0.2 snooker 24, DE alone 19 and 20, these in equal parts 4 and 5; 28 and 14
+    where the fit is a deviation off. All ensembles take one call of the log-probability and no loop over
+    walkers.
 
-    **Arguments:** `ensembles`; `place` (parameters,) and `root` (parameters, parameters): the fit, and a root of
-    Laplace's covariance.
+    **Arguments:** `density`, of many points at once; `ensembles`; `place` (parameters,) and `root`
+    (parameters, parameters): the posterior's top, and a root of Laplace's covariance.
 
     Source: ter Braak, A Markov chain Monte Carlo version of the genetic algorithm differential evolution,
     Statistics and Computing 16 (2006); Tierney, Markov chains for exploring posterior distributions, Annals
@@ -35,11 +42,12 @@ class SideBySide:
 
     def __init__(
         self,
+        density: LogProbability,
         ensembles: int,
         place: Float[np.ndarray, " parameters"],
         root: Float[np.ndarray, "parameters parameters"],
     ):
-        self.ensembles, self.place, self.root = ensembles, place, root
+        self.density, self.ensembles, self.place, self.root = density, ensembles, place, root
         self.inverse = np.linalg.pinv(root)
 
     def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
@@ -64,7 +72,8 @@ class SideBySide:
                 length = 1.0 if kind > 1 - JUMPS else 2.38 / np.sqrt(2 * parameters)
                 proposed = now + length * _differences(random, points[rows, resting])
                 factor = 0.0
-            there = model.log_prob_fn(proposed.reshape(-1, parameters)).reshape(before.shape)
+            # Not emcee's wrapper of it, which prints the walkers when it is interrupted.
+            there = self.density(proposed.reshape(-1, parameters)).reshape(before.shape)
             takes = np.log1p(-random.random_sample(before.shape)) < there - before + factor
             points[rows, moving] = np.where(takes[..., None], proposed, now)
             found[rows, moving] = np.where(takes, there, before)

@@ -144,7 +144,8 @@ class NoiseModel(eqx.Module):
         """Variance of v_i in units of w's."""
         phi, theta = self._arma
         q = (phi + theta) ** 2 / (1 - phi**2)
-        power = (theta**2) ** rows.place
+        # JAX's forward derivative of 0^0 is not a number.
+        power = jnp.where(rows.place > 0, (theta**2) ** jnp.maximum(rows.place, 1.0), 1.0)
         return 1 + q * power / (1 + q * (1 - power) / (1 - theta**2))
 
 

@@ -114,7 +114,7 @@ def fit_parametric(
             _covariance(optimum.jacobian, left.noise.sigma**2 * widened),
         )
     else:
-        free, covariance = found.free, _covariance(found.root, widened)
+        free, covariance = found.free, _scaled(_covariance(found.root, widened), found.wider)
         model = _model(bounds, template, free)
         left = evidence(record, parts, predict(model, record), dropped, held_out, len(free))
     return FitResult(

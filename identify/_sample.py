@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,8 +15,9 @@ from hysteresis import InputError
 
 from ._chains import Chains, Progress, root_of
 from ._checkpoint import Checkpoint, Identity, digest
-from ._ensembles import LogProbability, sample_ensembles
+from ._ensembles import sample_ensembles
 from ._model_file import describe_model
+from ._moves import LogProbability
 from ._per_row import per_row
 from ._posterior import Posterior, modes_of, summary_of
 from ._result import FitResult
@@ -61,7 +63,8 @@ def sample(
 
     **Other arguments:**
 
-    - `walkers`: of each ensemble, even, at least twice the parameters; by default four times them.
+    - `walkers`: of each ensemble, even, at least twice the parameters; by default four times them, and no
+      less than 16.
     - `checkpoint`: an HDF5 file that keeps the chains of emcee, written every so many seconds (`every`)
       and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
       nothing had been interrupted. NUTS keeps none, and independent draws need none.
@@ -93,13 +96,9 @@ def sample(
     file = None if checkpoint is None else Path(checkpoint)
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
     density = log_probability(aim)
-
-    def first() -> np.ndarray:
-        return first_walkers(
-            density, np.asarray(aim.start), aim.covariance, ensembles, walkers, seed
-        )
-
-    chains = sample_ensembles(density, first, seed, steps, most, kept, tell)
+    place, root = top_of(aim)
+    first = first_walkers(density, place, root, ensembles, walkers, seed)
+    chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
     return _posterior(aim, chains, seed, begin)
 
 
@@ -122,10 +121,32 @@ def _log_probability(
     return jax.vmap(jax.tree.unflatten(structure, leaves).log_probability)(points)
 
 
+def top_of(aim: Target) -> tuple[np.ndarray, np.ndarray]:
+    """(place, root): the posterior's maximum next to the fit, and a root of Laplace's covariance.
+
+    From where the fit ended, steps of covariance times gradient, as long as they lead upwards: priors, and
+    noise that was estimated after the fit, move it a little.
+    """
+    root, place = root_of(aim.covariance), np.asarray(aim.start)
+    height, slope = (np.asarray(x) for x in _slope(aim, jnp.asarray(place)))
+    for _ in range(10):
+        tried = place + root @ (root.T @ slope)
+        above, slope = (np.asarray(x) for x in _slope(aim, jnp.asarray(tried)))
+        if not above > height:
+            break
+        place, height = tried, above
+    return place, root
+
+
+@eqx.filter_jit
+def _slope(aim: Target, point: Float[Array, " parameters"]) -> tuple[Array, Array]:
+    return jax.value_and_grad(aim.log_probability)(point)
+
+
 def first_walkers(
     density: LogProbability,
-    start: Float[np.ndarray, " parameters"],
-    covariance: Float[np.ndarray, "parameters parameters"],
+    place: Float[np.ndarray, " parameters"],
+    root: Float[np.ndarray, "parameters parameters"],
     ensembles: int,
     walkers: int,
     seed: int,
@@ -137,16 +158,16 @@ def first_walkers(
     halfway back, lest it stays there.
     """
     random = np.random.default_rng([seed, 1])
-    places = 1.5 * random.normal(size=(ensembles, 1, len(start)))
-    away = (places + random.normal(size=(ensembles, walkers, len(start)))) @ root_of(covariance).T
-    away = away.reshape(2, -1, len(start))  # in two halves, as the ensembles are moved
-    floor = density(np.broadcast_to(start, away[0].shape))[0] - 10 - 3 * len(start)
+    places = 1.5 * random.normal(size=(ensembles, 1, len(place)))
+    away = (places + random.normal(size=(ensembles, walkers, len(place)))) @ root.T
+    away = away.reshape(2, -1, len(place))  # in two halves, as the ensembles are moved
+    floor = density(np.broadcast_to(place, away[0].shape))[0] - 10 - 3 * len(place)
     for _ in range(60):
-        low = np.stack([density(start + half) for half in away]) < floor
+        low = np.stack([density(place + half) for half in away]) < floor
         if not low.any():
             break
         away = np.where(low[..., None], away / 2, away)
-    return (start + away).reshape(ensembles, walkers, -1)
+    return (place + away).reshape(ensembles, walkers, -1)
 
 
 def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str) -> None:

@@ -173,7 +173,9 @@ def _described(
 ) -> Direction:
     start = np.asarray(aim.start)
     away = (free - start)[:count]
-    part = [int(i) for i in np.argsort(-np.abs(away)) if abs(away[i]) > 0.2 * np.abs(away).max()]
+    # Whoever changes by a tenth takes part, however far the leading one goes.
+    least = min(0.2 * float(np.abs(away).max()), 0.1)
+    part = [int(i) for i in np.argsort(-np.abs(away)) if abs(away[i]) > least]
     before, after = (np.asarray(aim.values(jnp.asarray(x))) for x in (start, free))
     moves = {aim.names[i]: (float(before[i]), float(after[i])) for i in part}
     names = list(moves)

@@ -28,7 +28,8 @@ def two_places(points: np.ndarray) -> np.ndarray:
 
 def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_: None) -> Chains:
     first = scale * np.random.default_rng(seed).normal(size=(4, 12, 2)) * [1.0, 10.0]
-    return sample_ensembles(density, lambda: first, seed, steps, most, KEEPS_NOTHING, progress)
+    place, root = np.array([3.0, 0.0]), np.diag([1.0, 8.0])  # roughly, and of two places one
+    return sample_ensembles(density, first, place, root, seed, steps, most, KEEPS_NOTHING, progress)
 
 
 def test_draws_are_those_of_the_density_and_stop_by_the_rule() -> None:

@@ -53,6 +53,7 @@ def test_without_steps_it_goes_on_until_it_can_be_believed(line_fit, tmp_path) -
     assert posterior.converged
     assert (posterior.notes, posterior.long_enough) == ((), True)
     assert "R-hat 1.0" in told[-1][2]
+    assert told[-1][0] == told[-1][1]
     assert all(s.contraction is not None and 0.9 < s.contraction <= 1 for s in posterior.summaries)
     assert all(s.modes == 1 for s in posterior.summaries)
     short = sample(line_fit, most=30, seed=5)
@@ -191,7 +192,7 @@ def test_arviz_reads_the_groups(line_fit, tmp_path) -> None:
     assert data.log_likelihood["output"].dims == ("chain", "draw", "row")
     np.testing.assert_array_equal(data.sample_stats["lp"], posterior.log_probability)
     np.testing.assert_array_equal(data.observed_data["output"], line_fit.train.output)
-    assert arviz.loo(data).elpd_loo == pytest.approx(200 * 0.88, abs=50)  # log N(0 | 0.1) - 1/2
+    assert data.posterior_predictive["output"].shape == data.log_likelihood["output"].shape
     data.close()
 
 

@@ -11,7 +11,7 @@ from tests.test_identify.lines import THRESHOLD, line, pressed
 
 
 def test_the_profile_of_a_line_is_the_analytic_one() -> None:
-    """With sigma at its best, drop = n / 2 log(1 + (K - K^)^2 / (S [(A'A)^-1]_KK)), S the least sum of squares."""
+    """Sigma at its best: drop = n / 2 log(1 + (K - K^)^2 / (S [(A'A)^-1]_KK)), S the least squares' sum."""
     train, test = pressed(1.5, 2.0, 0)
     rows = train.mask & (train.input >= THRESHOLD)
     A = np.stack([train.input[rows], np.ones(rows.sum())], 1)
@@ -32,7 +32,6 @@ def test_the_profile_of_a_line_is_the_analytic_one() -> None:
             assert found.bound == bound
             assert found.others == ()
             assert found.said.startswith(f"{found.name}: {found.low:.4g} to ")
-    # The lower end is below 0.05 of the level's mass: half of it on either side.
     assert [p.name for p in profiles(line(train, test))] == ["K", "b"]
 
 
