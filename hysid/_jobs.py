@@ -163,7 +163,7 @@ def sample(
     progress: Callable[[int, int, str], None] | None = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Sample the posterior of a fit, or of each of several, and keep it beside; options as `identify.sample`."""
+    """Sample the posterior of a fit, or of each of several, and keep it beside; as `identify.sample`."""
     folders = identify.read_document(folder).get("folders", {"": "."})
     documents = {}
     for value, name in folders.items():

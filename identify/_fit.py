@@ -95,8 +95,9 @@ def fit(
       for a constant lag between input and output where a composition predicts better with one; `"keep"`
       takes the input as it is.
     - `noise`: what the residuals of a model of few parameters are taken for: gaussian, student-t, ar1,
-      arma11, growing (with the reading), input (errors in it), or several with + between; `"auto"` lets the
-      evidence choose, and believes it where it leaves nothing that is coloured or follows the input.
+      arma11, growing (with the reading), input (errors in it), misfit (of the model, a smooth function of
+      the input and its direction), or several with + between; student-t is the robust one. `"auto"` lets
+      the evidence choose, and believes it where it leaves nothing that is coloured or follows the input.
     - `parameters`: what is known of the parameters of one model of few: name -> {"start", "bounds",
       "prior", "fixed", "tied"}, such as {"E1": {"prior": "log-normal(2, 1.5)"}, "offset": {"fixed": 0}}.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.

@@ -1,5 +1,6 @@
 """The likeliest parameters under noise that the residuals themselves show, and how far to believe it."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from hysteresis import AbstractModel
 from ._noise import Noise
 from ._noise_doubt import widening
 from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
-from ._noise_model import NoiseModel, Rows, whitened_columns
+from ._noise_model import NoiseModel, Rows
 from ._transform import Transform
 
 ROUNDS = 8
@@ -87,17 +88,18 @@ def likeliest(
     where the rounds end at no maximum.
     """
     arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
+    with_misfit = any("misfit" in kind for kind in kinds)
     z, least, evidence, every = jnp.asarray(free), np.inf, None, kinds
     for _ in range(ROUNDS):
         at = linearised(bounds, z, arguments)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if evidence is None and len(kinds) > 1 and len(y) > LONG:
-            first = likeliest_about(_padded(_first(at)), tried)
+            first = likeliest_about(_padded(_first(at)), tried, with_misfit)
             if first.believed < BELIEVED:
                 return None
             best, evidence = int(first.best), first.evidence
             kinds, tried = (kinds[best],), tried[best : best + 1]
-        now = likeliest_about(_padded(at), tried)
+        now = likeliest_about(_padded(at), tried, with_misfit)
         evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
         root, away = now.root[:, : len(z)], now.away[: len(z)]
         cost = float(now.cost + temper * bounds.penalty(z))
@@ -107,7 +109,10 @@ def likeliest(
         z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
     if not np.isfinite(moved) or cost > least + 1:
         return None
-    noise, counted = only(of_free(now.noise), kinds[int(now.best)]), int(np.sum(rows.counted))
+    noise, counted = (
+        only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)]),
+        int(np.sum(rows.counted)),
+    )
     return Likeliest(
         np.asarray(z),
         np.asarray(root),
@@ -142,24 +147,36 @@ class About(NamedTuple):
     believed: Float[Array, ""]
 
 
-@jax.jit
-def likeliest_about(at: Linearised, kinds: Bool[Array, "kinds parts"]) -> About:
-    """Try every kind of noise; pure JAX."""
-    found = jax.vmap(lambda kind: noise_fit(at, kind))(kinds)
+@partial(jax.jit, static_argnames="with_misfit")
+def likeliest_about(
+    at: Linearised, kinds: Bool[Array, "kinds parts"], with_misfit: bool = False
+) -> About:
+    """Try every kind of noise; pure JAX. `with_misfit`: whether any kind has one."""
+    found = jax.vmap(lambda kind: noise_fit(at, kind, with_misfit))(kinds)
     parts = jnp.sum(jnp.where(kinds, 1.0, 0.0), 1)
     evidence = found.cost + parts * jnp.log(jnp.sum(jnp.where(at.rows.counted, 1.0, 0.0))) / 2
     evidence = jnp.where(jnp.isfinite(evidence), evidence, jnp.inf)
     best = jnp.argmin(evidence)
-    noise = of_free(found.free[best])
-    W = whitened_columns(noise, at.jacobian, at.rows) * jnp.sqrt(noise.information)
-    precision, vectors = jnp.linalg.eigh(at.precision)
-    root = jnp.concatenate([W, vectors.T * jnp.sqrt(jnp.clip(precision, 0.0))[:, None]])
-    x = noise.whitened(at.residuals, at.rows)
-    shapes = whitened_columns(noise, at.rows.shapes, at.rows)
-    believed = jnp.minimum(whiteness(x, at.rows, kinds[best]), shapelessness(x, W, shapes))
     free, away, cost = found.free[best], found.away[best], found.cost[best]
-    wider = widening(at, free, kinds[best])
+    noise = of_free(free, with_misfit=with_misfit)
+    W = noise.whitened_columns(at.jacobian, at.rows)
+    x = noise.without_misfit(noise.whitened(at.residuals, at.rows), at.rows)
+    believed = whiteness(x, at.rows, kinds[best])
+    if with_misfit:
+        root = _root(noise.information_of(at.jacobian, at.rows))
+    else:
+        shapes = noise.whitened_columns(at.rows.shapes, at.rows)
+        believed = jnp.minimum(believed, shapelessness(x, W, shapes))
+        root = W * jnp.sqrt(noise.information)
+    root = jnp.concatenate([root, _root(at.precision)])
+    wider = widening(at, free, kinds[best], with_misfit)
     return About(best, evidence, free, away, cost, root, wider, believed)
+
+
+def _root(H: Array) -> Array:
+    """R with R'R = H."""
+    values, vectors = jnp.linalg.eigh(H)
+    return vectors.T * jnp.sqrt(jnp.clip(values, 0.0))[:, None]
 
 
 def shapelessness(
@@ -199,7 +216,7 @@ def whiteness(
     rho = jnp.stack(pairs) / jnp.sum(x**2)
     told = lags < count / 4
     Q = count * (count + 2) * jnp.sum(jnp.where(told, rho**2 / jnp.clip(count - lags, 1.0), 0.0))
-    freedom = jnp.sum(jnp.where(told, 1.0, 0.0)) - jnp.sum(jnp.where(kind[3:5], 1.0, 0.0))
+    freedom = jnp.sum(jnp.where(told, 1.0, 0.0)) - jnp.sum(jnp.where(kind[4:6], 1.0, 0.0))
     return jax.scipy.special.gammaincc(jnp.clip(freedom, 1.0) / 2, Q / 2)
 
 

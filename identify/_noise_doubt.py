@@ -5,11 +5,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ._noise_fit import Linearised, of_free
-from ._noise_model import whitened_columns
 
 
 def widening(
-    at: Linearised, free: Float[Array, " parts"], kind: Bool[Array, " parts"]
+    at: Linearised,
+    free: Float[Array, " parts"],
+    kind: Bool[Array, " parts"],
+    with_misfit: bool = False,
 ) -> Float[Array, " parameters"]:
     """Standard errors averaged over what the noise may be, over those under the likeliest one.
 
@@ -24,9 +26,8 @@ def widening(
     steps = jnp.where(kind[:, None], L, 0.0).T
 
     def variances(f: Array) -> Array:
-        noise = of_free(f)
-        W = whitened_columns(noise, at.jacobian, at.rows)
-        H = noise.information * W.T @ W + at.precision
+        noise = of_free(f, with_misfit=with_misfit)
+        H = noise.information_of(at.jacobian, at.rows) + at.precision
         size = jnp.sqrt(jnp.diagonal(H))
         used = size > 0
         size = jnp.where(used, size, 1.0)

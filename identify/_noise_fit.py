@@ -15,16 +15,19 @@ from jaxtyping import Array, Bool, Float
 
 from hysteresis import InputError
 
-from ._noise_model import NoiseModel, Rows, whitened_columns
+from ._noise_model import NoiseModel, Rows
 
-PARTS = ("sigma", "growth", "input_sigma", "phi", "theta", "tail")
+PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
 """The parts a noise model may have, in the order of their free numbers."""
 
-ABSENT = (0.0, np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2e-6)))
+ABSENT = (0.0, np.log(1e-9), np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2e-6)))
 """Free numbers that leave a part out: as good as none of it."""
 
-BEGIN = (0.0, np.log(0.3), np.log(0.3), float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
+BEGIN = (0.0, *[np.log(0.3)] * 3, float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
 """Where a part that is there is sought from: phi = 0.5, theta = -0.1, five degrees of freedom."""
+
+WITHIN = ((-9.0,) * 4 + (-12.0,) * 3, (3.0,) * 4 + (12.0,) * 3)
+"""Ends of the free numbers in a search: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
 
 
 class Linearised(NamedTuple):
@@ -56,9 +59,10 @@ class NoiseFit(NamedTuple):
 def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
     """The parts of every kind of noise that is to be tried, the plainest first.
 
-    `noise`: "auto", or words out of gaussian, student-t, ar1, arma11, growing, input with + between.
+    `noise`: "auto", or words out of gaussian, student-t, ar1, arma11, growing, input, misfit with +
+    between.
 
-    Raises `InputError` for another word.
+    Raises `InputError` for another word, and for a misfit with Student's t, which has no closed form.
     """
     if noise == "auto":
         correlated = ((), ("phi",), ("phi", "theta"))
@@ -67,13 +71,17 @@ def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
         return tuple(sorted(found, key=len))
     meaning = {
         "gaussian": (), "student-t": ("tail",), "ar1": ("phi",), "arma11": ("phi", "theta"),
-        "growing": ("growth",), "input": ("input_sigma",),
+        "growing": ("growth",), "input": ("input_sigma",), "misfit": ("misfit",),
     }  # fmt: skip
     words = [word.strip() for word in noise.split("+")]
     if odd := [word for word in words if word not in meaning]:
         raise InputError(
             "unknown-noise",
             f"no noise {odd[0]!r}; have auto, or {', '.join(meaning)} with + between.",
+        )
+    if {"misfit", "student-t"} <= set(words):
+        raise InputError(
+            "unknown-noise", "a misfit goes with Gaussian noise only.", fix="leave out student-t."
         )
     return (("sigma", *dict.fromkeys(part for word in words for part in meaning[word])),)
 
@@ -84,15 +92,20 @@ def lanes(kinds: tuple[tuple[str, ...], ...]) -> Bool[np.ndarray, "kinds parts"]
 
 
 def of_free(
-    free: Float[Array, " parts"], sizes: Float[Array, " parts"] | float = 1.0
+    free: Float[Array, " parts"],
+    sizes: Float[Array, " parts"] | float = 1.0,
+    with_misfit: bool = False,
 ) -> NoiseModel:
     """The noise of free numbers, as `Transform` has them; `sizes` multiply the positive ones."""
-    sigma, growth, input_sigma = (sizes * jnp.exp(free))[:3]
-    phi, theta = jnp.tanh(free[3:5] / 2)
-    return NoiseModel(sigma, growth, input_sigma, phi, theta, 0.5 / (1 + jnp.exp(-free[5])))
+    sigma, growth, input_sigma, misfit = (sizes * jnp.exp(free))[:4]
+    phi, theta = jnp.tanh(free[4:6] / 2)
+    tail = 0.5 / (1 + jnp.exp(-free[6]))
+    return NoiseModel(sigma, growth, input_sigma, phi, theta, tail, misfit if with_misfit else None)
 
 
-def noise_fit(at: Linearised, kind: Bool[Array, " parts"], steps: int = 100) -> NoiseFit:
+def noise_fit(
+    at: Linearised, kind: Bool[Array, " parts"], with_misfit: bool = False, steps: int = 100
+) -> NoiseFit:
     """The noise of one kind and the change of the model that make the residuals likeliest.
 
     Minimises -log p(r + J d | noise) - log prior + log det(J'J + precision, whitened) / 2: the restricted
@@ -111,15 +124,14 @@ def noise_fit(at: Linearised, kind: Bool[Array, " parts"], steps: int = 100) -> 
     sizes = jnp.append(size / _largest(rows), jnp.ones(3))
 
     def free_of(x: Array) -> Array:
-        return jnp.where(kind, x[: len(PARTS)], jnp.asarray(ABSENT))
+        inside = jnp.clip(x[: len(PARTS)], *(jnp.asarray(ends) for ends in WITHIN))
+        return jnp.where(kind, inside, jnp.asarray(ABSENT))
 
     def cost(x: Array, _: None) -> Array:
-        noise, d = of_free(free_of(x), sizes), x[len(PARTS) :]
-        likelihood = jnp.sum(noise.pointwise(r + columns @ d, rows))
-        W = whitened_columns(noise, columns, rows)
-        information = (
-            noise.information * W.T @ W + precision + jnp.diag(jnp.where(seen, 0.0, count))
-        )
+        noise, d = of_free(free_of(x), sizes, with_misfit), x[len(PARTS) :]
+        likelihood = noise.log_likelihood(r + columns @ d, rows)
+        open_ways = jnp.diag(jnp.where(seen, 0.0, count))
+        information = noise.information_of(columns, rows) + precision + open_ways
         _, log_determinant = jnp.linalg.slogdet(information / count)
         prior = (pull @ basis) @ d + d @ precision @ d / 2
         prior = prior - jnp.sum(jnp.where(kind, log_prior(free_of(x)), 0.0))
@@ -145,9 +157,9 @@ def _basis(J: Array, size: Array) -> tuple[Array, Array]:
 
 
 def _largest(rows: Rows) -> Array:
-    """1, the largest output and the largest slope: what the positive parts multiply."""
+    """1, the largest output and the largest slope, and 1: what the positive parts multiply."""
     found = [jnp.max(jnp.abs(jnp.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
-    return jnp.stack([jnp.ones(()), *(jnp.where(x > 0, x, 1.0) for x in found)])
+    return jnp.stack([jnp.ones(()), *(jnp.where(x > 0, x, 1.0) for x in found), jnp.ones(())])
 
 
 def log_prior(free: Float[Array, " parts"]) -> Float[Array, " parts"]:
@@ -156,5 +168,5 @@ def log_prior(free: Float[Array, " parts"]) -> Float[Array, " parts"]:
     No more than that: the density of the free number, a tenth of it stronger, pulls phi towards 0 and makes
     errors too small.
     """
-    fence = jax.nn.log_sigmoid(free[3:]) + jax.nn.log_sigmoid(-free[3:])
-    return jnp.concatenate([jnp.zeros(3), 0.1 * fence])
+    fence = jax.nn.log_sigmoid(free[4:]) + jax.nn.log_sigmoid(-free[4:])
+    return jnp.concatenate([jnp.zeros(4), 0.1 * fence])

@@ -39,6 +39,12 @@ class NoiseModel(eqx.Module):
     w Gaussian or Student's t with 1 / tail degrees of freedom (then sigma is the scale, not the deviation).
     What is None is not there: without theta this is AR(1), without phi too the residuals are independent.
 
+    With `misfit` the model itself is off by a smooth function of the input and its direction, the same in
+    every cycle: sum_k c_k shape_k(u_i), c_k Gaussian of deviation misfit / k. It is integrated over: with A
+    the whitened shapes times their deviations the log-likelihood of whitened residuals x changes by
+
+        -log det(I + A'A) / 2 + x'A (I + A'A)^-1 A'x / 2.
+
     The likelihood is exact: the one-step-ahead errors v_i = e_i - E[e_i | before] follow
 
         v_i = e_i - phi e_(i-1) - theta / rho_(i-1) v_(i-1),      var v_i = rho_i / gamma,
@@ -48,7 +54,8 @@ class NoiseModel(eqx.Module):
     i counted from the start of the stretch, where v_0 = e_0.
 
     Source: Brockwell, Davis, Time Series: Theory and Methods, 2nd ed., section 5.3 (innovations algorithm);
-    the closed form of rho solves its recursion rho_(i+1) = 1 + theta^2 - theta^2 / rho_i.
+    the closed form of rho solves its recursion rho_(i+1) = 1 + theta^2 - theta^2 / rho_i. Kennedy, O'Hagan,
+    Bayesian calibration of computer models, J. R. Statist. Soc. B 63 (2001), of the misfit.
     """
 
     sigma: Scalar = parameter(
@@ -67,6 +74,9 @@ class NoiseModel(eqx.Module):
     tail: Scalar | None = parameter(
         None, bounds=(0.0, 0.5), meaning="1 / degrees of freedom of Student's t"
     )
+    misfit: Scalar | None = parameter(
+        None, unit="output", bounds=(0.0, float("inf")), meaning="size of the model's own error"
+    )
 
     @property
     def words(self) -> str:
@@ -75,7 +85,8 @@ class NoiseModel(eqx.Module):
         said = [correlated] if self.phi is not None else []
         said += ["Gaussian" if self.tail is None else "Student's t"]
         said += ["growing with the reading"] if self.growth is not None else []
-        return ", ".join(said + ["errors in the input"] * (self.input_sigma is not None))
+        said += ["errors in the input"] if self.input_sigma is not None else []
+        return ", ".join(said + ["a misfit of the model"] * (self.misfit is not None))
 
     def scale(self, rows: Rows) -> Float[Array, " rows"]:
         """s_i."""
@@ -106,6 +117,49 @@ class NoiseModel(eqx.Module):
             deviation = deviation * jnp.sqrt(self._rho(rows) * self._innovation)
         term = self.log_density(self.whitened(r, rows)) - jnp.log(deviation)
         return jnp.where(rows.counted, term, 0.0)
+
+    def log_likelihood(self, r: Float[Array, " rows"], rows: Rows) -> Float[Array, ""]:
+        """log p(r), whatever the misfit."""
+        if self.misfit is None:
+            return jnp.sum(self.pointwise(r, rows))
+        A, L = self._misfit_root(rows)
+        x = self.whitened(r, rows)
+        c = jax.scipy.linalg.cho_solve((L, True), A.T @ x)
+        # A sum of squares, not a difference of large ones.
+        squares = jnp.sum((x - A @ c) ** 2) + c @ c
+        constant = jnp.sum(self.pointwise(jnp.zeros_like(r), rows))
+        return constant - squares / 2 - jnp.sum(jnp.log(jnp.diagonal(L)))
+
+    def information_of(
+        self, columns: Float[Array, "rows parameters"], rows: Rows
+    ) -> Float[Array, "parameters parameters"]:
+        """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
+        W = self.whitened_columns(columns, rows)
+        if self.misfit is not None:
+            A, L = self._misfit_root(rows)
+            hidden = jax.scipy.linalg.solve_triangular(L, A.T @ W, lower=True)
+            return W.T @ W - hidden.T @ hidden
+        return self.information * W.T @ W
+
+    def without_misfit(self, x: Float[Array, " rows"], rows: Rows) -> Float[Array, " rows"]:
+        """Whitened residuals less what the misfit is expected to be of them."""
+        if self.misfit is None:
+            return x
+        A, L = self._misfit_root(rows)
+        return x - A @ jax.scipy.linalg.cho_solve((L, True), A.T @ x)
+
+    def whitened_columns(
+        self, columns: Float[Array, "rows columns"], rows: Rows
+    ) -> Float[Array, "rows columns"]:
+        """Every column through the same filter."""
+        return jax.vmap(lambda c: self.whitened(c, rows), in_axes=1, out_axes=1)(columns)
+
+    def _misfit_root(self, rows: Rows) -> tuple[Array, Array]:
+        """A, and L with LL' = I + A'A."""
+        orders = 1 + jnp.arange(rows.shapes.shape[1]) // 2
+        deviations = jnp.asarray(self.misfit) / orders.astype(rows.shapes.dtype)
+        A = self.whitened_columns(rows.shapes, rows) * deviations[None]
+        return A, jnp.linalg.cholesky(jnp.eye(A.shape[1]) + A.T @ A)
 
     def log_density(self, x: Float[Array, " rows"]) -> Float[Array, " rows"]:
         """Of a residual in units of its scale."""
@@ -173,21 +227,17 @@ def rows_of(
 def shapes_of(
     record: Record, used: Bool[np.ndarray, " rows"], most: int = 4
 ) -> Float[np.ndarray, "rows shapes"]:
-    """cos(k pi x) for k up to `most`, x from 0 to 1 over the used inputs; and, k from 0, times the input's
-    direction."""
+    """Chebyshev's polynomials T_k(x), k = 1 ... most, x from -1 to 1 over the used inputs; before each of
+    them T_(k - 1)(x) times the input's direction."""
     u = record.input
     low, high = u[used].min(initial=np.inf), u[used].max(initial=-np.inf)
-    x = (u - low) / max(high - low, 1e-300)
-    waves = np.cos(np.pi * np.arange(most + 1) * x[:, None])
+    x = np.clip(2 * (u - low) / max(high - low, 1e-300) - 1, -1.0, 1.0)
+    waves = np.cos(np.arange(most + 1) * np.arccos(x)[:, None])
     step = np.diff(u, prepend=u[:1])
     step[record.starts] = 0.0
-    return np.hstack([waves[:, 1:], np.sign(step)[:, None] * waves]).astype(u.dtype)
+    both = np.stack([np.sign(step)[:, None] * waves[:, :-1], waves[:, 1:]], axis=2)
+    return both.reshape(len(u), -1).astype(u.dtype)
 
 
 def _before(x: Array, first: float = 0.0) -> Array:
     return jnp.concatenate([jnp.full_like(x[:1], first), x[:-1]])
-
-
-def whitened_columns(noise: NoiseModel, columns: Array, rows: Rows) -> Array:
-    """Every column, (rows, columns), through the same filter."""
-    return jax.vmap(lambda c: noise.whitened(c, rows), in_axes=1, out_axes=1)(columns)

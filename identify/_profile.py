@@ -24,6 +24,9 @@ REACH = float(np.log(1e6))
 STEPS = 60
 """Points on one side of the maximum, at most."""
 
+TRIED, OTHERS = 6, 2
+"""Starts followed to their end, and further maxima that a profile goes out from, at most."""
+
 
 class Profile(NamedTuple):
     """The profile likelihood of one parameter.
@@ -164,14 +167,14 @@ def _maxima(fit: FitResult, aim: Target, bound: float) -> _Maxima:
             begin = np.append(free, begins[0][model:])
             if all(np.abs(begin - other).max() > 0.1 for other in begins):
                 begins.append(begin)
-    found = [solve(aim, begin, everything) for begin in begins[:8]]
+    found = [solve(aim, begin, everything) for begin in begins[:TRIED]]
     ends = [end for end in found if np.isfinite(end.value)]
     ends.sort(key=lambda end: -round(float(end.value), 6))  # the fit's own first among equals
     top, others = np.asarray(ends[0].point), []
     for end in ends[1:]:
         other = np.asarray(end.point)
         apart = all(_drop_between(aim, other, found) > 0.1 for found in (top, *others))
-        if float(ends[0].value - end.value) < bound and apart:
+        if float(ends[0].value - end.value) < bound and apart and len(others) < OTHERS:
             others.append(other)
     values, vectors = np.linalg.eigh(np.asarray(ends[0].curvature))
     errors = np.sqrt((vectors**2 / np.maximum(values, 1e-2)).sum(1))
@@ -244,16 +247,17 @@ class _Sought(NamedTuple):
         if inside[-1] == len(path) - 1:
             return None
         inner, outer = path[inside[-1]], path[inside[-1] + 1]
-        near = [inner.free]
 
         def beyond(z: float) -> float:
-            point = self.at(z, near[-1])
-            near.append(point.free)
-            return np.sqrt(2 * max(point.drop, 0.0)) - np.sqrt(2 * self.bound)
+            drop = self.at(z, inner.free).drop
+            return np.sqrt(2 * max(drop, 0.0)) - np.sqrt(2 * self.bound)
 
         a, b = inner.free[self.index], outer.free[self.index]
+        # On a rough likelihood the way back may lead elsewhere: the interval is then a step too wide.
+        if not beyond(a) < 0 < beyond(b):
+            return outer
         z: Any = scipy.optimize.brentq(beyond, a, b, xtol=1e-7 * abs(b - a))
-        return self.at(z, near[-1])
+        return self.at(z, inner.free)
 
 
 def _profile(aim: Target, index: int, unit: str, maxima: _Maxima, level: float) -> Profile:

@@ -148,3 +148,48 @@ def test_a_misfit_is_not_taken_for_noise() -> None:
     K, b = np.polyfit(u, y, 1)
     assert (float(result.model.K), float(result.model.b)) == pytest.approx((K, b), rel=1e-6)
     assert result.noise.correlation_time > 10
+
+
+def test_a_misfit_is_integrated_over() -> None:
+    """As if its shapes' covariance were added to that of the noise."""
+    random = np.random.default_rng(6)
+    rows, stretch = some_rows(random)
+    noise = NoiseModel(0.8, phi=0.6, misfit=0.5)
+    counted, r = stretch >= 0, random.normal(size=ROWS)
+    shapes = np.asarray(rows.shapes)[counted]
+    weights = (0.5 / (1 + np.arange(shapes.shape[1]) // 2)) ** 2
+    whole = dense(noise, rows, stretch) + (shapes * weights) @ shapes.T
+    expected = scipy.stats.multivariate_normal(np.zeros(counted.sum()), whole).logpdf(r[counted])
+    assert float(noise.log_likelihood(jnp.asarray(r), rows)) == pytest.approx(expected, rel=1e-9)
+    J = random.normal(size=(ROWS, 2))
+    found = noise.information_of(jnp.asarray(J), rows)
+    np.testing.assert_allclose(found, J[counted].T @ np.linalg.solve(whole, J[counted]), rtol=1e-9)
+
+
+def test_an_asked_misfit_widens_what_it_hides() -> None:
+    """A curve fitted with a line: the slope's error reaches the slopes of its parts."""
+    random = np.random.default_rng(5)
+    u = np.tile(np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)]), 4)
+    y = 2 * u + 0.3 * u**2 + 0.002 * random.normal(size=400)
+    record, line = Record.from_arrays(u, y), LinearSponge(1.0, 0.0, -np.inf)
+    plain, honest = (
+        fit(record, line, conditioning="keep", noise=noise)
+        for noise in ("gaussian", "gaussian+misfit")
+    )
+    errors = [{p.name: p.stderr for p in f.parameters}["K"] for f in (plain, honest)]
+    assert honest.noise_model is not None
+    assert float(honest.noise_model.sigma) == pytest.approx(0.002, rel=0.1)
+    assert errors[1] > 10 * errors[0]  # type: ignore[operator]
+
+
+def test_outliers_are_what_students_t_is_for() -> None:
+    """One row in ten off by twenty deviations: the line stays where it is, within its own errors."""
+    random = np.random.default_rng(7)
+    u = np.linspace(0, 10, 300)
+    y = 2 * u + 1 + random.normal(0, 0.1, 300)
+    y[random.random(300) < 0.1] += 2.0
+    record, line = Record.from_arrays(u, y), LinearSponge(1.0, 0.0, -np.inf)
+    result = fit(record, line, noise="student-t")
+    for parameter, truth in zip(result.parameters, (2.0, 1.0), strict=False):
+        assert abs(parameter.value - truth) < 3 * parameter.stderr  # type: ignore[operator]
+        assert parameter.stderr < 0.03  # type: ignore[operator]
