@@ -21,11 +21,11 @@ from ._target import Target, target
 REACH = float(np.log(1e6))
 """How far an end is sought in a logarithm; of an unbounded parameter a million times its scale."""
 
-STEPS = 60
+STEPS = 40
 """Points on one side of the maximum, at most."""
 
-TRIED, OTHERS = 6, 2
-"""Starts followed to their end, and further maxima that a profile goes out from, at most."""
+TRIED, OTHERS = 6, 1
+"""Starts followed to their end, and further maxima that profiles go out from, at most."""
 
 
 class Profile(NamedTuple):
