@@ -2,7 +2,7 @@
 
 python -m benchmarks.identification [--quick] [--json] [--only TEXT]
 
-Parts: calibration (coverage and ranks of simulated records), check (against lmfit and iminuit), shown (three
+Parts: calibration (coverage and ranks of simulated records), check (with lmfit and iminuit), shown (three
 fits that must not be believed), starts, sampling, kill, batch. The full study takes most of an hour.
 """
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from ._config import SELECTION, Config, options_of, parameters_in, selection_options
+from ._config import SELECTION, Config, options_of, parameters_said, selection_options
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
@@ -170,6 +170,18 @@ def fit(
             help="auto: take out a lag between input and output, smooth a staircase; or keep.",
         ),
     ] = "auto",
+    noise: Annotated[
+        str,
+        typer.Option(
+            help="auto, or gaussian, student-t, ar1, arma11, growing, input, misfit with + between."
+        ),
+    ] = "auto",
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='"E1 start=2 bounds=1,4", "b fixed=0", "K prior=normal(1, 0.1)", "E2 tied=2 * E1".'
+        ),
+    ] = None,
     starts: Annotated[
         int, typer.Option(min=1, help="Random starts for non-linear parameters.")
     ] = 32,
@@ -193,8 +205,8 @@ def fit(
     jobs = _start(double=not allow_float32)
     document = jobs.fit(
         file, jobs.Selection(**options), out, overwrite=overwrite, say=_say, model=model,
-        initial=initial, conditioning=conditioning, clocks=clocks, starts=starts, seed=seed,
-        allow_float32=allow_float32, **parameters_in(config),
+        initial=initial, conditioning=conditioning, clocks=clocks, noise=noise, starts=starts,
+        seed=seed, allow_float32=allow_float32, parameters=parameters_said(config, parameter),
     )  # fmt: skip
     _print(document, as_json, [*_verdict_lines(document), f"Results: {out}"])
 

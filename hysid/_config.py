@@ -1,6 +1,7 @@
 """Options from a TOML file: the same names as on the command line, which has the last word."""
 
 import inspect
+import re
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -69,10 +70,33 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
     return found
 
 
-def parameters_in(file: Path | None) -> dict[str, Any]:
-    """The table [parameters] as the keyword of `identify.fit`; no keyword where there is none."""
-    said = None if file is None else _read(file).get("parameters")
-    return {"parameters": said} if said else {}
+def parameters_said(file: Path | None, said: list[str] | None = None) -> dict[str, Any]:
+    """What `identify.fit` is told of parameters: the table [parameters], changed by words such as
+    "E1 start=2 bounds=1,4 prior=log-normal(2, 1.5)".
+
+    Raises `InputError` for words without a name and a key.
+    """
+    found = {} if file is None else dict(_read(file).get("parameters", {}))
+    for words in said or ():
+        name, *parts = re.split(r"\s+(?=[a-z]+=)", words.strip())
+        if not name or " " in name or not parts:
+            raise _error(
+                "bad-option",
+                f"--parameter {words!r} says nothing of a parameter.",
+                fix='write its name, then what is said of it: "E1 start=2 bounds=1,4".',
+            )
+        pairs = (part.partition("=") for part in parts)
+        found[name] = found.get(name, {}) | {key: _value(key, value) for key, _, value in pairs}
+    return found
+
+
+def _value(key: str, value: str) -> Any:
+    """A word as TOML would have it."""
+    if key == "bounds":
+        return value.split(",")
+    if key == "fixed" and value in ("true", "false"):
+        return value == "true"
+    return value
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -160,7 +184,8 @@ def options_of(file: Path, command: Any) -> dict[str, Any]:
         )
     context = command.make_context(command.name, ["FILE", "--out", "DIR", "--config", str(file)])
     options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
-    return options | parameters_in(file)
+    said = parameters_said(file, options.pop("parameter"))
+    return options | ({"parameters": said} if said else {})
 
 
 def selection_options(options: Mapping[str, Any]) -> dict[str, Any]:

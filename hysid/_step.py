@@ -13,6 +13,7 @@ CONSTANT = "constant input"
 """The name of the input of a step."""
 MEANINGLESS = {
     "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "starts": 32,
+    "noise": "auto", "parameters": {},
 }  # fmt: skip
 """Options of `fit` that a step knows nothing of, and what they are where they are not given."""
 BEYOND = "beyond the trained times"

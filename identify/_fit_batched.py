@@ -59,7 +59,8 @@ class Solved(NamedTuple):
     - `scale`: that of the `Transform` used.
     - `free`, `triangle`: the free vector at the minimum; R of J = QR, J the residuals' Jacobian there.
     - `values`, `slope`: the parameters, and d value / d free.
-    - `squares`, `rows`: sum of squared residuals, infinite where no start had a finite output; how many.
+    - `squares`, `fourths`, `rows`: sums of powers of the residuals, infinite where no start
+      had a finite output; how many rows.
     - `objective`, `points`: mean squared error and free vector of every start, best first.
     """
 
@@ -69,6 +70,7 @@ class Solved(NamedTuple):
     values: Float[np.ndarray, "records parameters"]
     slope: Float[np.ndarray, "records parameters"]
     squares: Float[np.ndarray, " records"]
+    fourths: Float[np.ndarray, " records"]
     rows: Int[np.ndarray, " records"]
     converged: Bool[np.ndarray, " records"]
     objective: Float[np.ndarray, "records starts"]
@@ -79,8 +81,11 @@ class Solved(NamedTuple):
         return float(np.sqrt(self.squares[k] / max(self.rows[k] - self.free.shape[1], 1)))
 
     def covariance(self, k: int) -> Float[np.ndarray, "parameters parameters"]:
-        """Of the free vector of the k-th."""
-        return _covariance(self.triangle[k], self.sigma(k) ** 2)
+        """Of the free vector of the k-th; with what `widening` adds, which is cosh(2 sd of log sigma)."""
+        size = self.sigma(k) or 1.0
+        scores = self.fourths[k] / size**4 - 2 * self.squares[k] / size**2 + self.rows[k]
+        wider = np.cosh(2 / np.sqrt(1 + max(scores, 0.0)))
+        return _covariance(self.triangle[k], self.sigma(k) ** 2 * wider)
 
 
 def kin(problem: Problem) -> Hashable:
@@ -149,14 +154,15 @@ def fit_alike(problems: Sequence[Problem], starts: int, seed: int) -> Solved:
     begin = np.stack([first[id(p.template)] for p in padded])
     straight, *found = _step(bounds, rows, models, data, scale, begin)
     points, converged = np.asarray(found[0])[:, None], np.ones(len(padded), bool)
-    objective = np.asarray(found[-1])[:, None] / data.counted.sum(1, keepdims=True)
+    objective = np.asarray(found[-2])[:, None] / data.counted.sum(1, keepdims=True)
     if not np.all(np.asarray(straight)):
         scale = np.stack([p.bounds.scale for p in padded])
         objective, points = _searched(bounds, models, padded, scale, starts, seed)
         converged, *found = _refined(bounds, rows, models, data, scale, points[:, :REFINED])
-    z, triangle, values, slope, squares = (np.asarray(x)[:count] for x in found)
+    z, triangle, values, slope, *sums = (np.asarray(x)[:count] for x in found)
+    squares, fourths = (np.where(np.isfinite(x), x, np.inf) for x in sums)
     return Solved(
-        scale[:count], z, triangle, values, slope, np.where(np.isfinite(squares), squares, np.inf),
+        scale[:count], z, triangle, values, slope, squares, fourths,
         data.counted.sum(1)[:count], np.asarray(converged)[:count],
         objective[:count], points[:count],
     )  # fmt: skip
@@ -349,13 +355,13 @@ def _arguments(
 
 
 def _end(bounds: Transform, arguments: Any, z: Array) -> tuple[Array, ...]:
-    """z; R of the residuals' Jacobian, in the output's unit; the values, their slopes; sum of squares."""
+    """z; R of the residuals' Jacobian, in the output's unit; the values, their slopes; sums of powers."""
     *_, counted, size = arguments
     unit = size * jnp.sqrt(counted.sum())
     J = unit * jax.jacfwd(lambda z: _residuals(bounds, z, arguments))(z)
-    squares = jnp.sum((unit * _residuals(bounds, z, arguments)) ** 2)
+    squares, fourths = (jnp.sum((unit * _residuals(bounds, z, arguments)) ** k) for k in (2, 4))
     values, slope = jax.jvp(bounds.to_values, (z,), (jnp.ones_like(z),))
-    return z, _triangle(J), values, slope, squares
+    return z, _triangle(J), values, slope, squares, fourths
 
 
 def _triangle(A: Float[Array, "rows columns"]) -> Float[Array, "columns columns"]:

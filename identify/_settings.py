@@ -166,7 +166,7 @@ def _said(
     if fixed is not True and fixed is not False:
         start, fixed = fixed, True
     if start is not None:
-        model = replaced(model, name, float(start))
+        model = replaced(model, name, _number(name, start))
     tied = None if words.get("tied") is None else _tie(name, str(words["tied"]))
     if tied is not None and (fixed or start is not None):
         raise InputError("bad-tie", f"{name} cannot be tied and fixed or started.")
@@ -194,6 +194,13 @@ def _said(
         # Sought where the prior has a density: a positive number by its logarithm.
         bounds = max(low, belief.support[0]), min(high, belief.support[1])
     return model, Setting(bounds, belief, bool(fixed), tied)
+
+
+def _number(name: str, said: Any) -> float:
+    try:
+        return float(said)
+    except (TypeError, ValueError):
+        raise InputError("bad-number", f"{said!r} is no number for {name}.") from None
 
 
 def _bounds(name: str, said: Any) -> tuple[float, float]:
