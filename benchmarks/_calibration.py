@@ -28,8 +28,9 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GaussianDensity
+from identify._believed import BELIEVED, Left, believed
 from identify._least_squares import _solve
-from identify._likeliest import BELIEVED, ROUNDS, STEP, likeliest_about, linearised
+from identify._likeliest import ROUNDS, STEP, likeliest_about, linearised
 from identify._noise import estimate_noise
 from identify._noise_fit import kinds, lanes, of_free
 from identify._noise_model import NoiseModel, Rows, rows_of
@@ -153,20 +154,19 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     middle = jnp.asarray(bounds.to_free(case.model))
     least = np.asarray(_least_squares(bounds, case.model, prepared, jnp.asarray(y), rows, middle))
     z, now = _likeliest(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
-    J, _ = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, z)
-    information = np.einsum("nij,nik->njk", np.asarray(now.root), np.asarray(now.root))
+    J, _, precision = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, z)
+    weight = np.asarray(now.left.information)[:, None, None]
+    information = weight * _squared(np.asarray(now.left.W)) + precision
     wider = np.asarray(now.wider)
     covariance = np.linalg.inv(information) * wider[:, :, None] * wider[:, None]
-    estimate, believed = np.array(z), np.asarray(now.believed) > BELIEVED
+    estimate, chosen = np.array(z), [kinds("auto")[k] for k in np.asarray(now.best)]
+    trusted = np.array([_chance(now.left, k, rows, chosen[k]) > BELIEVED for k in range(records)])
     sigma = np.array(jax.vmap(of_free)(now.noise).sigma)
     # What a fit does where no noise model is believed: least squares, its errors widened.
-    J0, r0 = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
+    J0, r0, _ = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
     freedom = SAMPLES - J0.shape[2]
-    plain = (
-        np.linalg.inv(np.einsum("nij,nik->njk", J0, J0))
-        * (np.sum(r0**2, 1) / freedom)[:, None, None]
-    )
-    for k in np.flatnonzero(~believed):
+    plain = np.linalg.inv(_squared(J0)) * (np.sum(r0**2, 1) / freedom)[:, None, None]
+    for k in np.flatnonzero(~trusted):
         noise = estimate_noise([r0[k]], J0.shape[2])
         covariance[k] = plain[k] * noise.correlation_time
         estimate[k], sigma[k], J[k] = least[k], noise.sigma, J0[k]
@@ -177,7 +177,7 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
         bounds.names, truth, estimate, np.sqrt(np.einsum("njj->nj", covariance)),
         least, np.sqrt(np.einsum("njj->nj", plain)),
         np.mean(np.abs(predicted - clean) <= NINETY * spread, 1),
-        np.mean(np.abs(predicted - again) < NINETY * noisy, 1), believed, y,
+        np.mean(np.abs(predicted - again) < NINETY * noisy, 1), trusted, y,
     )  # fmt: skip
 
 
@@ -239,11 +239,20 @@ def _likeliest(*arguments: Any) -> tuple[Array, Any]:
 
 def _jacobians(
     bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     at = eqx.filter_jit(jax.vmap(lambda y, z: linearised(bounds, z, (model, prepared, y, rows))))(
         y, z
     )
-    return np.array(at.jacobian), np.asarray(at.residuals)
+    return np.array(at.jacobian), np.asarray(at.residuals), np.asarray(at.precision)
+
+
+def _squared(J: np.ndarray) -> np.ndarray:
+    return np.einsum("nij,nik->njk", J, J)
+
+
+def _chance(left: Left, k: int, rows: Rows, kind: tuple[str, ...]) -> float:
+    one = Left(*(np.asarray(a)[k] for a in left))
+    return believed(one, rows.place, sum(part in ("phi", "theta") for part in kind))
 
 
 def by_emcee(case: Case, phi: float, done: Study, records: int, steps: int = 900) -> np.ndarray:

@@ -31,7 +31,7 @@ from identify._target import Target, target
 from ._measure import Row, judged
 
 SAMPLES, NOISE, STEP = 1000, 0.01, 0.1
-ENSEMBLES, WALKERS = 4, 64
+ENSEMBLES, WALKERS = 4, 128
 
 Residuals = Callable[[np.ndarray], np.ndarray]
 

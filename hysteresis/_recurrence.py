@@ -4,8 +4,12 @@ Their derivative is the same recurrence, driven by da_k z_(k-1) + db_k. So eithe
 no more: the reverse one runs the transposed recurrence backwards.
 """
 
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 Rows = tuple[Float[Array, " samples"], ...]
@@ -33,6 +37,82 @@ def _derivative(primals: tuple[Rows, Rows], tangents: tuple[Rows, Rows]) -> tupl
     z = linear_recurrence(a, b)
     rows = zip(da, z, db, strict=True)
     return z, _solve(a, tuple(slope * _before(x) + drive for slope, x, drive in rows))
+
+
+@jax.custom_jvp
+def even_recurrence(
+    steps: tuple[Numbers, ...], inputs: Rows, goes_on: Float[Array, " samples"]
+) -> Float[Array, " samples"]:
+    """Sum of z_k = goes_on_k (a z_(k-1) + b before_k + c now_k) over steps (a, b, c) that are numbers.
+
+    Mapped over many steps, the loop moves all of them side by side, and the inputs are read once. Of the
+    derivatives in steps only that in a takes a recurrence more, the same for all tangents:
+
+        z = b v + c w,    dz = s da + v db + w dc,    s_k = goes_on_k (a s_(k-1) + z_(k-1)).
+
+    **Arguments:** `steps`; `inputs`, before and now; `goes_on`, 0 where a sequence begins, else 1.
+    """
+
+    def scan(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
+        def step(z: Numbers, row: Numbers) -> tuple[Numbers, Array]:
+            before, now, on = row
+            moved = zip(steps, z, strict=True)
+            z = tuple(on * a * x + b * before + c * now for (a, b, c), x in moved)
+            return z, sum(z, start=jnp.zeros_like(now))
+
+        rest = tuple(jnp.zeros_like(a) for a, _, _ in steps)
+        return jax.lax.scan(step, rest, (*inputs, goes_on))[1]
+
+    def associative(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
+        before, now = inputs
+        rows = tuple((a * goes_on, b * before + c * now) for a, b, c in steps)
+        z = _associative(*zip(*rows, strict=True))
+        return sum(z, start=jnp.zeros_like(now))
+
+    inputs = tuple(goes_on * u for u in inputs)
+    return jax.lax.platform_dependent(steps, inputs, goes_on, cpu=scan, default=associative)
+
+
+@partial(even_recurrence.defjvp, symbolic_zeros=True)
+def _even_derivative(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    (steps, inputs, goes_on), (d_steps, d_inputs, _) = primals, tangents
+    responses = [_responses(step, inputs, goes_on) for step in steps]
+    rows = zip(steps, responses, strict=True)
+    z = sum((b * v + c * w for (_, b, c), (_, v, w) in rows), start=jnp.zeros_like(goes_on))
+    # One product of matrices: mapped over walkers and tangents, sums of rows would read them across.
+    slopes = jnp.stack([_filled(slope) for step in d_steps for slope in step])
+    dz = slopes @ jnp.stack([row for rows in responses for row in rows])
+    if not all(isinstance(du, SymbolicZero) for du in d_inputs):
+        dz = dz + even_recurrence(steps, tuple(map(_filled, d_inputs)), goes_on)
+    return z, dz
+
+
+def _filled(tangent: Any) -> Array:
+    zero = isinstance(tangent, SymbolicZero)
+    return jnp.zeros(tangent.shape, tangent.dtype) if zero else tangent
+
+
+def _responses(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
+    """s, v and w."""
+
+    def scan(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
+        a, b, c = step
+
+        def move(response: Numbers, row: Numbers) -> tuple[Numbers, Numbers]:
+            (s, v, w), (before, now, on) = response, row
+            response = on * (a * s + b * v + c * w), on * a * v + before, on * a * w + now
+            return response, response
+
+        return jax.lax.scan(move, (jnp.zeros_like(a),) * 3, (*inputs, goes_on))[1]
+
+    def associative(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
+        a, b, c = step
+        v, w = _associative((a * goes_on,) * 2, inputs)
+        (s,) = _associative((a * goes_on,), (goes_on * _before(b * v + c * w),))
+        return s, v, w
+
+    inputs = tuple(goes_on * u for u in inputs)
+    return jax.lax.platform_dependent(step, inputs, goes_on, cpu=scan, default=associative)
 
 
 @jax.custom_jvp

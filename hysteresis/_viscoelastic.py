@@ -7,13 +7,14 @@ from typing import Any, NamedTuple, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._chain import Chain, Hold, exact_step
 from ._errors import InputError
 from ._model import AbstractModel, Series, is_start, time_steps
 from ._parameter import Scalar, is_concrete
-from ._recurrence import Rows, coupled_recurrence, linear_recurrence
+from ._recurrence import Rows, coupled_recurrence, even_recurrence, linear_recurrence
 
 POSITIVE = (0.0, float("inf"))
 STIFFNESS, VISCOSITY = "force / displacement", "force * time / displacement"
@@ -34,7 +35,10 @@ State = TypeVar("State", bound=ViscoelasticState)
 
 
 class ViscoelasticInput(NamedTuple):
-    """Steps dt, inputs, the inputs before them, where sequences start, and the state they start in."""
+    """Steps dt, inputs, the inputs before them, where sequences start, and the state they start in.
+
+    Under an even clock dt is one number: every sequence then starts at rest, with a step of 0.
+    """
 
     dt: Array
     u: Array
@@ -109,6 +113,8 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         state = self.init() if state is None else state
         first = jnp.asarray(starts)
         dt = time_steps(t, state.t, starts)
+        if all(map(is_concrete, (t, state.t, state.branches))):
+            dt = _one_step(t, dt, state, starts)
         # Against its chain a model's last input is what the chain last answered.
         u_last = self.answer(state) if self.against_chain else state.load
         u_before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(u_last)
@@ -119,6 +125,10 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         chain = self.chain()
         direct, rates, drives = chain.direct, chain.all_rates, chain.all_drives
         begin = state.branches
+        if dt.ndim == 0 and not self.against_chain:
+            steps = tuple(zip(*exact_step(rates, drives, dt, self.hold), strict=True))
+            return direct * u + _even(steps, (u_before, u), 1 - start) + self.offset
+        dt = dt * (1 - start) if dt.ndim == 0 else dt
         if not self.against_chain:
             branches, inputs = (rates, drives, begin), (dt, u, u_before, start)
             states = _branch_states(self.hold, branches, inputs)
@@ -210,6 +220,19 @@ def _recurrence(hold: Hold, inputs: Inputs, branch: Branches) -> tuple[Array, Ar
 
 _branch_states = jax.jit(_at_once, static_argnums=0)
 """The states of all branches after every sample; each sequence begins in their first ones."""
+
+
+_even = jax.jit(even_recurrence)
+
+
+def _one_step(t: Array, dt: Array, state: ViscoelasticState, starts: tuple[int, ...]) -> Array:
+    """The step of an even clock, whose steps differ by no more than the times' rounding; else dt."""
+    steps = np.delete(np.asarray(dt), starts)
+    at_rest = not np.any(np.asarray(dt)[list(starts)]) and not np.any(np.asarray(state.branches))
+    if not at_rest or not len(steps):
+        return dt
+    rounding = 4 * np.finfo(steps.dtype).eps * np.abs(np.asarray(t)).max()
+    return jnp.mean(steps) if np.ptp(steps) <= rounding else dt
 
 
 def check_positive(**values: Any) -> None:

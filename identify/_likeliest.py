@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel
 
+from ._believed import BELIEVED, Left, believed
 from ._noise import Noise
 from ._noise_doubt import widening
 from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
@@ -28,12 +29,6 @@ ENOUGH = 1e-5
 
 LONG = 8192
 """Rows from which on the first ones choose the kind of noise."""
-
-LAGS = 20
-"""Lags over which innovations are looked at."""
-
-BELIEVED = 1e-3
-"""Chance of noise to leave what is left, below which it is not believed to be noise."""
 
 
 class Likeliest(NamedTuple):
@@ -94,35 +89,29 @@ def likeliest(
         at = linearised(bounds, z, arguments)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if evidence is None and len(kinds) > 1 and len(y) > LONG:
-            first = likeliest_about(_padded(_first(at)), tried, with_misfit)
-            if first.believed < BELIEVED:
+            few = _padded(_first(at))
+            first = likeliest_about(few, tried, with_misfit)
+            if first.believed(few, kinds) < BELIEVED:
                 return None
             best, evidence = int(first.best), first.evidence
             kinds, tried = (kinds[best],), tried[best : best + 1]
-        now = likeliest_about(_padded(at), tried, with_misfit)
+        padded = _padded(at)
+        now = likeliest_about(padded, tried, with_misfit)
         evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
-        root, away = now.root[:, : len(z)], now.away[: len(z)]
+        root = now.left.root(np.asarray(padded.precision))[:, : len(z)]
+        away = now.away[: len(z)]
         cost = float(now.cost + temper * bounds.penalty(z))
-        moved, least = float(jnp.linalg.norm(root @ away)), min(least, cost)
+        moved, least = float(np.linalg.norm(root @ away)), min(least, cost)
         if not moved > ENOUGH:  # not a number neither
             break
         z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
     if not np.isfinite(moved) or cost > least + 1:
         return None
-    noise, counted = (
-        only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)]),
-        int(np.sum(rows.counted)),
-    )
+    noise = only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)])
     return Likeliest(
-        np.asarray(z),
-        np.asarray(root),
-        np.asarray(now.wider)[: len(z)],
-        noise,
-        every,
-        np.asarray(evidence),
-        float(now.believed),
-        counted,
-    )
+        np.asarray(z), root, np.asarray(now.wider)[: len(z)], noise, every, np.asarray(evidence),
+        now.believed(padded, kinds), int(np.sum(rows.counted)),
+    )  # fmt: skip
 
 
 class About(NamedTuple):
@@ -131,10 +120,7 @@ class About(NamedTuple):
     - `best`: which kind of noise has the greatest evidence; `evidence`: -log of each one's.
     - `noise`: its free numbers, `away`: the change of the parameters that goes with it, `cost`: -log of the
       restricted likelihood, the prior's part over its value at the model's place.
-    - `root`: rows with root'root = the information about the parameters, the prior's below; `wider`, see
-      `widening`.
-    - `believed`: the smaller of two chances: of white innovations to be as coloured, and of noise to
-      look as much like a function of the input.
+    - `wider`: see `widening`. `left`: what that noise leaves.
     """
 
     best: Int[Array, ""]
@@ -142,9 +128,13 @@ class About(NamedTuple):
     noise: Float[Array, " parts"]
     away: Float[Array, " parameters"]
     cost: Float[Array, ""]
-    root: Float[Array, "rows parameters"]
     wider: Float[Array, " parameters"]
-    believed: Float[Array, ""]
+    left: Left
+
+    def believed(self, at: Linearised, kinds: tuple[tuple[str, ...], ...]) -> float:
+        """The chance of such noise to leave what it leaves."""
+        spent = sum(part in ("phi", "theta") for part in kinds[int(self.best)])
+        return believed(self.left, at.rows.place, spent)
 
 
 @partial(jax.jit, static_argnames="with_misfit")
@@ -161,63 +151,33 @@ def likeliest_about(
     noise = of_free(free, with_misfit=with_misfit)
     W = noise.whitened_columns(at.jacobian, at.rows)
     x = noise.without_misfit(noise.whitened(at.residuals, at.rows), at.rows)
-    believed = whiteness(x, at.rows, kinds[best])
     if with_misfit:
-        root = _root(noise.information_of(at.jacobian, at.rows))
+        # Its shapes are no longer news: none are left to look for.
+        values, vectors = jnp.linalg.eigh(noise.information_of(at.jacobian, at.rows))
+        W, shapes = vectors.T * jnp.sqrt(jnp.clip(values, 0.0))[:, None], at.rows.shapes[:, :0]
     else:
         shapes = noise.whitened_columns(at.rows.shapes, at.rows)
-        believed = jnp.minimum(believed, shapelessness(x, W, shapes))
-        root = W * jnp.sqrt(noise.information)
-    root = jnp.concatenate([root, _root(at.precision)])
+    left = Left(x, W, shapes, noise.information)
     wider = widening(at, free, kinds[best], with_misfit)
-    return About(best, evidence, free, away, cost, root, wider, believed)
+    return About(best, evidence, free, away, cost, wider, left)
 
 
-def _root(H: Array) -> Array:
-    """R with R'R = H."""
-    values, vectors = jnp.linalg.eigh(H)
-    return vectors.T * jnp.sqrt(jnp.clip(values, 0.0))[:, None]
-
-
-def shapelessness(
-    x: Float[Array, " rows"],
-    W: Float[Array, "rows parameters"],
-    shapes: Float[Array, "rows shapes"],
-) -> Float[Array, ""]:
-    """Chance of noise to look as much like the shapes as x: |P x|^2 is chi-square, P the projection onto
-    what the shapes add to the model's own directions W."""
-    parameters = W.shape[1]
-    A = jnp.concatenate([W, shapes], 1)
-    size = jnp.sqrt(jnp.sum(A**2, 0))
-    A = A / jnp.where(size > 0, size, 1.0)[None]
-
-    def explained(A: Array) -> tuple[Array, Array]:
-        values, vectors = jnp.linalg.eigh(A.T @ A)
-        seen = values > 1e-9
-        along = (vectors.T @ (A.T @ x)) ** 2 / jnp.where(seen, values, 1.0)
-        return jnp.sum(jnp.where(seen, along, 0.0)), jnp.sum(jnp.where(seen, 1.0, 0.0))
-
-    (whole, rank), (own, own_rank) = explained(A), explained(A[:, :parameters])
-    return jax.scipy.special.gammaincc(jnp.clip(rank - own_rank, 1.0) / 2, (whole - own) / 2)
-
-
-def whiteness(
-    x: Float[Array, " rows"], rows: Rows, kind: Bool[Array, " parts"]
-) -> Float[Array, ""]:
-    """Chance of white innovations to be as coloured as x, by Ljung and Box's test:
-
-    rows (rows + 2) sum over lags of rho_k^2 / (rows - k) is chi-square with as many degrees of freedom as
-    lags, less those spent on phi and theta. Outliers count as four deviations.
-    """
-    x = jnp.clip(x, -4.0, 4.0)
-    count = jnp.sum(jnp.where(rows.counted, 1.0, 0.0))
-    lags = jnp.arange(1.0, LAGS + 1)
-    pairs = [jnp.where(rows.place[k:] >= k, x[k:] * x[:-k], 0.0).sum() for k in range(1, LAGS + 1)]
-    rho = jnp.stack(pairs) / jnp.sum(x**2)
-    told = lags < count / 4
-    Q = count * (count + 2) * jnp.sum(jnp.where(told, rho**2 / jnp.clip(count - lags, 1.0), 0.0))
-    freedom = jnp.sum(jnp.where(told, 1.0, 0.0)) - jnp.sum(jnp.where(kind[4:6], 1.0, 0.0))
-    return jax.scipy.special.gammaincc(jnp.clip(freedom, 1.0) / 2, Q / 2)
+def plainest(
+    free: Float[np.ndarray, " parameters"],
+    residuals: Float[np.ndarray, " rows"],
+    jacobian: Float[np.ndarray, "rows parameters"],
+    rows: Rows,
+) -> tuple[Likeliest, Left]:
+    """Independent Gaussian noise at a least-squares fit, in closed form: sigma^2 = squares / (rows -
+    parameters), whose own uncertainty widens variances by cosh(2 sd of log sigma), see `widening`."""
+    counted = int(np.sum(rows.counted))
+    sigma = float(np.sqrt(residuals @ residuals / max(counted - len(free), 1)))
+    x, W = residuals / (sigma or 1.0), jacobian / (sigma or 1.0)
+    scores = np.sum((x**2 - 1)[np.asarray(rows.counted)] ** 2)
+    wider = np.full(len(free), np.sqrt(np.cosh(2 / np.sqrt(1 + scores))))
+    left = Left(x, W, np.asarray(rows.shapes) * np.asarray(rows.counted)[:, None], np.ones(()))
+    kind, evidence = (("sigma",),), np.zeros(1)
+    return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
 
 
 def only(noise: NoiseModel, kind: tuple[str, ...]) -> NoiseModel:

@@ -34,6 +34,7 @@ def widening(
         H = H / jnp.outer(size, size) + jnp.diag(jnp.where(used, 1e-12, 1.0))
         return jnp.diagonal(jnp.linalg.inv(H)) / size**2
 
-    v = variances(free)
-    about = jax.vmap(lambda step: variances(free + step) + variances(free - step) - 2 * v)(steps)
-    return jnp.sqrt(jnp.clip(1 + jnp.sum(about, 0) / 2 / v, 1.0, 4.0))
+    about = jnp.concatenate([jnp.zeros_like(steps[:1]), steps, -steps])
+    v, *others = jax.vmap(variances)(free[None] + about)
+    average = v + (sum(others) - 2 * len(steps) * v) / 2
+    return jnp.sqrt(jnp.clip(average / v, 1.0, 4.0))

@@ -127,7 +127,7 @@ def noise_fit(
         inside = jnp.clip(x[: len(PARTS)], *(jnp.asarray(ends) for ends in WITHIN))
         return jnp.where(kind, inside, jnp.asarray(ABSENT))
 
-    def cost(x: Array, _: None) -> Array:
+    def cost(x: Array, _: None) -> tuple[Array, Array]:
         noise, d = of_free(free_of(x), sizes, with_misfit), x[len(PARTS) :]
         likelihood = noise.log_likelihood(r + columns @ d, rows)
         open_ways = jnp.diag(jnp.where(seen, 0.0, count))
@@ -135,13 +135,14 @@ def noise_fit(
         _, log_determinant = jnp.linalg.slogdet(information / count)
         prior = (pull @ basis) @ d + d @ precision @ d / 2
         prior = prior - jnp.sum(jnp.where(kind, log_prior(free_of(x)), 0.0))
-        return (-likelihood + log_determinant / 2 + prior) / count
+        value = (-likelihood + log_determinant / 2 + prior) / count
+        return value, value
 
     start = jnp.append(jnp.where(kind, jnp.asarray(BEGIN), 0.0), jnp.zeros(J.shape[1]))
     solver = optimistix.BFGS(rtol=1e-7, atol=1e-9)
-    x = optimistix.minimise(cost, solver, start, max_steps=steps, throw=False).value
-    free = free_of(x) + jnp.log(sizes)
-    return NoiseFit(free, basis @ x[len(PARTS) :], count * cost(x, None))
+    found = optimistix.minimise(cost, solver, start, has_aux=True, max_steps=steps, throw=False)
+    free = free_of(found.value) + jnp.log(sizes)
+    return NoiseFit(free, basis @ found.value[len(PARTS) :], count * found.aux)
 
 
 def _basis(J: Array, size: Array) -> tuple[Array, Array]:

@@ -8,12 +8,13 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record, parameters
 
+from ._believed import BELIEVED, nothing_speaks_against
 from ._evidence import evidence
 from ._folds import Parts, block_errors
 from ._least_squares import Optimum, multi_start, refine, thinned_rows
-from ._likeliest import BELIEVED, likeliest
+from ._likeliest import Likeliest, likeliest, plainest
 from ._noise_fit import kinds
-from ._noise_model import rows_of
+from ._noise_model import Rows, rows_of
 from ._result import FitResult, Parameter, Status, predict, prepare
 from ._settings import Settings
 from ._transform import Transform, transform, transform_for
@@ -97,10 +98,13 @@ def fit_parametric(
 
     held_out = float(blocks[dropped].mean())
     left = evidence(record, parts, predict(model, record), dropped, held_out, len(bounds.names))
-    tried_kinds = kinds(noise)
     rows = rows_of(record, left.used, predict(model, record))
     about = (bounds, template, prepared, y, rows, optimum.free)
-    found = likeliest(*about, tried_kinds)
+    found = None
+    if not bounds.asked:
+        found = _plainest(optimum, left.used, left.residuals, rows, noise)
+    if found is None:
+        found = likeliest(*about, kinds(noise))
     noise_model, size = None, left.noise
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         noise_model, size, widened = found.noise, found.summary(), 1.0
@@ -137,6 +141,17 @@ def fit_parametric(
         internals={"used": left.used},
         seed=seed,
     )
+
+
+def _plainest(
+    optimum: Optimum, used: np.ndarray, residuals: np.ndarray, rows: Rows, noise: str
+) -> Likeliest | None:
+    """Independent Gaussian noise, where it is asked for or nothing speaks against it."""
+    J = np.zeros((len(used), len(optimum.free)))
+    J[used] = optimum.jacobian
+    found, left = plainest(optimum.free, np.where(used, residuals, 0.0), J, rows)
+    asked = noise == "gaussian"
+    return found if asked or (noise == "auto" and nothing_speaks_against(left, rows)) else None
 
 
 def _model(bounds: Transform, template: Any, z: np.ndarray) -> Any:

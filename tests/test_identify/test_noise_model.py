@@ -130,12 +130,11 @@ def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
             e[i] = 0.8 * e[i - 1] + w[i] + (-0.5 * w[i - 1] if kind == "arma11" else 0.0)
     if kind == "growing":
         e = e * np.hypot(0.3, 5 * np.linspace(0, 1, 2000))
-    found = likeliest_about(
-        linear(e, predicted=np.linspace(0, 1, 2000)), jnp.asarray(lanes(kinds("auto")))
-    )
+    at = linear(e, predicted=np.linspace(0, 1, 2000))
+    found = likeliest_about(at, jnp.asarray(lanes(kinds("auto"))))
     best = kinds("auto")[int(found.best)]
     assert set(best) == {"sigma", *kinds(kind)[0]}
-    assert float(found.believed) > 1e-3
+    assert found.believed(at, kinds("auto")) > 1e-3
 
 
 def test_a_misfit_is_not_taken_for_noise() -> None:
