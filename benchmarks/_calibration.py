@@ -30,7 +30,7 @@ from hysteresis import (
 from hysteresis.preisach import GaussianDensity
 from identify._believed import BELIEVED, Left, believed
 from identify._least_squares import _solve
-from identify._likeliest import ROUNDS, STEP, likeliest_about, linearised
+from identify._likeliest import STEP, likeliest_about, linearised
 from identify._noise import estimate_noise
 from identify._noise_fit import kinds, lanes, of_free
 from identify._noise_model import NoiseModel, Rows, rows_of
@@ -46,6 +46,9 @@ SEED = 20261121
 SAMPLES, RECORDS, BY_EMCEE = 200, 1000, 100
 NOISE, PHI = 0.02, 0.7
 """Deviation of the noise, of the output's range; correlation of neighbouring rows where it has one."""
+
+ROUNDS = 6
+"""How often the models are linearised anew; the fits start near their end."""
 
 NINETY = float(scipy.stats.norm.ppf(0.95))
 LOW, HIGH = 86.5, 93.5

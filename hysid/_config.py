@@ -3,7 +3,7 @@
 import inspect
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType
@@ -70,7 +70,7 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
     return found
 
 
-def parameters_said(file: Path | None, said: list[str] | None = None) -> dict[str, Any]:
+def parameters_said(file: Path | None, said: Sequence[str] | None = None) -> dict[str, Any]:
     """What `identify.fit` is told of parameters: the table [parameters], changed by words such as
     "E1 start=2 bounds=1,4 prior=log-normal(2, 1.5)".
 

@@ -126,8 +126,16 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         direct, rates, drives = chain.direct, chain.all_rates, chain.all_drives
         begin = state.branches
         if dt.ndim == 0 and not self.against_chain:
-            steps = tuple(zip(*exact_step(rates, drives, dt, self.hold), strict=True))
-            return direct * u + _even(steps, (u_before, u), 1 - start) + self.offset
+
+            def answer(rates: Array, drives: Array) -> Array:
+                steps = tuple(zip(*exact_step(rates, drives, dt, self.hold), strict=True))
+                return _even(steps, (u_before, u), 1 - start)
+
+            y = direct * u + answer(chain.rates, chain.drives) + self.offset
+            if chain.flow is None:
+                return y
+            # What flows depends on no other parameter: mapped over many, it is done once.
+            return y + chain.flow * answer(jnp.zeros(1, u.dtype), jnp.ones(1, u.dtype))
         dt = dt * (1 - start) if dt.ndim == 0 else dt
         if not self.against_chain:
             branches, inputs = (rates, drives, begin), (dt, u, u_before, start)

@@ -60,20 +60,28 @@ def multi_start(
     y: Float[np.ndarray, " samples"],
     mask: Bool[np.ndarray, " samples"],
     starts: Float[np.ndarray, "starts parameters"],
-    steps: int = 40,
+    few: int = 8,
+    more: int = 32,
+    best: int = 8,
 ) -> Starts:
-    """A short Levenberg-Marquardt from every start, side by side; sorted, best first.
+    """A few steps of Levenberg-Marquardt from every start, side by side, and more from the best; sorted,
+    best first.
 
     The steps are capped, since under `vmap` the slowest lane sets the pace.
     """
     arguments = _arguments(model, prepared, y, mask)
-    z, objective = (
-        np.asarray(a) for a in _run_all(transform, arguments, jnp.asarray(starts), steps)
-    )
+    z, objective = _sorted(*_run_all(transform, arguments, jnp.asarray(starts), few))
+    ahead = _run_all(transform, arguments, jnp.asarray(z[:best]), more)
+    z[:best], objective[:best] = map(np.asarray, ahead)
+    z, objective = _sorted(z, objective)
+    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z)
+
+
+def _sorted(z: Any, objective: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Best first, infinite where not finite."""
     objective = np.where(np.isfinite(objective), objective, np.inf)
     order = np.argsort(objective, kind="stable")
-    objective, z = objective[order], z[order]
-    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z)
+    return np.asarray(z)[order], objective[order]
 
 
 def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:

@@ -18,8 +18,8 @@ from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
 from ._noise_model import NoiseModel, Rows
 from ._transform import Transform
 
-ROUNDS = 8
-"""How often a model is linearised anew about the likeliest parameters."""
+ROUNDS = 40
+"""How often a model is linearised anew about the likeliest parameters, at most."""
 
 STEP = 1.0
 """A free number changes by no more than this in a round."""
@@ -37,7 +37,8 @@ class Likeliest(NamedTuple):
     - `free`: of the model's parameters, `root`: rows with root'root = its information there, `wider`: by
       how much errors are wider since the noise is not known exactly.
     - `noise`: of the kind chosen; `kinds`: the parts of every kind tried, `evidence`: its -log evidence.
-    - `believed`: the chance of such noise to leave what it leaves, see `About`. `rows`: how many counted.
+    - `believed`: the chance of such noise to leave what it leaves. `rows`: how many counted. `converged`:
+      whether the last round hardly moved.
     """
 
     free: Float[np.ndarray, " parameters"]
@@ -48,6 +49,7 @@ class Likeliest(NamedTuple):
     evidence: Float[np.ndarray, " kinds"]
     believed: float
     rows: int
+    converged: bool = True
 
     @property
     def over_the_best(self) -> dict[str, float]:
@@ -110,7 +112,7 @@ def likeliest(
     noise = only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)])
     return Likeliest(
         np.asarray(z), root, np.asarray(now.wider)[: len(z)], noise, every, np.asarray(evidence),
-        now.believed(padded, kinds), int(np.sum(rows.counted)),
+        now.believed(padded, kinds), int(np.sum(rows.counted)), moved < 1e3 * ENOUGH,
     )  # fmt: skip
 
 

@@ -128,7 +128,7 @@ def fit_parametric(
         covariance=_scaled(covariance, bounds.slope(free)),
         residuals=left.residuals,
         metrics=left.metrics,
-        success=optimum.converged,
+        success=optimum.converged or (found is not None and found.converged and bounds.asked),
         score=left.score,
         blocks=blocks[dropped],
         noise=size if noise_model is not None else left.noise,

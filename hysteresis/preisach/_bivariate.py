@@ -21,8 +21,8 @@ def opposed_normal(
         F(x) F(y) - 1/(2 pi) * integral over 0 <= w <= v of
                     sech w exp(-((x^2 + y^2) cosh^2 w + 2 x y sinh w cosh w) / 2) dw.
 
-    Plackett's integral over the correlation, in a variable in which it stays smooth where that comes near to
-    +-1. The rule is Gauss-Legendre's, of so many nodes; the derivatives are closed forms.
+    Plackett's integral over the correlation, in a variable in which it stays smooth where that comes near
+    to +-1. The rule is Gauss-Legendre's, of so many nodes; the derivatives are closed forms.
 
     Source: Plackett, A reduction formula for normal multivariate integrals, Biometrika 41 (1954); Drezner,
     Wesolowsky, On the computation of the bivariate normal integral, J. Statist. Comput. Simul. 35 (1990).
@@ -40,7 +40,7 @@ def opposed_normal(
         return total - weight * jnp.exp(even * squares + odd * product), None
 
     rule = v * weights / cosh, cosh * cosh, cosh * cosh * tanh
-    # A loop whose rounds are few: the nodes of each are done in one pass over the pairs.
+    # Eight nodes in one pass over the pairs.
     return jax.lax.scan(add, ndtr(x) * ndtr(y), rule, unroll=8)[0]
 
 
