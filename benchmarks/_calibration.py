@@ -8,6 +8,8 @@ start from the middle of the prior; all else is what `identify.fit` does.
 Source: Talts and others, Validating Bayesian inference algorithms with simulation-based calibration (2018).
 """
 
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import emcee
@@ -142,7 +144,11 @@ def _case(
 
 
 def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
-    """Simulate and fit so many records, all at once."""
+    """Simulate and fit so many records by one compiled program.
+
+    One after the other: side by side they are no faster, and LAPACK's calls from several lanes at once can leave
+    XLA's threads waiting for ever.
+    """
     random = np.random.default_rng([seed, len(case.name), round(100 * phi)])
     typical = np.asarray(case.model.simulate(case.t, case.u))
     record = Record.from_arrays(case.u, typical, case.t)
@@ -207,7 +213,7 @@ def _least_squares(
         arguments = (model, prepared, y, rows.counted, jnp.ptp(y))
         return _solve(bounds, arguments, z, 60, 1e-8).value
 
-    return jax.vmap(one)(y)
+    return jax.lax.map(one, y)
 
 
 @eqx.filter_jit
@@ -220,10 +226,11 @@ def _round(
     z: Array,
     tried: Array,
 ) -> Any:
-    def one(y: Array, z: Array, tried: Array) -> Any:
+    def one(of_record: tuple[Array, Array, Array]) -> Any:
+        y, z, tried = of_record
         return likeliest_about(linearised(bounds, z, (model, prepared, y, rows)), tried)
 
-    return jax.vmap(one)(y, z, tried)
+    return jax.lax.map(one, (y, z, tried))
 
 
 def _likeliest(*arguments: Any) -> tuple[Array, Any]:
@@ -258,7 +265,7 @@ def _chance(left: Left, k: int, rows: Rows, kind: tuple[str, ...]) -> float:
     return believed(one, rows.place, sum(part in ("phi", "theta") for part in kind))
 
 
-def by_emcee(case: Case, phi: float, done: Study, records: int, steps: int = 900) -> np.ndarray:
+def by_emcee(case: Case, phi: float, done: Study, records: int, steps: int = 600) -> np.ndarray:
     """Mean and deviation of every parameter's posterior by emcee, (records, 2, parameters)."""
     typical = np.asarray(case.model.simulate(case.t, case.u))
     record = Record.from_arrays(case.u, typical, case.t)
@@ -295,15 +302,27 @@ def _log_probability(aim: Target, points: Array) -> Array:
     return jax.vmap(aim.log_probability)(points)
 
 
+def _double_precision() -> None:
+    jax.config.update("jax_enable_x64", True)
+
+
+def _measured(job: tuple[int, float, int, int]) -> tuple[Study, np.ndarray]:
+    which, phi, records, by_sampling = job
+    case = cases()[which]
+    done = study(case, phi, records)
+    return done, by_emcee(case, phi, done, by_sampling)
+
+
 def calibration_rows(quick: bool) -> list[Row]:
     """Of every model and noise the worst coverages; over all of them the evenness of the ranks."""
     records, by_sampling = (60, 6) if quick else (RECORDS, BY_EMCEE)
     chosen = cases()[:1] if quick else cases()
     why = f"{records} records of {len(chosen)} of 4 models cannot tell 90 % from 88 %"
     rows, chances = [], []
-    for case in chosen:
-        for phi in (0.0, PHI):
-            done = study(case, phi, records)
+    jobs = [(k, phi, records, by_sampling) for k in range(len(chosen)) for phi in (0.0, PHI)]
+    with ProcessPoolExecutor(2, get_context("spawn"), _double_precision) as processes:
+        for (k, phi, *_), (done, sampled) in zip(jobs, processes.map(_measured, jobs), strict=True):
+            case = chosen[k]
             name = f"{case.name}, {f'AR(1) {phi:g}' if phi else 'white'}"
             chances += list(done.rank_chances())
             listed = dict(zip(done.names, done.coverage, strict=True))
@@ -319,7 +338,7 @@ def calibration_rows(quick: bool) -> list[Row]:
                 rows.append(noted(f"    {parameter}", value))
             naive = done.naive_coverage.min()
             rows.append(noted("    naive Gaussian errors of least squares, worst parameter", naive))
-            means, deviations = np.swapaxes(by_emcee(case, phi, done, by_sampling), 0, 1)
+            means, deviations = np.swapaxes(sampled, 0, 1)
             held = _held(done.truth[:by_sampling], means, deviations)
             wider = np.median(deviations / done.error[:by_sampling])
             rows.append(noted(f"    emcee on {by_sampling} of them, mean coverage", held.mean()))

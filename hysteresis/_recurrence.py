@@ -88,8 +88,11 @@ def _even_derivative(primals: Any, tangents: Any) -> tuple[Array, Array]:
 
 
 def _filled(tangent: Any) -> Array:
-    zero = isinstance(tangent, SymbolicZero)
-    return jnp.zeros(tangent.shape, tangent.dtype) if zero else tangent
+    return (
+        jnp.zeros(tangent.shape, str(tangent.dtype))
+        if isinstance(tangent, SymbolicZero)
+        else tangent
+    )
 
 
 def _responses(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:

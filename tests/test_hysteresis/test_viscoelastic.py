@@ -177,6 +177,31 @@ def test_a_step_is_exact_on_any_clock(make: Any, hold: str, seed: int):
     np.testing.assert_allclose(got, wanted, rtol=0, atol=16 * len(t) * EPS * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("hold", ["linear", "constant"])
+def test_an_even_clock_is_one_number(hold: str):
+    """The same outputs and derivatives as step by step, in two sequences; second derivatives too."""
+    t, u = np.linspace(3.0, 7.0, 25), jnp.asarray(np.random.default_rng(0).normal(size=25))
+    model = kelvin_voigt(3, hold=hold)
+    even = model.prepare(t, u, starts=(0, 11))
+    steps = np.full(25, t[1] - t[0])
+    steps[[0, 11]] = 0.0
+    assert even.dt.shape == ()
+    assert model.prepare(np.append(t[:-1], 7.1), u).dt.shape == (25,)
+
+    def squares(E: jax.Array, u: jax.Array, dt: jax.Array) -> jax.Array:
+        one = eqx.tree_at(lambda m: m.E, model, E)
+        moved = even._replace(dt=dt, u=u, u_before=even.u_before * u)
+        return jnp.sum(one.evaluate(moved) ** 2)
+
+    for derivative in (jax.grad(squares, 1), jax.hessian(squares), jax.value_and_grad(squares)):
+        ours, plain = (
+            jax.tree.leaves(derivative(jnp.asarray(model.E), u, jnp.asarray(dt)))
+            for dt in (even.dt, steps)
+        )
+        for x, y in zip(ours, plain, strict=True):
+            np.testing.assert_allclose(x, y, rtol=0, atol=1e-12 * float(jnp.abs(y).max()))
+
+
 def spectral_radius(model: AbstractViscoelastic, dt: float) -> float:
     """Of the step of (load, branches), run against the chain with no input."""
     n = model.chain().all_rates.size
