@@ -146,8 +146,8 @@ def _case(
 def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     """Simulate and fit so many records by one compiled program.
 
-    One after the other: side by side they are no faster, and LAPACK's calls from several lanes at once can leave
-    XLA's threads waiting for ever.
+    One after the other: side by side they are no faster, and LAPACK called from several lanes at once can
+    leave XLA's threads waiting for ever.
     """
     random = np.random.default_rng([seed, len(case.name), round(100 * phi)])
     typical = np.asarray(case.model.simulate(case.t, case.u))

@@ -50,11 +50,12 @@ def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[
     settings: Settings = {}
     for name, words in said.items():
         if name not in numbers:
-            near = difflib.get_close_matches(name, numbers, 1)
+            alike = {number.casefold(): number for number in numbers}
+            near = difflib.get_close_matches(name.casefold(), alike, 1)
             raise InputError(
                 "unknown-parameter",
                 f"{type(model).__name__} has no parameter {name!r}; it has {', '.join(numbers)}.",
-                fix=f"did you mean {near[0]}?" if near else "name one of these.",
+                fix=f"did you mean {alike[near[0]]}?" if near else "name one of these.",
             )
         model, settings[name] = _said(model, name, numbers[name], words)
     for name, setting in settings.items():

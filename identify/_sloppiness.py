@@ -110,6 +110,8 @@ def without_effect(fit: FitResult, names: list[str]) -> list[str]:
     mend = "add a creep hold" if flows else "leave it out"
     output = predict(model, fit.train)[used]
     for name in names:
+        if name not in bounds.names:  # a number of a spectrum, not of its model
+            continue
         values = bounds.values(model)
         values[bounds.names.index(name)] *= 2
         doubled = predict(bounds.insert(model, jnp.asarray(values)), fit.train)[used]

@@ -159,12 +159,13 @@ def transform(
 def transform_for(model: eqx.Module, record: Record, settings: Settings | None = None) -> Transform:
     """The transform of a model's free parameters on the scale of a record."""
     y, u = record.output[record.mask], record.input[record.mask]
+    across = float(np.ptp(u)) or float(np.max(np.abs(u))) or 1.0  # of a step the input is constant
     time = 1.0
     if record.time is not None:
         steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
         step, span = np.median(np.concatenate(steps)), max(s.sum() for s in steps)
         time = float(np.sqrt(step * span)) or 1.0
-    return transform(model, float(np.ptp(y)), float(np.ptp(u)), settings, time)
+    return transform(model, float(np.ptp(y)), across, settings, time)
 
 
 def _moves(info: ParameterInfo, value: Any) -> bool:

@@ -61,7 +61,9 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     if fit.noise_model is not None and fit.noise_model.words != "Gaussian":
         facts.append(f"Its residuals are taken for noise of this kind: {fit.noise_model.words}.")
     elif fit.noise_model is None and fit.starts is not None:
-        facts.append("No kind of noise explains its residuals: the model itself is off by that much.")
+        facts.append(
+            "No kind of noise explains its residuals: the model itself is off by that much."
+        )
     if fit.noise.correlation_time > 3:
         facts.append(
             f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"

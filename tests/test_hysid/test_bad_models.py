@@ -102,3 +102,38 @@ def test_a_saved_model_with_a_negative_modulus_is_refused():
     Path("out/fit.json").write_text(json.dumps(document))
     words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[not-positive]")
     refused(run("predict", "out", "run.csv"), *words)
+
+
+def test_what_is_known_of_parameters_is_said_on_the_command_line():
+    put(text(sponge()))
+    line = ("fit", "run.csv", *COLUMNS, "--model", "LinearSponge", "--noise", "gaussian", "--json")
+    known = ("--parameter", "b fixed=0", "--parameter", "K prior=log-normal(2, 1.5) bounds=0.1,9")
+    found = run(*line, *known, "--out", "known").json()
+    K, b, _ = found["parameters"]
+    assert (b["name"], b["value"], b["status"]) == ("b", 0.0, "fixed")
+    assert K["low"] < K["value"] < K["high"]
+    assert found["settings"]["K"] == {
+        "bounds": [0.1, 9.0], "prior": "log-normal(2, 1.5)", "fixed": False, "tied": None,
+    }  # fmt: skip
+    assert found["noise_model"]["kind"] == "Gaussian"
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("K", ("K", "says nothing")),
+        ("k fixed=1", ("no parameter 'k'", "did you mean K?")),
+        ("K start=none", ("'none'", "no number")),
+        ("K bounds=3,1", ("[3, 1]", "below the upper")),
+        ("K bounds=5,9", ("starts at", "outside", "start inside")),
+        ("K prior=wide", ("no prior", "log-normal(median, factor)")),
+        ("K fixed=1", ("every parameter", "fixed")),
+    ],
+)
+def test_what_cannot_be_meant_of_a_parameter_is_refused(said, words):
+    put(text(sponge()))
+    line = ("fit", "run.csv", *COLUMNS, "--model", "LinearSponge", "--out", "out")
+    answer = run(*line, "--parameter", said, "--parameter", "b fixed=1")
+    assert (answer.code, answer.out) == (2, "")
+    for word in words:
+        assert word in answer.err.splitlines()[-1]

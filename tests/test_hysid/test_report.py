@@ -190,10 +190,10 @@ def test_numbers_and_names():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("model", ["Composition", "FoamCurve"])
+@pytest.mark.parametrize("model", ["Composition", "LinearSponge"])
 def test_other_models_have_a_report(tmp_path: Path, model: str) -> None:
     u = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)] * 4)
     y = u + u**3 + 0.01 * np.random.default_rng(0).normal(size=len(u))
     found = fit(Record.from_arrays(u, y, output_unit="N"), model, test_cycles=1)
     text = write_report(save(found, tmp_path)).read_text("utf-8")
-    assert {"Composition": "A sum of a rising curve", "FoamCurve": "foam"}[model] in text
+    assert {"Composition": "A sum of a rising curve", "LinearSponge": "threshold"}[model] in text
