@@ -125,7 +125,7 @@ def _chosen(posterior: Posterior) -> tuple[Any, NoiseModel]:
     """Some draws of a posterior."""
     flat = posterior.draws.reshape(-1, len(posterior.names))
     chosen = np.unique(np.linspace(0, len(flat) - 1, min(DRAWS, len(flat))).astype(int))
-    noise = {
+    noise: dict[str, Any] = {
         part: flat[chosen, posterior.names.index(part)] for part in PARTS if part in posterior.names
     }
     return jax.tree.map(lambda leaf: leaf[chosen], posterior.model), NoiseModel(**noise)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.optimize
@@ -144,7 +144,7 @@ def line_in_time(
     # The least tau that shows and the largest there can be; between them the deviance has one minimum.
     plain = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     low, high = 1e-3 * np.sqrt(variance.min()), 3 * np.sqrt(plain @ plain + variance.max())
-    least = scipy.optimize.minimize_scalar(
+    least: Any = scipy.optimize.minimize_scalar(
         lambda log_tau: solved(np.exp(log_tau))[-1],
         bounds=(np.log(low), np.log(high)),
         method="bounded",
