@@ -154,7 +154,8 @@ def fit(
                 with_lag = clocks == "auto" and channels is None
                 new = _fit_compositions(record, cut, initial, with_lag, seed, say)
             else:
-                about = (parameters or {}, noise)
+                # Several are ranked by least squares; the noise is the business of the one chosen.
+                about = (parameters or {}, noise if len(names) == 1 else None)
                 new = [_fit_one(name, template, record, cut, initial, starts, seed, about)]
         except InputError as error:
             if len(names) == 1:
@@ -177,6 +178,16 @@ def fit(
     ranked = sorted(found, key=lambda candidate: candidate.score)
     chosen = next(c for c in found if _as_good(c, ranked[0]))
     ranked = [chosen, *(c for c in ranked if c is not chosen)]
+    if len(names) > 1 and chosen.starts is not None:
+        again = _fit_one(
+            chosen.name, template, record, cut, initial, starts, seed, (parameters or {}, noise)
+        )
+        kept = {k: getattr(chosen, k) for k in ("seconds", "clocks", "channels", "test")}
+        if test is not None:
+            judged = replace(again, **kept)
+            held_out = metrics(test.output, judged.predict(test), test.mask)
+            kept["metrics"] = {**again.metrics, "test": held_out}
+        ranked[0] = replace(again, **kept)
     ranked = [replace(c, verdict=judge(c, warnings)) for c in ranked]
     return replace(
         ranked[0],
@@ -220,7 +231,7 @@ def _fit_one(
     initial: str,
     starts: int,
     seed: int,
-    about: tuple[Said, str],
+    about: tuple[Said, str | None],
 ) -> FitResult:
     own = isinstance(template, Preisach) and not isinstance(template.density, AbstractGridDensity)
     if name == "Preisach" and not own:

@@ -334,13 +334,17 @@ def _refined(
     def one(model: Any, data: _Data, scale: Array, points: Array) -> Any:
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
-        def from_(z: Array) -> tuple[Array, Array]:
-            end = _solve(own, arguments, z, 200, 1e-10).value
-            return end, jnp.nan_to_num(_objective(own, end, arguments), nan=jnp.inf)
+        def from_(z: Array) -> tuple[Array, Array, Array]:
+            end = _solve(own, arguments, z, 200, 1e-10)
+            objective = jnp.nan_to_num(_objective(own, end.value, arguments), nan=jnp.inf)
+            return end.value, objective, end.result == optimistix.RESULTS.successful
 
-        ends, objective = jax.vmap(from_)(points)
-        last = _solve(own, arguments, ends[jnp.argmin(objective)], 200, 1e-10)
-        return last.result == optimistix.RESULTS.successful, *_end(own, arguments, last.value)
+        ends, objective, converged = jax.vmap(from_)(points)
+        best = jnp.argmin(objective)
+        last = _solve(own, arguments, ends[best], 200, 1e-10)
+        # Where the first search has converged the second may find no step that is better.
+        arrived = converged[best] | (last.result == optimistix.RESULTS.successful)
+        return arrived, *_end(own, arguments, last.value)
 
     return jax.vmap(one)(models, data, scale, points)
 

@@ -38,7 +38,7 @@ def fit_parametric(
     starts: int = 32,
     seed: int = 0,
     suggested: AbstractModel | None = None,
-    noise: str = "auto",
+    noise: str | None = "auto",
     settings: Settings | None = None,
 ) -> FitResult:
     """Fit the free parameters of `template`, numbers and short arrays: least squares, then likelihood.
@@ -48,7 +48,8 @@ def fit_parametric(
     starts are refined on every row. A conditioning cycle is left out where that predicts the held-out one
     better. From there the maximum of the likelihood is sought under the kind of `noise` that the residuals
     show, see `likeliest`. Where none explains them, because they are coloured otherwise or follow the
-    input, least squares stays, and its errors are widened by the residuals' correlation time.
+    input, or with `noise` None, least squares stays, and its errors are widened by the residuals'
+    correlation time.
 
     Raises `InputError` where no start gives a finite output.
     """
@@ -101,9 +102,9 @@ def fit_parametric(
     rows = rows_of(record, left.used, predict(model, record))
     about = (bounds, template, prepared, y, rows, optimum.free)
     found = None
-    if not bounds.asked:
+    if noise is not None and not bounds.asked:
         found = _plainest(optimum, left.used, left.residuals, rows, noise)
-    if found is None:
+    if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
     noise_model, size = None, left.noise
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
