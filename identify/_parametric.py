@@ -106,6 +106,7 @@ def fit_parametric(
         found = _plainest(optimum, left.used, left.residuals, rows, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
+    tried_kinds = {} if found is None else found.over_the_best
     noise_model, size = None, left.noise
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         noise_model, size, widened = found.noise, found.summary(), 1.0
@@ -134,7 +135,7 @@ def fit_parametric(
         blocks=blocks[dropped],
         noise=size if noise_model is not None else left.noise,
         noise_model=noise_model,
-        noise_evidence={} if noise_model is None or found is None else found.over_the_best,
+        noise_evidence=tried_kinds,
         settings=settings or {},
         train=record,
         starts=tried,

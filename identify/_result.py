@@ -54,8 +54,8 @@ class FitResult:
     - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
     - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
     - `noise`: size and correlation of the residuals.
-    - `noise_model`: what explains them, None where nothing does; `noise_evidence`: -log evidence of every
-      kind tried over the best one's. `settings`: what was said of the parameters.
+    - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
+      -log evidence of every kind tried over the best one's. `settings`: what was said of the parameters.
     - `starts`: every start's objective, for parametric models.
     - `internals`: arrays the posterior of grid weights needs.
     - `candidates`: the other models tried, best first, this one included.

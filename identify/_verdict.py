@@ -60,7 +60,7 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
     if fit.noise_model is not None and fit.noise_model.words != "Gaussian":
         facts.append(f"Its residuals are taken for noise of this kind: {fit.noise_model.words}.")
-    elif fit.noise_model is None and fit.starts is not None:
+    elif fit.noise_model is None and fit.noise_evidence:
         facts.append(
             "No kind of noise explains its residuals: the model itself is off by that much."
         )
