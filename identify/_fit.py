@@ -167,11 +167,7 @@ def fit(
         for candidate in new:
             now = before._replace(lag=candidate.clocks.lag, lag_error=candidate.clocks.lag_error)
             candidate = replace(candidate, seconds=seconds, clocks=now, channels=channels)
-            if test is not None:
-                judged = replace(candidate, test=now.applied(test))
-                held_out = metrics(test.output, judged.predict(test), test.mask)
-                candidate = replace(judged, metrics={**candidate.metrics, "test": held_out})
-            found.append(candidate)
+            found.append(_judged_on(test, candidate))
         say(f"{new[-1].name}: held-out {new[-1].score:.3g} %, {seconds:.1f} s")
     if not found:
         raise InputError("nothing-fits", " ".join(skipped.values()))
@@ -182,12 +178,8 @@ def fit(
         again = _fit_one(
             chosen.name, template, record, cut, initial, starts, seed, (parameters or {}, noise)
         )
-        kept = {k: getattr(chosen, k) for k in ("seconds", "clocks", "channels", "test")}
-        if test is not None:
-            judged = replace(again, **kept)
-            held_out = metrics(test.output, judged.predict(test), test.mask)
-            kept["metrics"] = {**again.metrics, "test": held_out}
-        ranked[0] = replace(again, **kept)
+        kept = {k: getattr(chosen, k) for k in ("seconds", "clocks", "channels")}
+        ranked[0] = _judged_on(test, replace(again, **kept))
     ranked = [replace(c, verdict=judge(c, warnings)) for c in ranked]
     return replace(
         ranked[0],
@@ -195,6 +187,15 @@ def fit(
         skipped=skipped,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _judged_on(test: Record | None, fit: FitResult) -> FitResult:
+    """The fit with its figures on the test record, if there is one."""
+    if test is None:
+        return fit
+    judged = replace(fit, test=fit.clocks.applied(test))
+    held_out = metrics(test.output, judged.predict(test), test.mask)
+    return replace(judged, metrics={**fit.metrics, "test": held_out})
 
 
 def _as_good(simple: FitResult, best: FitResult) -> bool:

@@ -98,15 +98,16 @@ def fit_parametric(
     model = _model(bounds, template, optimum.free)
 
     held_out = float(blocks[dropped].mean())
-    left = evidence(record, parts, predict(model, record), dropped, held_out, len(bounds.names))
-    rows = rows_of(record, left.used, predict(model, record))
+    predicted = predict(model, record)
+    left = evidence(record, parts, predicted, dropped, held_out, len(bounds.names))
+    rows = rows_of(record, left.used, predicted)
     about = (bounds, template, prepared, y, rows, optimum.free)
     found = None
     if noise is not None and not bounds.asked:
         found = _plainest(optimum, left.used, left.residuals, rows, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
-    tried_kinds = {} if found is None else found.over_the_best
+    weighed = {} if found is None else found.over_the_best
     noise_model, size = None, left.noise
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         noise_model, size, widened = found.noise, found.summary(), 1.0
@@ -135,7 +136,7 @@ def fit_parametric(
         blocks=blocks[dropped],
         noise=size if noise_model is not None else left.noise,
         noise_model=noise_model,
-        noise_evidence=tried_kinds,
+        noise_evidence=weighed,
         settings=settings or {},
         train=record,
         starts=tried,
