@@ -8,6 +8,7 @@ start from the middle of the prior; all else is what `identify.fit` does.
 Source: Talts and others, Validating Bayesian inference algorithms with simulation-based calibration (2018).
 """
 
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any, NamedTuple
@@ -324,6 +325,7 @@ def calibration_rows(quick: bool) -> list[Row]:
         for (k, phi, *_), (done, sampled) in zip(jobs, processes.map(_measured, jobs), strict=True):
             case = chosen[k]
             name = f"{case.name}, {f'AR(1) {phi:g}' if phi else 'white'}"
+            print(f"  {name}", file=sys.stderr, flush=True)
             chances += list(done.rank_chances())
             listed = dict(zip(done.names, done.coverage, strict=True))
             listed |= {
