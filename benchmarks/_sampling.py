@@ -25,8 +25,9 @@ from identify._chains import Chains, Progress
 from identify._checkpoint import Checkpoint, Identity
 from identify._ensembles import _begun as _first
 from identify._ensembles import _Run, autocorrelation_times, sample_ensembles
+from identify._newton import top_of
 from identify._noise_model import NoiseModel
-from identify._sample import first_walkers, log_probability, top_of
+from identify._sample import first_walkers, log_probability
 from identify._target import Target, target
 
 from ._measure import Row, interleaved, judged
@@ -167,7 +168,7 @@ def _against_emcee(case: Case, rounds: int) -> Row:
     """Draws alone on both sides: neither judges its chains."""
     aim = target(case.fit)
     point, first, _ = _begun(aim)
-    place, root = top_of(aim)
+    place, _, root = map(np.asarray, top_of(aim))
     ours = _Run(density := log_probability(aim), _first(first, density, 0, place, root))
     plainly = function_of(case, aim)
     # The same function, but for a constant, the priors and the weight 1 of white noise.
@@ -209,7 +210,7 @@ def _against_lmfit(case: Case, steps: int) -> Row:
 
 def _begun(aim: Target) -> tuple[np.ndarray, np.ndarray, Callable[[int], Chains]]:
     """The top, first walkers (ensembles, walkers, parameters), and a call that draws so many steps."""
-    (place, root), density = top_of(aim), log_probability(aim)
+    (place, _, root), density = map(np.asarray, top_of(aim)), log_probability(aim)
     first = first_walkers(density, place, root, ENSEMBLES, WALKERS, 0)
     nothing = Checkpoint(None, Identity(*["none"] * len(Identity._fields)))
 

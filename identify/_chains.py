@@ -32,11 +32,3 @@ class Chains(NamedTuple):
     statistics: dict[str, np.ndarray]
     method: str
     notes: tuple[str, ...]
-
-
-def root_of(
-    covariance: Float[np.ndarray, "parameters parameters"],
-) -> Float[np.ndarray, "parameters parameters"]:
-    """R with R R' = covariance."""
-    sizes, ways = np.linalg.eigh(covariance)
-    return ways * np.sqrt(np.maximum(sizes, 0.0))

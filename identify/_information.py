@@ -12,6 +12,7 @@ from jaxtyping import Array
 from hysteresis import AbstractModel
 
 from ._loo import Loo, loo
+from ._newton import top_of
 from ._noise_model import NoiseModel, Rows, rows_of
 from ._posterior import Posterior
 from ._result import FitResult, prepare
@@ -66,9 +67,9 @@ def log_evidence(fit: FitResult) -> float | None:
     if fit.noise_model is None:
         return None
     about = target(fit)
-    height = float(about.log_probability(about.start))
-    log_volume = len(about.names) * np.log(2 * np.pi) + np.linalg.slogdet(about.covariance)[1]
-    return height + float(log_volume) / 2
+    top = top_of(about)
+    log_root = np.linalg.slogdet(np.asarray(top.root))[1]
+    return float(top.height + len(about.names) / 2 * np.log(2 * np.pi) + log_root)
 
 
 def is_coloured(fit: FitResult) -> bool:

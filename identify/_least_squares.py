@@ -61,18 +61,19 @@ def multi_start(
     mask: Bool[np.ndarray, " samples"],
     starts: Float[np.ndarray, "starts parameters"],
     few: int = 8,
-    more: int = 32,
     best: int = 8,
 ) -> Starts:
-    """A few steps of Levenberg-Marquardt from every start, side by side, and more from the best; sorted,
+    """A few steps of Levenberg-Marquardt from every start, side by side, and the best to their end; sorted,
     best first.
 
     The steps are capped, since under `vmap` the slowest lane sets the pace.
     """
     arguments = _arguments(model, prepared, y, mask)
     z, objective = _sorted(*_run_all(transform, arguments, jnp.asarray(starts), few))
-    ahead = _run_all(transform, arguments, jnp.asarray(z[:best]), more)
-    z[:best], objective[:best] = map(np.asarray, ahead)
+    for k in range(min(best, len(z))):
+        end = refine(transform, model, prepared, y, mask, z[k])
+        if end.objective < objective[k]:
+            z[k], objective[k] = end.free, end.objective
     z, objective = _sorted(z, objective)
     return Starts(objective, np.linalg.norm(z - z[0], axis=1), z)
 

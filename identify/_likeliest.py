@@ -21,6 +21,9 @@ from ._transform import Transform
 ROUNDS = 40
 """How often a model is linearised anew about the likeliest parameters, at most."""
 
+FIRST, HOPELESS = 3, BELIEVED / 100
+"""After so many rounds, whatever leaves residuals of a smaller chance than that is given up."""
+
 STEP = 1.0
 """A free number changes by no more than this in a round."""
 
@@ -80,14 +83,14 @@ def likeliest(
 
     Each round linearises the model, finds noise and parameters together for every kind (see `noise_fit`)
     and goes to the best one's. Evidence is the restricted likelihood with its Bayesian penalty, half of
-    log rows for each part. Of a long record the first rows choose, and where no kind leaves them white
-    nothing more is done. `temper`: rows that count for one, against the priors that were asked for. None
+    log rows for each part. Of a long record the first rows choose. Where that best kind is far from being
+    believed the rounds end early. `temper`: rows that count for one, against the priors that were asked for. None
     where the rounds end at no maximum.
     """
     arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
     with_misfit = any("misfit" in kind for kind in kinds)
     z, least, evidence, every = jnp.asarray(free), np.inf, None, kinds
-    for _ in range(ROUNDS):
+    for k in range(1, ROUNDS + 1):
         at = linearised(bounds, z, arguments)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if evidence is None and len(kinds) > 1 and len(y) > LONG:
@@ -105,6 +108,8 @@ def likeliest(
         cost = float(now.cost + temper * bounds.penalty(z))
         moved, least = float(np.linalg.norm(root @ away)), min(least, cost)
         if not moved > ENOUGH:  # not a number neither
+            break
+        if k == FIRST and len(every) > 1 and now.believed(padded, kinds) < HOPELESS:
             break
         z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
     if not np.isfinite(moved) or cost > least + 1:

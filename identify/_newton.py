@@ -45,7 +45,8 @@ def maximise(
         """Value, gradient and Hessian by one program: compiling it is most of the work."""
 
         def slope(point: Array) -> Any:
-            value, gradient = jax.value_and_grad(function)(point)
+            # Forwards twice: half as much to compile as backwards and forwards.
+            gradient, value = jax.jacfwd(lambda z: (function(z),) * 2, has_aux=True)(point)
             return gradient, (value, gradient)
 
         hessian, (value, gradient) = jax.jacfwd(slope, has_aux=True)(point)
@@ -79,6 +80,29 @@ def maximise(
         goes_on, step, (point, *begin, jnp.ones(()), infinite, 0)
     )
     return Maximum(point, value, curvature, gain <= GAIN)
+
+
+class Top(NamedTuple):
+    """Of a log-posterior: where it is greatest, its value there, and a root of Laplace's covariance,
+
+    root root' = -(d2 log p)^-1; what the data leave open is as wide as the prior.
+    """
+
+    point: Float[Array, " parameters"]
+    height: Float[Array, ""]
+    root: Float[Array, "parameters parameters"]
+
+
+@eqx.filter_jit
+def top_of(aim: Target) -> Top:
+    """The posterior's maximum next to the fit: priors that were not asked for, and noise that was
+    estimated after the fit, move it a little."""
+    found = maximise(aim.log_probability, aim.start, jnp.ones(len(aim.start), bool))
+    of_prior = jnp.clip(-jnp.diagonal(jax.hessian(aim.log_prior)(found.point)), 1e-6)
+    unit = jnp.sqrt(jnp.clip(jnp.diagonal(found.curvature), of_prior))
+    values, vectors = jnp.linalg.eigh(found.curvature / jnp.outer(unit, unit))
+    values = jnp.clip(values, jnp.min(of_prior / unit**2))
+    return Top(found.point, found.value, vectors / jnp.sqrt(values)[None] / unit[:, None])
 
 
 @eqx.filter_jit

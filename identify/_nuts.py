@@ -10,7 +10,8 @@ from jaxtyping import Array
 
 from hysteresis import InputError
 
-from ._chains import Chains, Progress, root_of
+from ._chains import Chains, Progress
+from ._newton import Top, top_of
 from ._rhat import bulk_ess, rhat
 from ._target import Target
 
@@ -40,10 +41,11 @@ def sample_nuts(
         ) from error
     # blackjax mixes types and ranks as JAX does by default, whatever the application has set.
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        top = top_of(aim)
         w, density, acceptance, divergent, length = _walked(
-            blackjax, aim, steps, chains, seed, tell
+            blackjax, aim, top, steps, chains, seed, tell
         )
-    points = np.asarray(aim.start) + w @ root_of(aim.covariance).T
+    points = np.asarray(top.point) + w @ np.asarray(top.root).T
     columns = np.moveaxis(points, -1, 0)
     ess = np.array([bulk_ess(column) for column in columns])
     if divergent.any():
@@ -67,16 +69,15 @@ def sample_nuts(
 
 
 def _walked(
-    blackjax: Any, aim: Target, steps: int, chains: int, seed: int, tell: Progress
+    blackjax: Any, aim: Target, top: Top, steps: int, chains: int, seed: int, tell: Progress
 ) -> tuple[np.ndarray, ...]:
     """(places in Laplace's coordinates, log-probability, acceptance, divergent, leapfrog steps), each
     (chains, steps, ...)."""
     begin = time.perf_counter()
-    root = jnp.asarray(root_of(aim.covariance))
     parameters = len(aim.names)
 
     def density(w: Array) -> Array:
-        return aim.log_probability(aim.start + root @ w)
+        return aim.log_probability(top.point + top.root @ w)
 
     tell(0, steps, f"{WARM_UP} steps of adaptation")
     adaptation: Any = blackjax.window_adaptation(blackjax.nuts, density)

@@ -29,6 +29,9 @@ NINETY = 1.6448536
 REFINED = 4
 """Starts that are followed to their end: after few steps the best is not always first."""
 
+EXACT = 1e-8
+"""Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
+
 
 def fit_parametric(
     name: str,
@@ -149,11 +152,12 @@ def fit_parametric(
 def _plainest(
     optimum: Optimum, used: np.ndarray, residuals: np.ndarray, rows: Rows, noise: str
 ) -> Likeliest | None:
-    """Independent Gaussian noise, where it is asked for or nothing speaks against it."""
+    """Independent Gaussian noise, where it is asked for, nothing speaks against it, or the residuals are
+    the solver's tolerance."""
     J = np.zeros((len(used), len(optimum.free)))
     J[used] = optimum.jacobian
     found, left = plainest(optimum.free, np.where(used, residuals, 0.0), J, rows)
-    asked = noise == "gaussian"
+    asked = noise == "gaussian" or found.noise.sigma < EXACT * np.ptp(np.asarray(rows.output)[used])
     return found if asked or (noise == "auto" and nothing_speaks_against(left, rows)) else None
 
 

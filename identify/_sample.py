@@ -5,7 +5,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,11 +12,12 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError
 
-from ._chains import Chains, Progress, root_of
+from ._chains import Chains, Progress
 from ._checkpoint import Checkpoint, Identity, digest
 from ._ensembles import sample_ensembles
 from ._model_file import describe_model
 from ._moves import LogProbability
+from ._newton import top_of
 from ._per_row import per_row
 from ._posterior import Posterior, modes_of, summary_of
 from ._result import FitResult
@@ -96,7 +96,7 @@ def sample(
     file = None if checkpoint is None else Path(checkpoint)
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
     density = log_probability(aim)
-    place, root = top_of(aim)
+    place, _, root = map(np.asarray, top_of(aim))
     first = first_walkers(density, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
     return _posterior(aim, chains, seed, begin)
@@ -119,28 +119,6 @@ def _log_probability(
     structure, rest = static
     leaves = [one if array is None else array for array, one in zip(arrays, rest, strict=True)]
     return jax.vmap(jax.tree.unflatten(structure, leaves).log_probability)(points)
-
-
-def top_of(aim: Target) -> tuple[np.ndarray, np.ndarray]:
-    """(place, root): the posterior's maximum next to the fit, and a root of Laplace's covariance.
-
-    From where the fit ended, steps of covariance times gradient, as long as they lead upwards: priors, and
-    noise that was estimated after the fit, move it a little.
-    """
-    root, place = root_of(aim.covariance), np.asarray(aim.start)
-    height, slope = (np.asarray(x) for x in _slope(aim, jnp.asarray(place)))
-    for _ in range(10):
-        tried = place + root @ (root.T @ slope)
-        above, slope = (np.asarray(x) for x in _slope(aim, jnp.asarray(tried)))
-        if not above > height:
-            break
-        place, height = tried, above
-    return place, root
-
-
-@eqx.filter_jit
-def _slope(aim: Target, point: Float[Array, " parameters"]) -> tuple[Array, Array]:
-    return jax.value_and_grad(aim.log_probability)(point)
 
 
 def first_walkers(

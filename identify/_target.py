@@ -1,10 +1,8 @@
 """The log-posterior of a fit: what samplers draw from, and what profiles and evidence look at."""
 
-from functools import cached_property
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -89,29 +87,10 @@ class Target(eqx.Module):
         found = self.log_likelihood(point) + self.log_prior(point)
         return jnp.where(jnp.isfinite(found), found, -jnp.inf)
 
-    @cached_property
-    def covariance(self) -> Float[np.ndarray, "parameters parameters"]:
-        """Laplace's, at the start: what the data leave open is as wide as the prior."""
-        return np.asarray(laplace(self, self.start))
-
     def _compared(self, point: Array) -> tuple[Array, Rows]:
         predicted = self.model(point).evaluate(self.prepared)
         rows = self.rows._replace(output=predicted)
         return jnp.where(rows.counted, predicted - self.measured, 0.0), rows
-
-
-@eqx.filter_jit
-def laplace(
-    target: Target, point: Float[Array, " parameters"]
-) -> Float[Array, "parameters parameters"]:
-    """-(d2 log-posterior)^-1 at a point, its negative and vanishing curvatures replaced by the prior's."""
-    curvature = -jax.hessian(target.log_probability)(point)
-    of_prior = jnp.clip(-jnp.diagonal(jax.hessian(target.log_prior)(point)), 1e-6)
-    unit = jnp.sqrt(jnp.clip(jnp.diagonal(curvature), of_prior))
-    values, vectors = jnp.linalg.eigh(curvature / jnp.outer(unit, unit))
-    values = jnp.clip(values, jnp.min(of_prior / unit**2))
-    root = vectors / jnp.sqrt(values)[None] / unit[:, None]
-    return root @ root.T
 
 
 def target(fit: FitResult) -> Target:

@@ -60,9 +60,11 @@ settings.load_profile("hysid")
 
 @pytest.fixture(scope="module", autouse=True)
 def forget_compiled():
-    """Compiled code piles up until a process runs out of memory maps."""
+    """Compiled code piles up until a process runs out of memory maps: Linux gives it 65,530."""
     yield
-    jax.clear_caches()
+    maps = Path("/proc/self/maps")
+    if not maps.exists() or maps.read_bytes().count(b"\n") > 20_000:
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")

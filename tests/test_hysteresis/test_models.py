@@ -120,7 +120,8 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
 
     point = (model, u)
     arrays, rest = eqx.partition(point, eqx.is_inexact_array)
-    flat, structure = jax.tree.flatten(arrays)
+    # On the host, so that moved and unmoved ones are of one type, and `value` is compiled once.
+    flat, structure = jax.tree.flatten(jax.tree.map(np.asarray, arrays))
     slopes = jax.tree.leaves(jax.jit(jax.grad(lambda p: value(eqx.combine(p, rest))))(arrays))
     size = float(jnp.abs(value(point))) + float(jnp.abs(c).sum())
     for k, (leaf, slope) in enumerate(zip(flat, slopes, strict=True)):
