@@ -289,6 +289,7 @@ def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
     """The compensator over each sequence, from the virgin state."""
+    identify.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     compensator = invert(fitted.model)
     value, status = np.empty(len(record)), np.empty(len(record), int)
     for _, rows in record.sequences():

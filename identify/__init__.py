@@ -51,6 +51,7 @@ from ._profile import profiles as profiles
 from ._result import FitResult as FitResult
 from ._result import Parameter as Parameter
 from ._result import Verdict as Verdict
+from ._result import check_unit as check_unit
 from ._result import predict as predict
 from ._sample import sample as sample
 from ._save import check_free as check_free

@@ -83,9 +83,9 @@ def likeliest(
 
     Each round linearises the model, finds noise and parameters together for every kind (see `noise_fit`)
     and goes to the best one's. Evidence is the restricted likelihood with its Bayesian penalty, half of
-    log rows for each part. Of a long record the first rows choose. Where that best kind is far from being
-    believed the rounds end early. `temper`: rows that count for one, against the priors that were asked for. None
-    where the rounds end at no maximum.
+    log rows for each part. Of a long record the first rows choose. Where the best kind is far from being
+    believed the rounds end early. `temper`: rows that count for one, against the priors that were asked
+    for. None where the rounds end at no maximum.
     """
     arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
     with_misfit = any("misfit" in kind for kind in kinds)

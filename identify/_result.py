@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, ChannelMap, Record, extended
+from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended
 
 from ._channel_map import beyond, combine
 from ._clocks import Clocks
@@ -99,7 +99,11 @@ class FitResult:
         """The model's output on a record, every sequence from the virgin state.
 
         Beyond the inputs of the fit relays go on as play operators, see `extended`; `beyond` tells where.
+
+        Raises `InputError` `unit-clash` where its input is in another unit than the fit's.
         """
+        if not record.channels:
+            check_unit(record.input_name, record.input_unit, self.train.input_unit)
         record = self.clocks.applied(self.combined(record))
         low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
         return predict(extended(self.model, low, high), record)
@@ -118,6 +122,17 @@ class FitResult:
         if self.channels is not None and record.channels:
             outside |= beyond(record, self.channels)
         return outside
+
+
+def check_unit(name: str, unit: str, fitted: str) -> None:
+    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
+    if unit != fitted and "1" not in (unit, fitted):
+        raise InputError(
+            "unit-clash",
+            f"{name} is in {unit}; the model was fitted to {fitted}.",
+            cause="another quantity, or the same in another unit.",
+            fix=f"give the column in {fitted}, and say so in its header.",
+        )
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:

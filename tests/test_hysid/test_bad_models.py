@@ -104,6 +104,20 @@ def test_a_saved_model_with_a_negative_modulus_is_refused():
     refused(run("predict", "out", "run.csv"), *words)
 
 
+def test_a_column_in_another_unit_than_the_fits_is_refused():
+    names, units = ["time", "force", "displacement", "cycle"], ["s", "N", "mm", "1"]
+    put(text([units, *sponge()], names))
+    columns = ("--input", "force", "--output", "displacement", "--time", "time", "--units-row", 2)
+    line = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
+    assert run("fit", "run.csv", *columns, *line).code == 0
+    for other, inverse, words in (
+        (["s", "kN", "mm", "1"], (), ("force is in kN", "fitted to N")),
+        (["s", "N", "m", "1"], ("--inverse",), ("displacement is in m;", "fitted to mm")),
+    ):
+        put(text([other, *sponge()], names), "other.csv")
+        refused(run("predict", "out", "other.csv", *inverse), *words, "[unit-clash]")
+
+
 def test_what_is_known_of_parameters_is_said_on_the_command_line():
     put(text(sponge()))
     line = ("fit", "run.csv", *COLUMNS, "--model", "LinearSponge", "--noise", "gaussian", "--json")
