@@ -172,7 +172,7 @@ def _part(difference: float, of: float) -> str:
 
 
 def _signed(x: float) -> str:
-    return f"{x:+.1f}".replace("-", "−") if x else "0"
+    return f"{x:+.1f}".replace("-", "−") if round(x, 1) else "0"
 
 
 def _table(columns: dict[str, list[str]], left: int) -> list[str]:

@@ -9,6 +9,7 @@ from identify import FitResult, Parameter, metrics
 from identify._folds import block_errors
 from identify._noise import estimate_noise
 from identify._noise_model import NoiseModel
+from identify._settings import Setting
 
 THRESHOLD = 1.5
 
@@ -60,6 +61,7 @@ def line(train: Record, test: Record, slope: float | None = None) -> FitResult:
         blocks=blocks,
         internals={"used": train.mask},
         noise_model=NoiseModel(noise.sigma),
+        settings={} if slope is None else {"K": Setting(fixed=True)},
     )
     figures = metrics(test.output, fit.predict(test), test.mask)
     return replace(fit, metrics={**fit.metrics, "test": figures})

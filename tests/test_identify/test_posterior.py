@@ -203,9 +203,13 @@ def grid_fit():
     return fit(record, "Preisach", test_cycles=1, seed=0)
 
 
-def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit) -> None:
-    posterior = sample(grid_fit, steps=40, seed=0)
-    model = posterior.model
+@pytest.fixture(scope="module")
+def grid_posterior(grid_fit):
+    return sample(grid_fit, steps=40, seed=0)
+
+
+def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_posterior) -> None:
+    model = grid_posterior.model
     assert isinstance(model, Preisach)
     assert float(model.density.weights.min()) >= 0  # type: ignore[attr-defined]
     u, y = grid_fit.train.input, grid_fit.train.output
@@ -219,25 +223,24 @@ def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit) -> Non
     assert reachable.mean() > 0.5
 
 
-def test_predictive_band_covers_the_held_out_cycle(grid_fit) -> None:
+def test_predictive_band_covers_the_held_out_cycle(grid_fit, grid_posterior) -> None:
     """90 % of the fifth cycle, which no fit has seen, within the 90 % band: 20 readings."""
-    posterior = sample(grid_fit, steps=100, seed=0)
-    record = grid_fit.test
-    curves = np.asarray(jax.vmap(lambda m: m.simulate(None, record.input))(posterior.model))
-    random = np.random.default_rng(0)
-    curves = curves + random.normal(size=curves.shape) * posterior.draws[..., -1].reshape(-1, 1)
+    record, model = grid_fit.test, grid_posterior.model
+    curves = np.asarray(jax.vmap(lambda m: m.simulate(None, record.input))(model))
+    random, sigma = np.random.default_rng(0), grid_posterior.draws[..., -1]
+    curves = curves + random.normal(size=curves.shape) * sigma.reshape(-1, 1)
     low, high = np.quantile(curves, [0.05, 0.95], axis=0)
     inside = (record.output >= low) & (record.output <= high)
     # Binomial(20, 0.9): below 14 in 1 of 90; the cycles settle, so a little off is no surprise.
     assert inside[record.mask].sum() >= 13
 
 
-def test_posterior_comes_back_and_other_tools_read_it(grid_fit, tmp_path) -> None:
+def test_posterior_comes_back_and_other_tools_read_it(grid_fit, grid_posterior, tmp_path) -> None:
     import h5netcdf
 
     save(grid_fit, tmp_path)
     assert load_posterior(tmp_path) is None
-    posterior = sample(grid_fit, steps=20, seed=0)
+    posterior = grid_posterior
     save_posterior(posterior, tmp_path)
     again = load_posterior(tmp_path)
     assert again is not None
