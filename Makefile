@@ -17,7 +17,7 @@ demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
 
 test: $(READY)
-	$(BIN)/python -m pytest -n $(WORKERS) -q
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q
 
 lint: $(READY)
 	$(BIN)/ruff check

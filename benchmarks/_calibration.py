@@ -33,11 +33,12 @@ from hysteresis import (
 from hysteresis.preisach import GaussianDensity
 from identify._believed import BELIEVED, Left, believed
 from identify._least_squares import _solve
-from identify._likeliest import STEP, likeliest_about, linearised
+from identify._likeliest import STEP, likeliest_about, linearised, score
 from identify._noise import estimate_noise
 from identify._noise_fit import kinds, lanes, of_free
 from identify._noise_model import NoiseModel, Rows, rows_of
 from identify._settings import Settings, numbers_of, with_settings
+from identify._skewness import Skewness, points_about, skewness
 from identify._target import Target
 from identify._transform import Transform, transform, transform_for
 
@@ -71,6 +72,7 @@ class Case(NamedTuple):
 class Study(NamedTuple):
     """Of every record and parameter: truth, estimate and standard error in the free space.
 
+    - `bent`: how skewed its posterior is.
     - `naive_estimate`, `naive_error`: of plain least squares, as if residuals were independent.
     - `band`, `band_noisy`: share of rows with the noise-free output, and a new reading, in the 90 % band.
     - `believed`: whether the noise model was. `measured`: the records' outputs.
@@ -80,6 +82,7 @@ class Study(NamedTuple):
     truth: np.ndarray
     estimate: np.ndarray
     error: np.ndarray
+    bent: Skewness
     naive_estimate: np.ndarray
     naive_error: np.ndarray
     band: np.ndarray
@@ -90,7 +93,8 @@ class Study(NamedTuple):
     @property
     def coverage(self) -> np.ndarray:
         """Per cent of the 90 % intervals that hold the truth."""
-        return _held(self.truth, self.estimate, self.error)
+        middle = self.estimate + self.error * self.bent.displaced(NINETY)
+        return _held(self.truth, middle, self.error)
 
     @property
     def naive_coverage(self) -> np.ndarray:
@@ -99,7 +103,8 @@ class Study(NamedTuple):
 
     def rank_chances(self, bins: int = 20) -> np.ndarray:
         """Of every parameter the chance of uniform ranks to be as uneven, by chi-square over the bins."""
-        ranks = scipy.stats.norm.cdf((self.truth - self.estimate) / self.error)
+        deviates = self.bent.deviate((self.truth - self.estimate) / self.error)
+        ranks = scipy.stats.norm.cdf(deviates)
         counts = [np.histogram(column, bins, (0.0, 1.0))[0] for column in ranks.T]
         return np.array([scipy.stats.chisquare(c).pvalue for c in counts])
 
@@ -168,10 +173,18 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     weight = np.asarray(now.left.information)[:, None, None]
     information = weight * _squared(np.asarray(now.left.W)) + precision
     wider = np.asarray(now.wider)
-    covariance = np.linalg.inv(information) * wider[:, :, None] * wider[:, None]
+    covariance = np.linalg.inv(information)
+    noises, points = (
+        jax.vmap(of_free)(now.noise),
+        jnp.asarray(points_about(np.asarray(z), covariance)),
+    )
+    scores = _scores(bounds, case.model, prepared, jnp.asarray(y), rows, noises, points)
+    bent = skewness(np.asarray(scores), covariance)
+    covariance = covariance * wider[:, :, None] * wider[:, None]
     estimate, chosen = np.array(z), [kinds("auto")[k] for k in np.asarray(now.best)]
     trusted = np.array([_chance(now.left, k, rows, chosen[k]) > BELIEVED for k in range(records)])
-    sigma = np.array(jax.vmap(of_free)(now.noise).sigma)
+    sigma = np.array(noises.sigma)
+    bent = Skewness(*(np.where(trusted[:, None], part, 0.0) for part in bent))
     # What a fit does where no noise model is believed: least squares, its errors widened.
     J0, r0, _ = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
     freedom = SAMPLES - J0.shape[2]
@@ -184,7 +197,7 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     predicted = np.asarray(_outputs(bounds, case.model, prepared, jnp.asarray(estimate)))
     noisy = np.sqrt(spread**2 + sigma[:, None] ** 2)
     return Study(
-        bounds.names, truth, estimate, np.sqrt(np.einsum("njj->nj", covariance)),
+        bounds.names, truth, estimate, np.sqrt(np.einsum("njj->nj", covariance)), bent,
         least, np.sqrt(np.einsum("njj->nj", plain)),
         np.mean(np.abs(predicted - clean) <= NINETY * spread, 1),
         np.mean(np.abs(predicted - again) < NINETY * noisy, 1), trusted, y,
@@ -255,6 +268,30 @@ def _jacobians(
         y, z
     )
     return np.array(at.jacobian), np.asarray(at.residuals), np.asarray(at.precision)
+
+
+@eqx.filter_jit
+def _scores(
+    bounds: Transform,
+    model: AbstractModel,
+    prepared: Any,
+    y: Array,
+    rows: Rows,
+    noises: NoiseModel,
+    points: Array,
+) -> Array:
+    """Of every record at its points."""
+
+    def one(of_record: tuple[Array, NoiseModel, Array]) -> Array:
+        y, noise, points = of_record
+
+        def at(z: Array) -> Array:
+            there = linearised(bounds, z, (model, prepared, y, rows))
+            return score(there, y, noise) - there.pull
+
+        return jax.lax.map(at, points)
+
+    return jax.lax.map(one, (y, noises, points))
 
 
 def _squared(J: np.ndarray) -> np.ndarray:

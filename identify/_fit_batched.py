@@ -17,10 +17,11 @@ from ._evidence import evidence
 from ._folds import Parts
 from ._guess import guess
 from ._least_squares import Starts, _objective, _residuals, _solve, thinned_rows
+from ._likeliest import skewness_at
 from ._noise import Noise
-from ._noise_model import NoiseModel
+from ._noise_model import NoiseModel, rows_of
 from ._parametric import REFINED, SPREADS, _covariance, _parameters, _scaled
-from ._result import FitResult, predict
+from ._result import FitResult, predict, prepare
 from ._settings import Settings
 from ._transform import Transform, transform, transform_for
 from ._verdict import judge
@@ -175,12 +176,16 @@ def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
     nothing = Parts(np.where(record.mask, 0, -1), (), None, "nothing held out")
     left = evidence(record, nothing, predict(model, record), False, np.nan, len(bounds.names))
     covariance, sigma = solved.covariance(k), solved.sigma(k)
+    y = jnp.asarray(np.where(record.mask, record.output, 0.0))
+    rows = rows_of(record, left.used, predict(model, record))
+    about = (problem.template, prepare(problem.template, record), y, rows)
+    bent = skewness_at(bounds, about, NoiseModel(sigma), solved.free[k], covariance, 1.0)
     away = np.linalg.norm(solved.points[k] - solved.points[k][0], axis=1)
     noise_model = NoiseModel(sigma) if sigma > 0 else None
     fit = FitResult(
         name=type(model).__name__,
         model=model,
-        parameters=_parameters(model, bounds, solved.free[k], covariance, record),
+        parameters=_parameters(model, bounds, solved.free[k], covariance, record, bent),
         covariance=_scaled(covariance, solved.slope[k]),
         residuals=left.residuals,
         metrics=left.metrics,

@@ -23,12 +23,10 @@ class Starts(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Free vector at the minimum, the objective (mean squared error) and the Jacobian of the residuals
-    there, and whether it converged."""
+    """Free vector at the minimum, the objective (mean squared error) there, and whether it converged."""
 
     free: Float[np.ndarray, " parameters"]
     objective: float
-    jacobian: Float[np.ndarray, "samples parameters"]
     converged: bool
     steps: int
 
@@ -44,13 +42,9 @@ def refine(
 ) -> Optimum:
     """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
     arguments = _arguments(model, prepared, y, mask)
-    z, objective, jacobian, converged, taken = _run(
-        transform, arguments, jnp.asarray(free), steps, 1e-10
-    )
+    z, objective, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
     objective = np.nan_to_num(objective, nan=np.inf)
-    return Optimum(
-        np.asarray(z), float(objective), np.asarray(jacobian)[mask], bool(converged), int(taken)
-    )
+    return Optimum(np.asarray(z), float(objective), bool(converged), int(taken))
 
 
 def multi_start(
@@ -129,15 +123,11 @@ def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance
 @eqx.filter_jit
 def _run(
     transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Minimum, objective, the residuals' Jacobian there in the output's unit, convergence, steps taken."""
+) -> tuple[Array, Array, Array, Array]:
+    """Minimum, objective, convergence, steps taken."""
     solution = _solve(transform, arguments, z, steps, tolerance)
     end, converged = solution.value, solution.result == optimistix.RESULTS.successful
-    *_, mask, scale = arguments
-    unit = scale * jnp.sqrt(mask.sum())
-    jacobian = jax.jacfwd(lambda z: unit * _residuals(transform, z, arguments))(end)
-    objective = _objective(transform, end, arguments)
-    return end, objective, jacobian, converged, solution.stats["num_steps"]
+    return end, _objective(transform, end, arguments), converged, solution.stats["num_steps"]
 
 
 @eqx.filter_jit

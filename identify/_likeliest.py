@@ -16,6 +16,7 @@ from ._noise import Noise
 from ._noise_doubt import widening
 from ._noise_fit import PARTS, Linearised, lanes, noise_fit, of_free
 from ._noise_model import NoiseModel, Rows
+from ._skewness import Skewness, points_about, skewness
 from ._transform import Transform
 
 ROUNDS = 40
@@ -204,6 +205,33 @@ def linearised(bounds: Transform, z: Array, arguments: Any) -> Linearised:
     (r, predicted), J = residuals(z), jax.jacfwd(lambda z: residuals(z)[0])(z)
     rows = rows._replace(output=predicted)
     return Linearised(r, J, rows, jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z))
+
+
+def skewness_at(
+    bounds: Transform,
+    arguments: Any,
+    noise: NoiseModel,
+    free: Float[np.ndarray, " parameters"],
+    covariance: Float[np.ndarray, "parameters parameters"],
+    weight: float,
+) -> Skewness:
+    """Of log-likelihood times weight and priors, the noise as it is; `arguments` as of `linearised`."""
+    noise, points = jax.tree.map(jnp.asarray, noise), points_about(free, covariance)
+    about = [linearised(bounds, jnp.asarray(z), arguments) for z in points]
+    scores = [weight * score(at, arguments[2], noise) - at.pull for at in about]
+    return skewness(np.array(scores), covariance)
+
+
+@eqx.filter_jit
+def score(
+    at: Linearised, measured: Float[Array, " rows"], noise: NoiseModel
+) -> Float[Array, " parameters"]:
+    """d log-likelihood / dz."""
+
+    def likelihood(r: Array) -> Array:
+        return noise.log_likelihood(r, at.rows._replace(output=measured + r))
+
+    return at.jacobian.T @ jax.grad(likelihood)(at.residuals)
 
 
 def _first(at: Linearised) -> Linearised:

@@ -12,11 +12,12 @@ from ._believed import BELIEVED, nothing_speaks_against
 from ._evidence import evidence
 from ._folds import Parts, block_errors
 from ._least_squares import Optimum, multi_start, refine, thinned_rows
-from ._likeliest import Likeliest, likeliest, plainest
-from ._noise_fit import kinds
-from ._noise_model import Rows, rows_of
+from ._likeliest import Likeliest, likeliest, linearised, plainest, skewness_at
+from ._noise_fit import Linearised, kinds
+from ._noise_model import NoiseModel, rows_of
 from ._result import FitResult, Parameter, Status, predict, prepare
 from ._settings import Settings
+from ._skewness import Skewness
 from ._transform import Transform, transform, transform_for
 
 SPREADS = (1.5, 3.0, 6.0)
@@ -105,9 +106,11 @@ def fit_parametric(
     left = evidence(record, parts, predicted, dropped, held_out, len(bounds.names))
     rows = rows_of(record, left.used, predicted)
     about = (bounds, template, prepared, y, rows, optimum.free)
+    arguments = (template, prepared, jnp.asarray(y), rows)
+    at = linearised(bounds, jnp.asarray(optimum.free), arguments)
     found = None
     if noise is not None and not bounds.asked:
-        found = _plainest(optimum, left.used, left.residuals, rows, noise)
+        found = _plainest(optimum.free, at, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
     weighed = {} if found is None else found.over_the_best
@@ -121,16 +124,20 @@ def fit_parametric(
     if found is None:
         free, covariance = (
             optimum.free,
-            _covariance(optimum.jacobian, left.noise.sigma**2 * widened),
+            _covariance(np.asarray(at.jacobian), left.noise.sigma**2 * widened),
         )
+        taken, wider = NoiseModel(left.noise.sigma), np.ones_like(free)
     else:
-        free, covariance = found.free, _scaled(_covariance(found.root, widened), found.wider)
+        free, covariance = found.free, _covariance(found.root, widened)
+        taken, wider = found.noise, found.wider
         model = _model(bounds, template, free)
         left = evidence(record, parts, predict(model, record), dropped, held_out, len(free))
+    bent = skewness_at(bounds, arguments, taken, free, covariance, 1 / widened)
+    covariance = _scaled(covariance, wider)
     return FitResult(
         name=name,
         model=model,
-        parameters=_parameters(model, bounds, free, covariance, record),
+        parameters=_parameters(model, bounds, free, covariance, record, bent),
         covariance=_scaled(covariance, bounds.slope(free)),
         residuals=left.residuals,
         metrics=left.metrics,
@@ -149,16 +156,13 @@ def fit_parametric(
     )
 
 
-def _plainest(
-    optimum: Optimum, used: np.ndarray, residuals: np.ndarray, rows: Rows, noise: str
-) -> Likeliest | None:
+def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:
     """Independent Gaussian noise, where it is asked for, nothing speaks against it, or the residuals are
     the solver's tolerance."""
-    J = np.zeros((len(used), len(optimum.free)))
-    J[used] = optimum.jacobian
-    found, left = plainest(optimum.free, np.where(used, residuals, 0.0), J, rows)
-    asked = noise == "gaussian" or found.noise.sigma < EXACT * np.ptp(np.asarray(rows.output)[used])
-    return found if asked or (noise == "auto" and nothing_speaks_against(left, rows)) else None
+    found, left = plainest(free, np.asarray(at.residuals), np.asarray(at.jacobian), at.rows)
+    size = np.ptp(np.asarray(at.rows.output)[np.asarray(at.rows.counted)])
+    asked = noise == "gaussian" or found.noise.sigma < EXACT * size
+    return found if asked or (noise == "auto" and nothing_speaks_against(left, at.rows)) else None
 
 
 def _model(bounds: Transform, template: Any, z: np.ndarray) -> Any:
@@ -188,6 +192,7 @@ def _parameters(
     z: np.ndarray,
     covariance: np.ndarray,
     record: Record,
+    bent: Skewness,
 ) -> tuple[Parameter, ...]:
     """Values with honest errors: none at a bound, none where the data cannot tell.
 
@@ -217,7 +222,8 @@ def _parameters(
         if status != "free":
             found.append(Parameter(name, value, unit, None, status))
             continue
-        ends = [z + np.eye(len(z))[k] * side * NINETY * error for side in (-1, 1)]
+        lean = bent.displaced(NINETY)[k]
+        ends = [z + np.eye(len(z))[k] * error * (lean + side) for side in (-NINETY, NINETY)]
         low, high = (float(bounds.to_values(jnp.asarray(end))[k]) for end in ends)
         found.append(Parameter(name, value, unit, error * abs(slope), status, low, high))
     return tuple(found)

@@ -23,7 +23,8 @@ Status = Literal["free", "fixed", "at bound", "unidentified"]
 class Parameter(NamedTuple):
     """A fitted parameter: value, unit, standard error (None where there is no honest one), status.
 
-    `low`, `high`: its 90 % interval, symmetric in the free space and so never beyond a bound.
+    `low`, `high`: its 90 % interval, as skewed as the posterior of the prior that was asked for, else of a
+    flat one in the free space, and never beyond a bound.
     """
 
     name: str
