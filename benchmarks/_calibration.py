@@ -174,10 +174,8 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     information = weight * _squared(np.asarray(now.left.W)) + precision
     wider = np.asarray(now.wider)
     covariance = np.linalg.inv(information)
-    noises, points = (
-        jax.vmap(of_free)(now.noise),
-        jnp.asarray(points_about(np.asarray(z), covariance)),
-    )
+    noises = jax.vmap(of_free)(now.noise)
+    points = jnp.asarray(points_about(np.asarray(z), covariance))
     scores = _scores(bounds, case.model, prepared, jnp.asarray(y), rows, noises, points)
     bent = skewness(np.asarray(scores), covariance)
     covariance = covariance * wider[:, :, None] * wider[:, None]

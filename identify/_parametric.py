@@ -122,10 +122,8 @@ def fit_parametric(
         # What is asked of the parameters weighs against as many facts as are independent.
         found = likeliest(*about, kinds("gaussian"), widened) if bounds.asked else None
     if found is None:
-        free, covariance = (
-            optimum.free,
-            _covariance(np.asarray(at.jacobian), left.noise.sigma**2 * widened),
-        )
+        free = optimum.free
+        covariance = _covariance(np.asarray(at.jacobian), left.noise.sigma**2 * widened)
         taken, wider = NoiseModel(left.noise.sigma), np.ones_like(free)
     else:
         free, covariance = found.free, _covariance(found.root, widened)
