@@ -14,7 +14,7 @@ ROUND = 2 * np.pi
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def opposed_normal(
-    order: int, x: Float[Array, "*pairs"], y: Float[Array, "*pairs"], v: Float[Array, "#*pairs"]
+    order: int, x: Float[Array, "*pairs"], y: Float[Array, "*pairs"], v: Float[Array, ""]
 ) -> Float[Array, "*pairs"]:
     """P(X < x, Y < y) of standard normal numbers whose correlation is -tanh v, |v| up to 3 and more:
 
@@ -31,8 +31,6 @@ def opposed_normal(
     nodes, weights = (
         jnp.asarray(each, x.dtype) for each in ((nodes + 1) / 2, weights / (2 * ROUND))
     )
-    nodes, weights = (each.reshape(-1, *[1] * v.ndim) for each in (nodes, weights))
-    v = v[None]
     w = v * nodes
     cosh, tanh = jnp.cosh(w), jnp.tanh(w)
     squares, product = -(x * x + y * y) / 2, -x * y
