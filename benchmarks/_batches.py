@@ -11,6 +11,7 @@ import tempfile
 import time
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def _side_by_side(quick: bool) -> list[Row]:
     batch.table()
     table = time.perf_counter() - begin
     begin = time.perf_counter()
-    fits = [fit for _, fit in list(batch)[:20]]
+    fits = [fit for _, fit in islice(batch, 20)]
     each = (time.perf_counter() - begin) / len(fits)
     many = float(np.median(taken))
     return [
@@ -139,9 +140,10 @@ def _workers(quick: bool) -> list[Row]:
             assert not batch.failed
     with tempfile.TemporaryDirectory() as folder, _cluster(2) as executor:
         marker = str(Path(folder) / "killed")
-        batch = identify.fit_many(records, executor=executor, function=grid_fit, marker=marker)
+        few = records[:4]
+        batch = identify.fit_many(few, executor=executor, function=grid_fit, marker=marker)
         assert Path(marker).exists()
-    ratio, share = seconds[1] / seconds[2], len(batch) / len(records)
+    ratio, share = seconds[1] / seconds[2], len(batch) / len(few)
     return [
         judged("one Dask worker over two, grid fits file by file", ratio, 1.7, at_least=True),
         noted("seconds of a grid fit in a worker", seconds[1] / len(records)),

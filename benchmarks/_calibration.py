@@ -360,7 +360,6 @@ def calibration_rows(quick: bool) -> list[Row]:
         for (k, phi, *_), (done, sampled) in zip(jobs, processes.map(_measured, jobs), strict=True):
             case = chosen[k]
             name = f"{case.name}, {f'AR(1) {phi:g}' if phi else 'white'}"
-            print(f"  {name}", file=sys.stderr, flush=True)
             chances += list(done.rank_chances())
             listed = dict(zip(done.names, done.coverage, strict=True))
             listed |= {
@@ -368,6 +367,7 @@ def calibration_rows(quick: bool) -> list[Row]:
                 "band of readings": 100 * done.band_noisy.mean(),
             }
             worst = max(listed, key=lambda n: abs(listed[n] - 90))
+            print(f"  {name}: {worst} {listed[worst]:.1f} %", file=sys.stderr, flush=True)
             met = LOW <= listed[worst] <= HIGH
             what = f"{name}: coverage of 90 % intervals farthest from it ({worst}), %"
             rows.append(Row(what, listed[worst], None, None, None if quick else bool(met), why))
