@@ -1,17 +1,52 @@
-"""Fitted models run backwards."""
+"""Fitted models run backwards.
 
-from . import _bouc_wen as _bouc_wen
-from . import _compose as _compose
-from . import _curves as _curves
-from . import _degrading_bouc_wen as _degrading_bouc_wen
-from . import _moving as _moving
-from . import _output_dependent as _output_dependent
-from . import _prandtl_ishlinskii as _prandtl_ishlinskii
-from . import _preisach as _preisach
-from . import _sponge as _sponge
-from . import _viscoelastic as _viscoelastic
-from ._bracketed import BracketedCompensator as BracketedCompensator
-from ._compensator import AbstractCompensator as AbstractCompensator
-from ._compensator import Estimate as Estimate
-from ._compensator import Status as Status
-from ._compensator import invert as invert
+`compensate.runtime` runs without JAX, so this package loads the rest when a name of it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .runtime._status import Status as Status
+
+if TYPE_CHECKING:
+    from ._calibrated import CalibratedCompensator as CalibratedCompensator
+    from ._calibrated import calibrated as calibrated
+    from ._dead_band import DeadBandCompensator as DeadBandCompensator
+    from ._ensemble import EnsembleCompensator as EnsembleCompensator
+    from ._ensemble import UncertainEstimate as UncertainEstimate
+    from ._export import Exported as Exported
+    from ._export import Quantity as Quantity
+    from ._export import export_c as export_c
+    from ._export import export_runtime as export_runtime
+    from ._filtered import FilteredCompensator as FilteredCompensator
+    from ._inverses import AbstractCompensator as AbstractCompensator
+    from ._inverses import BracketedCompensator as BracketedCompensator
+    from ._inverses import Estimate as Estimate
+    from ._inverses import invert as invert
+    from ._qualify import Loop as Loop
+    from ._qualify import Qualification as Qualification
+    from ._qualify import loop_widths as loop_widths
+    from ._qualify import qualify as qualify
+
+_HOME = {
+    "_inverses": ("AbstractCompensator", "BracketedCompensator", "Estimate", "invert"),
+    "_ensemble": ("EnsembleCompensator", "UncertainEstimate"),
+    "_calibrated": ("CalibratedCompensator", "calibrated"),
+    "_dead_band": ("DeadBandCompensator",),
+    "_filtered": ("FilteredCompensator",),
+    "_qualify": ("Loop", "Qualification", "loop_widths", "qualify"),
+    "_export": ("Exported", "Quantity", "export_c", "export_runtime"),
+}
+_MODULE = {name: module for module, names in _HOME.items() for name in names}
+__all__ = sorted([*_MODULE, "Status"])
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import_module("._inverses", __name__)
+    return getattr(import_module(f".{_MODULE[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

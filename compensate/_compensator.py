@@ -1,7 +1,6 @@
 """The contract every compensator keeps, and `invert`, the way to get one."""
 
 import abc
-from enum import IntEnum
 from functools import singledispatch
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -12,23 +11,9 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, InputError, parameters
 
+from .runtime._status import Status as Status
+
 State = TypeVar("State")
-
-
-class Status(IntEnum):
-    """What an estimate is worth."""
-
-    OK = 0
-    EXTRAPOLATED = 1
-    """Beyond the inputs the model knows; continued along its memoryless part."""
-    SATURATED = 2
-    """Beyond the outputs the model can have; held at the end of its range."""
-    FLAT = 3
-    """The model does not change here: the nearest input is held."""
-    BELOW_THRESHOLD = 4
-    """No contact yet: any input below the threshold gives this output."""
-    INVALID = 5
-    """The sample was NaN or infinite: the last estimate is held, the state untouched."""
 
 
 class Estimate(NamedTuple):
@@ -59,18 +44,23 @@ class AbstractCompensator(eqx.Module, Generic[State]):
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
 
-def invert(model: AbstractModel) -> AbstractCompensator:
+def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator.
 
-    For the draws of a posterior: `jax.vmap(lambda m: invert(m).simulate(t, y))(posterior.model)`.
+    Of many models, such as `Posterior.model`, an `EnsembleCompensator`, which tells how far their
+    estimates lie apart; `output_sigma` and `seed` are its own.
 
-    Raises `InputError` where the model has none: a decreasing stage, a signed density, no slope.
+    Raises `InputError` where the model has no inverse: a decreasing stage, a signed density, no slope.
     """
+    from ._ensemble import EnsembleCompensator  # which is a compensator, and inverts one draw
+
     if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
+        return EnsembleCompensator(model, output_sigma, seed)
+    if output_sigma is not None:
         raise InputError(
-            "many-models",
-            "every parameter has a leading axis: these are many models, and one is inverted at a time.",
-            fix="jax.vmap(lambda m: invert(m).simulate(t, y))(model).",
+            "one-model",
+            "one model's inverse has no spread for a reading's noise to add to.",
+            fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
         )
     return inverse_of(model)
 

@@ -57,6 +57,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
     floor: Array
     ceiling: Array
     flat_slope: Array
+    margin: Array
 
     def __init__(self, model: Preisach):
         self.model = model
@@ -70,6 +71,7 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         self.ceiling = self.begin[-1] + model.orientation * mass
         # A millionth of a millionth of the mean slope is rounding, not slope.
         self.flat_slope = 1e-12 * (self.ceiling - self.floor) / cells
+        self.margin = 4 * jnp.finfo(self.floor.dtype).eps * (self.ceiling - self.floor)
 
     def init(self) -> InverseState:
         past = self.model.init()
@@ -129,12 +131,15 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         end = jnp.where(loops.depth >= 2, older, bound)
         first, last = way * grid.locate(here)[0], way * grid.locate(end)[0]
 
-        # Bisect for the last cell, in the direction of travel, that is entered below the target.
+        # Bisect for the last cell, in the direction of travel, that is entered below the target; flat ones,
+        # in which it rises by rounding alone, are not gone through.
+        goal = target.rise - self.margin
+
         def halve(_: Any, interval: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = interval
             middle = (low + high + 1) >> 1
             node = jnp.where(way > 0, middle, 1 - middle)
-            below = self._at_node(target, node) < target.rise
+            below = self._at_node(target, node) < goal
             inside = low < high
             return (
                 jnp.where(inside & below, middle, low),
@@ -158,7 +163,11 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         fraction = jnp.clip(fraction, 0.0, 1.0)
         u = grid.at(cell, fraction)
         u = jnp.where(way > 0, jnp.clip(u, here, end), jnp.clip(u, end, here))
-        return u, s * (2 * A * fraction + B)
+        # At the edge of a flat cell the input may be anywhere in it.
+        node = cell + jnp.where(way > 0, 1, 0)
+        past = jnp.clip(node + way, 0, grid.cells)
+        flat = (way * cell < last) & (self._at_node(target, past) <= target.rise + self.margin)
+        return u, jnp.where(flat, 0.0, s * (2 * A * fraction + B))
 
     def _at_node(self, target: _Target, node: Array) -> Array:
         """q at a grid node."""

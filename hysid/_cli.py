@@ -13,6 +13,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from ._config import SELECTION, Config, options_of, parameters_said, selection_options
+from ._export_command import export
+from ._qualify_command import qualify
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
@@ -339,6 +341,10 @@ def report(folder: Folder, as_json: AsJson = False) -> None:
     """Write DIR/report.html, one page that needs nothing else."""
     found = _start().report(folder)
     _print(found, as_json, [found["file"]])
+
+
+app.command()(export)
+app.command()(qualify)
 
 
 def main() -> None:

@@ -1,0 +1,11 @@
+"""Compensators in plain Python: no JAX, no NumPy, a few microseconds a step.
+
+compensator = load("compensator.json")
+value, status = compensator.step(reading)
+"""
+
+from ._compensator import Compensator as Compensator
+from ._compensator import Estimate as Estimate
+from ._compensator import load as load
+from ._file import FileError as FileError
+from ._status import Status as Status

@@ -1,0 +1,91 @@
+"""`load`, and the compensator that it returns."""
+
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ._file import FileError, read
+from ._status import Status
+from ._tree import node_of
+
+_STATUSES = tuple(Status)
+_OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
+
+
+class Estimate(NamedTuple):
+    """The input behind a reading, and what it is worth."""
+
+    value: float
+    status: Status
+
+
+class Compensator:
+    """The input of a model behind its output, reading by reading.
+
+    - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
+    - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
+    - `rates`: whether `step` needs the time since the last reading.
+
+    The JAX compensator that was exported gives the same to 1e-9 of the range.
+    """
+
+    def __init__(self, document: dict[str, Any]):
+        self.title: str = document["title"]
+        self.reading: dict[str, str] = document["reading"]
+        self.estimate: dict[str, str] = document["estimate"]
+        self.limits: tuple[float, float] = tuple(document["limits"])
+        self.rates: bool = document["rates"]
+        self._tree, self._start = document["tree"], document["start"]
+        self.reset()
+
+    def reset(self) -> None:
+        """The state before the first reading."""
+        self._node = node_of(self._tree)
+        self._find, self._status = self._node.find, self._node.status
+        self._value, self._waited, self._begun = self._start, 0.0, False
+
+    def step(self, reading: float, dt: float | None = None) -> Estimate:
+        """One reading in, one estimate out.
+
+        `dt`: time since the last call; the first one's does not matter. A reading that is NaN or infinite
+        is INVALID: the last estimate is held, and nothing else changes.
+
+        Raises `TypeError` where the model depends on the rate and `dt` is left out.
+        """
+        if dt is None:
+            if self.rates:
+                raise TypeError("this compensator depends on the rate: step(reading, dt)")
+        elif 0.0 < dt < inf:
+            self._waited += dt
+        if not isfinite(reading):
+            return Estimate(self._value, Status.INVALID)
+        low, high = self.limits
+        seen = low if reading < low else high if reading > high else reading
+        self._value = value = self._find(self._waited if self._begun else 0.0, seen)
+        self._waited, self._begun = 0.0, True
+        status = _STATUSES[self._status()]
+        if seen != reading and status is _OK:
+            status = _EXTRAPOLATED
+        return Estimate(value, status)
+
+
+def load(path: str | Path) -> Compensator:
+    """The compensator of a file, once it has replayed the golden pair in it.
+
+    Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
+    otherwise.
+    """
+    document = read(path)
+    try:
+        compensator = Compensator(document)
+        golden = document["golden"]
+        rows = zip(golden["reading"], golden["dt"], golden["value"], strict=True)
+        worst = max(abs(compensator.step(y, dt).value - value) for y, dt, value in rows)
+    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError, ImportError) as error:
+        raise FileError(f"{path}: cannot be run ({error}). Export it again.") from None
+    if not worst <= golden["tolerance"]:
+        raise FileError(
+            f"{path}: replayed, its own readings give estimates {worst:.3g} off. Export it again."
+        )
+    compensator.reset()
+    return compensator

@@ -1,0 +1,12 @@
+"""The models as plain numbers, a file each: what both runtimes run, Python and, translated, C99.
+
+Every file has two structures, `Parameters` and `State`, and up to three functions of them:
+
+    look(p, s, dt, u)    the output at the input u, dt after the last sample; the state stays
+    move(p, s, dt, u)    the same, and the state moves there
+    find(p, s, dt, y)    the input behind the output y; the state moves there; s.status is its worth
+
+Those that need no time take no dt. Only what C has too is used: numbers, arrays of fixed length,
+arithmetic, `math`, if, while, for over a range. `compensate._c99` translates it word by word, comments
+included.
+"""

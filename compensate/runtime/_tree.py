@@ -1,0 +1,115 @@
+"""A compensator's tree of elements, run in plain Python."""
+
+import inspect
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from ._elements._codes import OK
+
+Function = Callable[[float, float], float]
+Tree = dict[str, Any]
+
+KINDS = (
+    "chain", "clip", "curve", "foam", "line", "maxwell", "moving", "plays", "polynomial", "preisach",
+    "scaled", "series", "softening", "sum",
+)  # fmt: skip
+
+
+class Node(NamedTuple):
+    """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`."""
+
+    look: Function
+    move: Function
+    find: Function
+    status: Callable[[], int]
+
+
+def node_of(tree: Tree, states: list[Any] | None = None) -> Node:
+    """The functions of a tree, with states of its own, which are appended to `states`."""
+    inner = [node_of(part, states) for part in tree.get("parts", ())]
+    kind = tree["kind"]
+    if kind not in KINDS:
+        raise ValueError(f"no element {kind!r}")
+    if kind == "series":
+        return _series(inner)
+    element: Any = import_module(f"._elements.{kind}", __package__)
+    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    if states is not None:
+        states.append(s)
+    if kind in ("scaled", "sum", "moving"):
+        return {"scaled": _scaled, "sum": _sum, "moving": _moving}[kind](element, p, s, inner)
+    look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
+    return Node(look, move, find, lambda: s.status)
+
+
+def _made(kind: type, values: dict[str, Any]) -> Any:
+    made = kind()
+    vars(made).update({k: list(v) if isinstance(v, list) else v for k, v in values.items()})
+    return made
+
+
+def _bound(function: Callable[..., float] | None, p: Any, s: Any) -> Any:
+    if function is None or "dt" in inspect.signature(function).parameters:
+        return function and partial(function, p, s)
+    return lambda dt, value: function(p, s, value)
+
+
+def _series(parts: list[Node]) -> Node:
+    last_first = parts[::-1]
+    said = [OK]
+
+    def look(dt: float, u: float) -> float:
+        for part in parts:
+            u = part.look(dt, u)
+        return u
+
+    def move(dt: float, u: float) -> float:
+        for part in parts:
+            u = part.move(dt, u)
+        return u
+
+    def find(dt: float, y: float) -> float:
+        said[0] = OK
+        for part in last_first:
+            y = part.find(dt, y)
+            if said[0] == OK:
+                said[0] = part.status()
+        return y
+
+    return Node(look, move, find, lambda: said[0])
+
+
+def _scaled(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
+    (part,) = inner
+    return Node(
+        lambda dt, u: element.onward(p, part.look(dt, u)),
+        lambda dt, u: element.onward(p, part.move(dt, u)),
+        lambda dt, y: part.find(dt, element.back(p, y)),
+        part.status,
+    )
+
+
+def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
+    def look(whole: Any, dt: float, u: float) -> float:
+        return sum(part.look(dt, u) for part in parts)
+
+    def move(dt: float, u: float) -> float:
+        return sum(part.move(dt, u) for part in parts)
+
+    def find(dt: float, y: float) -> float:
+        u = element.search(look, p, s, None, dt, y)
+        move(dt, u)
+        return u
+
+    return Node(partial(look, None), move, find, lambda: s.status)
+
+
+def _moving(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
+    (part,) = inner
+
+    def find(dt: float, y: float) -> float:
+        return element.less_feedback(p, part.find(dt, y), y, part.status())
+
+    return Node(part.look, part.move, find, part.status)

@@ -1,0 +1,55 @@
+"""`hysid export`: the compensator of a fit as a file that runs without JAX."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from compensate import Quantity, export_c, export_runtime
+from hysteresis import InputError
+
+
+def export(
+    folder: Path, c: Path | None, runtime: Path | None, *, single: bool = False,
+    limits: tuple[float, float] | None = None, depth: int = 64,
+) -> dict[str, Any]:  # fmt: skip
+    """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit."""
+    document = identify.read_document(folder)
+    if "folders" in document:
+        raise InputError(
+            "many-fits",
+            f"{len(document['folders'])} fits are in this folder, and a file holds one compensator.",
+            place=str(folder),
+            fix=f"export one of them: {', '.join(str(folder / f) for f in document['folders'].values())}.",
+        )
+    fitted = identify.load(folder)
+    if fitted.channels is not None or "spectrum" in fitted.internals:
+        raise InputError(
+            "no-inverse",
+            "one output does not give back several inputs, or a step.",
+            place=str(folder),
+            fix="export the fit of one input that moves.",
+        )
+    record = fitted.train
+    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    readings = record.output[record.mask]
+    span = np.ptp(readings) / 2
+    options: dict[str, Any] = {
+        "times": None if record.time is None else record.time[rows],
+        "reading": Quantity(record.output_name, record.output_unit),
+        "estimate": Quantity(record.input_name, record.input_unit),
+        "title": fitted.name, "depth": depth,
+        "limits": limits or (readings.min() - span, readings.max() + span),
+    }  # fmt: skip
+    used = np.where(record.mask[rows], record.output[rows], np.nan)
+    files, notes = {}, []
+    if c is not None:
+        done = export_c(fitted.model, c, used, real="float" if single else "double", **options)
+        files["c"], notes = str(done.path), [*done.notes]
+    if runtime is not None:
+        done = export_runtime(fitted.model, runtime, used, **options)
+        files["runtime"], notes = str(done.path), [*done.notes]
+    if not fitted.trusted:
+        notes.append(f"this fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+    return {"files": files, "notes": notes, "limits": [float(x) for x in options["limits"]]}

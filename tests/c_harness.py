@@ -1,0 +1,110 @@
+"""Exported headers, compiled and run from Python."""
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+
+SOURCE = """\
+#include "{stem}.h"
+
+typedef {stem}_real real;
+
+void run(long n, const double *dt, const double *y, double *u, int *status);
+void predict(long n, const double *dt, const double *u, double *y);
+int wrong(void);
+int size(void);
+
+void run(long n, const double *dt, const double *y, double *u, int *status)
+{{
+    {stem}_state s;
+    {stem}_reset(&s);
+    (void)dt;
+    for (long k = 0; k < n; ++k) {{
+        real value;
+        status[k] = {stem}_step(&s, {dt}(real)y[k], &value);
+        u[k] = (double)value;
+    }}
+}}
+
+void predict(long n, const double *dt, const double *u, double *y)
+{{
+    {stem}_state s;
+    {stem}_reset(&s);
+    (void)dt;
+    for (long k = 0; k < n; ++k) {{
+        y[k] = {predict};
+    }}
+}}
+
+int wrong(void)
+{{
+    {stem}_state s;
+    return {stem}_self_test(&s);
+}}
+
+int size(void)
+{{
+    return (int)sizeof({stem}_state);
+}}
+"""
+
+
+class Compiled:
+    """A header `stem`.h as a shared library."""
+
+    def __init__(self, header: Path, compiler: str = "gcc", flags: tuple[str, ...] = ("-O2",)):
+        self.text, stem = header.read_text("utf-8"), header.stem
+        dt = "(real)dt[k], " if f"{stem}_step({stem}_state *s, {stem}_real dt" in self.text else ""
+        known = f"double {stem}_predict(" in self.text.replace(f"{stem}_real", "double")
+        predict = f"(double){stem}_predict(&s, {dt}(real)u[k])" if known else "u[k]"
+        source = header.with_suffix(".c")
+        source.write_text(SOURCE.format(stem=stem, dt=dt, predict=predict), "utf-8")
+        library = header.with_suffix(f".{compiler}.so")
+        command = [
+            compiler,
+            *STRICT,
+            *flags,
+            "-shared",
+            "-fPIC",
+            str(source),
+            "-o",
+            str(library),
+            "-lm",
+        ]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        self.library = ctypes.CDLL(str(library))
+
+    def run(self, dt: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Estimates and statuses."""
+        u, status = np.empty(len(y)), np.empty(len(y), np.int32)
+        self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, u, status)))
+        return u, status
+
+    def predict(self, dt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Readings of the model itself."""
+        y = np.empty(len(u))
+        self.library.predict(ctypes.c_long(len(u)), *map(_pointer, (dt, u, y)))
+        return y
+
+    @property
+    def wrong(self) -> int:
+        """What the self test counts."""
+        return self.library.wrong()
+
+    @property
+    def size(self) -> int:
+        """sizeof of the state."""
+        return self.library.size()
+
+
+def _pointer(array: np.ndarray) -> Any:
+    assert array.flags.c_contiguous
+    return array.ctypes.data_as(ctypes.c_void_p)

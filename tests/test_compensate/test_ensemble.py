@@ -1,0 +1,199 @@
+"""Draws side by side are the draws one by one; a calibrated band holds what it says."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import CalibratedCompensator, EnsembleCompensator, Status, calibrated, invert
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    InputError,
+    LinearSponge,
+    MonotoneCurve,
+    Preisach,
+    Record,
+    Sum,
+)
+from hysteresis.preisach import GridDensity
+from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights
+
+DRAWS = 9
+
+
+def grid(rng: np.random.Generator) -> Preisach:
+    return Preisach(GridDensity(LOW, HIGH, weights(rng)), rng.uniform(0.3, 0.6, 7), rng.normal())
+
+
+def burgers(rng: np.random.Generator) -> Burgers:
+    return Burgers(*rng.uniform([1, 20, 1, 2], [4, 80, 4, 10]), rng.normal())
+
+
+def stacked(make: Any, draws: int = DRAWS) -> tuple[list[Any], Any]:
+    each = [make(np.random.default_rng(k)) for k in range(draws)]
+    return each, jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
+
+
+both = pytest.mark.parametrize("make", [grid, burgers])
+t = 0.1 * np.arange(SAMPLES)
+
+
+def history(seed: int = 1) -> np.ndarray:
+    return random_histories(np.random.default_rng(seed), LOW, HIGH, (4, SAMPLES))[-1]
+
+
+@both
+def test_side_by_side_as_one_by_one(make: Any):
+    each, models = stacked(make)
+    y = np.asarray(each[0].simulate(t, history()))
+    found = invert(models).simulate(t, y)
+    alone = np.stack([np.asarray(invert(model).simulate(t, y).value) for model in each])
+    np.testing.assert_allclose(found.draws, alone, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.value, alone.mean(0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.deviation, alone.std(0), rtol=0, atol=1e-9)
+    wanted = np.quantile(alone, [0.1, 0.5], axis=0)
+    np.testing.assert_allclose(found.quantile([0.1, 0.5]), wanted, rtol=0, atol=1e-9)
+    assert found.quantile(0.5).shape == y.shape
+
+
+@both
+@pytest.mark.parametrize("sigma", [None, 0.05])
+def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any, sigma: float | None):
+    each, models = stacked(make)
+    y = np.asarray(each[0].simulate(t, history()))
+    hole = np.isin(np.arange(SAMPLES), [0, 5, 6, 17])
+    broken = np.where(hole, np.resize([np.nan, np.inf, -np.inf], SAMPLES), y)
+    inner = invert(models, output_sigma=sigma, seed=3)
+    error = jnp.array([[0.1, 0.2], [0.3, 0.4]])
+    levels, scores = jnp.array([LOW, HIGH]), jnp.array([-1.0, 1.0])
+    for compensator in (inner, CalibratedCompensator(inner, levels, error, scores, 0.01)):
+        whole = compensator.simulate(t, broken)
+        step, state = jax.jit(lambda s, t, y, c=compensator: c.step(s, t, y)), compensator.init()
+        for k in range(SAMPLES):
+            before = state
+            state, found = step(state, t[k], jnp.asarray(broken[k]))
+            np.testing.assert_allclose(found.draws, whole.draws[:, k], rtol=0, atol=1e-8)
+            np.testing.assert_allclose(found.deviation, whole.deviation[k], rtol=0, atol=1e-8)
+            assert found.status == whole.status[k]
+            if hole[k]:
+                assert found.status == Status.INVALID
+                jax.tree.map(np.testing.assert_array_equal, before, state)
+        assert np.isfinite(np.asarray(whole.draws)).all()
+        # The noise of a sample does not depend on those that had no reading.
+        alone = compensator.simulate(t[~hole], y[~hole])
+        np.testing.assert_allclose(alone.draws, whole.draws[:, ~hole], rtol=0, atol=1e-8)
+
+
+def test_the_readings_noise_is_in_the_spread():
+    """Through a line of slope 2, sigma / 2, and its share of the spread of many draws' offsets."""
+    models = jax.vmap(lambda b: LinearSponge(2.0, b))(jnp.linspace(1.0, 1.2, 400))
+    for sigma in (0.5, np.full(400, 0.5)):
+        found = invert(models, output_sigma=sigma).simulate(None, np.full(50, 7.0))
+        wanted = np.hypot(0.25, np.std(np.linspace(0.5, 0.6, 400)))
+        # The deviation of 400 draws is right to 3.5 %, the mean over 50 samples to 0.5 %.
+        assert abs(np.mean(np.asarray(found.deviation)) / wanted - 1) < 0.02
+
+
+def test_the_commonest_status_that_is_not_ok():
+    models = jax.vmap(lambda s: LinearSponge(1.0, 0.0, s))(jnp.array([0.5, 1.0, 1.5]))
+    found = invert(models).simulate(None, [2.0, 1.2, np.nan])
+    wanted = [Status.OK, Status.BELOW_THRESHOLD, Status.INVALID]
+    np.testing.assert_array_equal(found.status, wanted)
+
+
+def test_what_all_draws_share_is_known_before_jax_runs():
+    """The range of a sum is read from the nodes of its curve."""
+
+    def make(rng: np.random.Generator) -> Sum:
+        curve = MonotoneCurve(np.linspace(LOW, HIGH, 5), rng.uniform(0.5, 1.0, 4), 0.0)
+        return Sum((curve, grid(rng)))
+
+    each, models = stacked(make, 3)
+    u = history()
+    y = np.asarray(each[1].simulate(None, u))
+    found = invert(models).simulate(None, y)
+    np.testing.assert_allclose(found.draws[1], u, rtol=0, atol=1e-6)
+
+
+def refused(code: str):
+    return pytest.raises(InputError, match=rf"\[{code}\]")
+
+
+def test_what_is_no_deviation_is_refused():
+    each, models = stacked(burgers)
+    for sigma in (-1.0, np.nan, np.ones(DRAWS + 1)):
+        with refused("output-sigma"):
+            invert(models, output_sigma=sigma)
+    with refused("one-model"):
+        invert(each[0], output_sigma=0.1)
+
+
+def test_a_first_draw_without_inverse_is_refused():
+    models = jax.vmap(lambda K: LinearSponge(K, 1.0))(jnp.array([0.0, 1.0]))
+    with refused("not-invertible"):
+        invert(models)
+
+
+def wrong(seed: int, cycles: int = 8) -> tuple[AbstractModel, Record]:
+    """A line, and a record whose readings it misses by a wave per cycle: larger on the way up."""
+    rng = np.random.default_rng(seed)
+    per = 200
+    u = 5 - 5 * np.cos(2 * np.pi * np.arange(cycles * per + 1) / per)
+    amplitude = np.append(np.repeat(rng.normal(0, 1, cycles), per), 0.0)
+    up = np.gradient(u) > 0
+    y = u + np.where(up, 0.3, 0.1) * amplitude * np.sin(u / 2 + 1)
+    return LinearSponge(1.0, 0.0), Record.from_arrays(u, y, dt=0.01)
+
+
+def coverage(compensator: Any, record: Record) -> float:
+    low, high = np.asarray(compensator.simulate(record.time, record.output).quantile([0.05, 0.95]))
+    return float(np.mean(((low <= record.input) & (record.input <= high))[record.mask]))
+
+
+def test_a_calibrated_band_holds_what_it_says_of_other_cycles():
+    """Errors that are the same for half a cycle each: 90 % bands, on average over 20 records of others."""
+    held = []
+    for seed in range(20):
+        model, record = wrong(seed)
+        known = calibrated(invert(model), record)
+        assert known.error[1].mean() > known.error[0].mean()
+        held.append(coverage(known, wrong(100 + seed)[1]))
+    assert 0.85 <= np.mean(held) <= 0.95
+
+
+def test_the_error_is_added_in_quadrature_and_carried_over():
+    _, models = stacked(lambda rng: LinearSponge(1.0, 0.05 * rng.normal()), 40)
+    _, record = wrong(0)
+    plain = invert(models)
+    known = calibrated(plain, record)
+    found, spread = known.simulate(None, record.output), plain.simulate(None, record.output)
+    error = np.sqrt(np.asarray(found.deviation) ** 2 - np.asarray(spread.deviation) ** 2)
+    assert error.min() >= 0.99 * np.asarray(known.error).min()
+    np.testing.assert_array_equal(found.value, spread.value)
+    other = known.around(invert(LinearSponge(1.0, 0.0)))
+    assert other.error is known.error
+    assert other.simulate(None, record.output).deviation.max() < np.asarray(found.deviation).max()
+
+
+def test_only_the_last_cycles_and_counted_rows():
+    model, record = wrong(0, 4)
+    last = calibrated(invert(model), record, cycles=1)
+    alone = calibrated(invert(model), record.split_rows(record.cycle >= 4)[1])
+    np.testing.assert_allclose(last.error, alone.error, rtol=1e-12)
+    np.testing.assert_allclose(last.scores, alone.scores, rtol=1e-12)
+    with refused("no-rows"):
+        calibrated(invert(model), record.split_rows(record.cycle >= 4)[1], cycles=0)
+
+
+def test_several_sequences_are_told_apart():
+    model, first = wrong(0, 2)
+    _, second = wrong(1, 2)
+    u, y = (np.concatenate([getattr(r, k) for r in (first, second)]) for k in ("input", "output"))
+    groups = np.repeat(["a", "b"], [len(first), len(second)])
+    both = Record.from_arrays(u, y, groups=groups, dt=0.01)
+    known = calibrated(EnsembleCompensator(stacked(lambda _: model, 2)[1]), both)
+    assert np.isfinite(np.asarray(known.error)).all()
+    assert coverage(known, first) > 0.5

@@ -1,0 +1,179 @@
+"""Inverses that know of noise: nothing without it, less of it with it, and a deviation that is one."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
+from hysteresis.preisach import GridDensity
+from tests.problems import HIGH, LOW, PROBLEMS, SAMPLES, clock, histories, random_histories
+
+CELLS = 12
+SPAN = HIGH - LOW
+rng = np.random.default_rng(5)
+GRID = Preisach(
+    GridDensity(LOW, HIGH, np.tril(rng.uniform(0.1, 1.0, (CELLS, CELLS)))),
+    rng.uniform(0.5, 2.0, CELLS),
+    0.3,
+)
+BURGERS = Burgers(2.0, 40.0, 1.0, 5.0, 0.1)
+both = pytest.mark.parametrize("model", [GRID, BURGERS], ids=["preisach", "burgers"])
+
+
+def walk(step: float, samples: int, seed: int) -> np.ndarray:
+    """A random walk, turned back at the ends of the range."""
+    steps = np.random.default_rng(seed).normal(0, step, samples)
+    place = np.mod(np.cumsum(steps) + 0.3 * SPAN, 2 * SPAN)
+    return LOW + np.where(place > SPAN, 2 * SPAN - place, place)
+
+
+def noisy(
+    model: AbstractModel, u: np.ndarray, seed: int = 7
+) -> tuple[jax.Array, np.ndarray, float]:
+    """Times, outputs with noise of 1 % of their range, and its deviation."""
+    t = jnp.asarray(0.1 * np.arange(len(u)))
+    y = np.asarray(model.simulate(t, u))
+    sigma = 0.01 * float(np.ptp(y))
+    return t, y + np.random.default_rng(seed).normal(0, sigma, len(u)), sigma
+
+
+def wrapped(kind: str, model: AbstractModel) -> Any:
+    if kind == "dead band":
+        return DeadBandCompensator(invert(model), 0.05)
+    return FilteredCompensator(model, 0.05, 0.02, by_time=kind == "by time")
+
+
+@both
+def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
+    u = random_histories(np.random.default_rng(0), LOW, HIGH, (20, SAMPLES))
+    t = jnp.asarray(clock(0))
+    compensator = FilteredCompensator(model, 0.3, 1e-9)
+
+    @jax.jit
+    @jax.vmap
+    def found(row: jax.Array):
+        y = model.simulate(t, row)
+        return compensator.simulate(t, y), y
+
+    estimate, _ = found(jnp.asarray(u))
+    # The gain is 1 but for 1e-18 over the chord's slope squared; slopes vanish at a reversal.
+    np.testing.assert_allclose(estimate.value, u, rtol=0, atol=1e-5)
+    assert set(np.unique(estimate.status).tolist()) <= {Status.OK, Status.FLAT}
+
+
+@pytest.mark.parametrize(
+    "problem", [p for p in PROBLEMS if p.name in ("positive", "sponge", "burgers", "leading")],
+    ids=lambda p: p.name,
+)  # fmt: skip
+@settings(max_examples=10)
+@given(data=st.data())
+def test_a_dead_band_of_no_width_is_the_inner_inverse(problem: Any, data: st.DataObject):
+    model, t = problem.model(), jnp.asarray(clock(0))
+    u = data.draw(histories(problem.low, problem.high), "u")
+    y = model.simulate(t, u)
+    inner = invert(model)
+    found = DeadBandCompensator(inner, 0.0).simulate(t, y)
+    np.testing.assert_array_equal(found.value, inner.simulate(t, y).value)
+
+
+def test_a_dead_band_lags_by_its_width_over_the_slope():
+    model = LinearSponge(K=2.0, b=1.0, threshold=0.0)
+    u = np.concatenate([np.linspace(1, 5, 41), np.linspace(5, 2, 31)])
+    found = DeadBandCompensator(invert(model), 0.4).simulate(None, model.simulate(None, u))
+    np.testing.assert_allclose(found.value[5:41], u[5:41] - 0.2, atol=1e-12)
+    np.testing.assert_allclose(found.value[50:], u[50:] + 0.2, atol=1e-12)
+    # It stands still until the reading has come back by twice the width.
+    np.testing.assert_allclose(found.value[41:45], 4.8, atol=1e-12)
+
+
+@both
+@pytest.mark.parametrize("step", [0.003, 0.02])
+def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: float):
+    """On walks with just these statistics: 90 % bands hold 85 to 95 %."""
+    u = walk(step * SPAN, 3000, 1)
+    t, y, sigma = noisy(model, u)
+    raw = np.asarray(invert(model).simulate(t, y).value) - u
+    found = FilteredCompensator(model, step * SPAN, sigma).simulate(t, y)
+    error = np.asarray(found.value) - u
+    assert np.sqrt(np.mean(error**2)) < 0.75 * np.sqrt(np.mean(raw**2))
+    low, high = np.asarray(found.quantile([0.05, 0.95]))
+    assert 0.85 <= np.mean((low <= u) & (u <= high)) <= 0.95
+
+
+@pytest.mark.parametrize("kind", ["dead band", "filtered", "by time"])
+@both
+def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel, kind: str):
+    compensator = wrapped(kind, model)
+    t, y, _ = noisy(model, walk(0.05, SAMPLES, 2))
+    hole = np.isin(np.arange(SAMPLES), [0, 1, 7, 8, 20])
+    broken = np.where(hole, [[np.nan, np.inf, -np.inf, np.nan] * (SAMPLES // 4)], y)[0]
+    whole = compensator.simulate(t, broken)
+    state, step = compensator.init(), jax.jit(lambda s, t, y: compensator.step(s, t, y))
+    for k in range(SAMPLES):
+        before = state
+        state, found = step(state, t[k], jnp.asarray(broken[k]))
+        np.testing.assert_allclose(found.value, whole.value[k], rtol=0, atol=1e-9)
+        assert found.status == whole.status[k]
+        if hole[k]:
+            assert found.status == Status.INVALID
+            jax.tree.map(np.testing.assert_array_equal, before, state)
+    assert np.isfinite(np.asarray(whole.value)).all()
+    np.testing.assert_array_equal(np.asarray(whole.status) == Status.INVALID, hole)
+    # The good samples are those of a record that never had the others.
+    alone = compensator.simulate(t[~hole], broken[~hole])
+    np.testing.assert_allclose(alone.value, np.asarray(whole.value)[~hole], rtol=0, atol=1e-9)
+    half = SAMPLES // 2
+    state = compensator.init()
+    for k in range(half):
+        state, _ = step(state, t[k], jnp.asarray(broken[k]))
+    rest = compensator.simulate(t[half:], broken[half:], state)
+    np.testing.assert_allclose(rest.value, whole.value[half:], rtol=0, atol=1e-9)
+
+
+def test_nothing_is_known_before_the_first_reading():
+    found = FilteredCompensator(GRID, 0.05, 0.02).simulate(None, [np.nan, np.nan])
+    assert np.isinf(np.asarray(found.deviation)).all()
+    assert np.isfinite(np.asarray(found.value)).all()
+
+
+def test_by_time_a_longer_pause_leaves_more_open():
+    found = FilteredCompensator(LinearSponge(2.0, 1.0, 0.0), 1.0, 0.1, by_time=True)
+    deviation = np.asarray(found.simulate([0.0, 0.1, 0.2, 10.0], np.full(4, 41.0)).deviation)
+    # P = 1 / (1 / (Q dt + P) + H^2 / R), from R / H^2.
+    wanted = [0.05**2]
+    for dt in (0.1, 0.1, 9.8):
+        wanted.append(1 / (1 / (wanted[-1] + dt) + 1 / 0.05**2))
+    np.testing.assert_allclose(deviation, np.sqrt(wanted), rtol=1e-6)
+    assert deviation[3] > deviation[2]
+
+
+def test_filters_of_draws_run_side_by_side():
+    models = jax.vmap(lambda e: Burgers(e, 40.0, 1.0, 5.0))(jnp.array([1.9, 2.0, 2.1]))
+    t, y, sigma = noisy(BURGERS, walk(0.02, SAMPLES, 3))
+    each = EnsembleCompensator(models, inverse=lambda m: FilteredCompensator(m, 0.06, sigma))
+    found = each.simulate(t, y)
+    one = FilteredCompensator(Burgers(2.0, 40.0, 1.0, 5.0), 0.06, sigma).simulate(t, y)
+    assert found.draws is not None
+    np.testing.assert_allclose(found.draws[1], one.value, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_deviations_that_are_none_are_refused(value: float):
+    with pytest.raises(InputError, match="not-positive"):
+        FilteredCompensator(GRID, value, 0.1)
+    with pytest.raises(InputError, match="not-positive"):
+        FilteredCompensator(GRID, 0.1, value)
+    if value:
+        with pytest.raises(InputError, match="dead-band"):
+            DeadBandCompensator(invert(GRID), value)
+
+
+def test_steps_by_time_need_the_times():
+    with pytest.raises(InputError, match="no-time"):
+        FilteredCompensator(GRID, 0.1, 0.1, by_time=True).simulate(None, [0.0])

@@ -1,0 +1,302 @@
+"""Exported compensators, in Python and in C, are the JAX one."""
+
+import json
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from compensate import Status, export_c, export_runtime, invert
+from compensate.runtime import Compensator, FileError, load
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Sum
+from hysteresis.preisach import GridDensity
+from tests.c_harness import COMPILERS, STRICT, Compiled
+from tests.problems import PROBLEMS, Problem, random_histories, weights
+
+ROWS = 600
+NOT_EXPORTED = {"preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen"}
+EXPORTED = [p for p in PROBLEMS if p.name not in NOT_EXPORTED]
+every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
+DEPTH = 128
+
+
+class Run(NamedTuple):
+    """A model, a history with its outputs, and what the JAX compensator makes of them."""
+
+    model: AbstractModel
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    value: np.ndarray
+    status: np.ndarray
+
+    @property
+    def dt(self) -> np.ndarray:
+        return np.diff(self.t, prepend=self.t[0])
+
+
+@cache
+def run(problem: Problem) -> Run:
+    model = problem.model()
+    u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, ROWS))[0]
+    step = 10.0 ** np.random.default_rng(1).uniform(-2, 0.5, ROWS)
+    if isinstance(model, Burgers) and model.hold == "constant":
+        step = np.minimum(step, 0.9 * model.largest_stable_step())
+    t = np.cumsum(step)
+    y = np.asarray(model.simulate(t, u))
+    value, status = invert(model).simulate(t, y)
+    return Run(model, t, u, y, np.asarray(value), np.asarray(status))
+
+
+def stepped(compensator: Compensator, dt: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+    found = [compensator.step(a, b) for a, b in zip(y, dt, strict=True)]
+    return np.array([e.value for e in found]), np.array([int(e.status) for e in found])
+
+
+def exported(run: Run, folder: Path, **options: Any) -> Compensator:
+    path = folder / "it.json"
+    assert export_runtime(run.model, path, run.y, times=run.t, depth=DEPTH, **options).notes == ()
+    return load(path)
+
+
+@every
+def test_python_is_the_same(problem: Problem, tmp_path: Path):
+    """To 1e-9 of the range; statuses too. Time is asked for where it matters."""
+    done = run(problem)
+    compensator = exported(done, tmp_path)
+    value, status = stepped(compensator, done.dt.tolist(), done.y.tolist())
+    assert np.abs(value - done.value).max() <= 1e-9 * np.ptp(done.u)
+    np.testing.assert_array_equal(status, done.status)
+    assert compensator.rates == ("rates" in problem.tags)
+    if compensator.rates:
+        with pytest.raises(TypeError, match="depends on the rate"):
+            compensator.step(float(done.y[0]))
+
+
+@every
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_c_is_the_same(problem: Problem, real: str, tmp_path: Path):
+    """Double: to 1e-9 of the range, statuses too. Float: the model gives the readings back to 1e-4; in u it
+    is off by more where the output hardly changes."""
+    done, path = run(problem), tmp_path / "it.h"
+    export_c(done.model, path, done.y, times=done.t, depth=DEPTH, real=real)
+    for compiler in COMPILERS if real == "double" else COMPILERS[:1]:
+        it = Compiled(path, compiler)
+        value, status = it.run(done.dt, done.y)
+        if real == "double":
+            assert np.abs(value - done.value).max() <= 1e-9 * np.ptp(done.u)
+            np.testing.assert_array_equal(status, done.status)
+        again = np.asarray(done.model.simulate(done.t, value))
+        assert np.abs(again - done.y).max() <= (1e-4 if real == "float" else 1e-9) * np.ptp(done.y)
+        if problem.name != "moving":  # its output is on both sides of its equation
+            forward = it.predict(done.dt, done.u)
+            assert np.abs(forward - done.y).max() <= (1e-4 if real == "float" else 1e-9) * np.ptp(
+                done.y
+            )
+        assert it.wrong == 0
+        assert f"State: {it.size} bytes" in it.text
+
+
+@every
+def test_bad_samples_leave_no_trace(problem: Problem, tmp_path: Path):
+    """NaN and infinities: the estimates of the others are those of a record without them."""
+    done = run(problem)
+    compensator = exported(done, tmp_path)
+    random = np.random.default_rng(5)
+    bad = random.random(ROWS) < 0.1
+    y = np.where(bad, random.choice([np.nan, np.inf, -np.inf], ROWS), done.y)
+    value, status = stepped(compensator, done.dt.tolist(), y.tolist())
+    np.testing.assert_array_equal(status == Status.INVALID, bad)
+    assert np.isfinite(value).all()
+    compensator.reset()
+    t = done.t[~bad]
+    alone, _ = stepped(compensator, np.diff(t, prepend=t[0]).tolist(), y[~bad].tolist())
+    np.testing.assert_allclose(value[~bad], alone, rtol=0, atol=1e-12 * np.ptp(done.u))
+
+
+def test_readings_far_out_are_taken_for_the_limit(tmp_path: Path):
+    """And the next good one is right: a spike of 1e300 would be in a linear model's state for ever."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0)
+    t = np.linspace(0, 10, 200)
+    y = np.asarray(model.simulate(t, np.sin(t)))
+    done = Run(model, t, np.sin(t), y, y, y)
+    compensator = exported(done, tmp_path)
+    low, high = compensator.limits
+    assert low == pytest.approx(y.min() - np.ptp(y) / 2)
+    assert high == pytest.approx(y.max() + np.ptp(y) / 2)
+    spiked = y.copy()
+    spiked[50], spiked[60] = 1e300, -1e300
+    _, status = stepped(compensator, done.dt.tolist(), spiked.tolist())
+    assert status[50] == status[60] == Status.EXTRAPOLATED
+    assert (np.delete(status, [50, 60]) == Status.OK).all()
+    limited = np.clip(spiked, low, high)
+    expected = np.asarray(invert(model).simulate(t, limited).value)
+    compensator.reset()
+    value, _ = stepped(compensator, done.dt.tolist(), spiked.tolist())
+    np.testing.assert_allclose(value, expected, rtol=0, atol=1e-9 * np.ptp(expected))
+
+
+def relays(depth: int = 64, rows: int = 400) -> tuple[Preisach, np.ndarray]:
+    model = Preisach(GridDensity(0.0, 1.0, weights(np.random.default_rng(0))), initial="negative")
+    swing = np.linspace(1.0, 0.0, rows) * np.where(np.arange(rows) % 2, 1.0, -1.0)
+    return model, np.asarray(model.simulate(None, 0.5 + 0.5 * swing))
+
+
+def test_a_stack_too_small_for_the_readings_says_so(tmp_path: Path):
+    """An alternation that decays opens a loop at every turn."""
+    model, y = relays(rows=100)
+    (note,) = export_c(model, tmp_path / "it.h", y, depth=16).notes
+    assert "holds 16" in note
+    needed = int(note.rsplit("depth of ")[1].split()[0])
+    assert 60 < needed <= 100
+    assert export_c(model, tmp_path / "it.h", y, depth=needed).notes == ()
+
+
+def test_the_state_is_small(tmp_path: Path):
+    """64 reversals in float: at most 1.1 kB."""
+    model, y = relays()
+    export_c(model, tmp_path / "it.h", y, real="float", depth=64)
+    size = int((tmp_path / "it.h").read_text().split("State: ")[1].split()[0])
+    assert size <= 1100
+
+
+@pytest.mark.skipif("gcc" not in COMPILERS, reason="no gcc")
+def test_sanitizers_find_nothing(tmp_path: Path):
+    """Of a composition, fed with numbers of any kind: no undefined behaviour, no byte out of place."""
+    model, y = relays()
+    both = Sum([model, LinearSponge(0.5, 0.0)])
+    export_c(both, tmp_path / "it.h", y, depth=8)
+    (tmp_path / "fuzz.c").write_text(FUZZ, "utf-8")
+    flags = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    program = str(tmp_path / "fuzz")
+    subprocess.run(
+        ["gcc", *STRICT, *flags, str(tmp_path / "fuzz.c"), "-o", program, "-lm"], check=True
+    )
+    done = subprocess.run([program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+FUZZ = """\
+#include "it.h"
+
+static unsigned long long state = 1;
+
+static double next(void)
+{
+    state = state * 6364136223846793005ULL + 1442695040888963407ULL;
+    unsigned kind = (unsigned)(state >> 60);
+    double x = (double)(state >> 11) / 9007199254740992.0;
+    switch (kind) {
+    case 0: return 1e300 * (x - 0.5);
+    case 1: return (double)NAN;
+    case 2: return (double)INFINITY;
+    default: return 8.0 * (x - 0.5);
+    }
+}
+
+int main(void)
+{
+    it_state s;
+    it_reset(&s);
+    for (long k = 0; k < 100000; ++k) {
+        double u;
+        int status = it_step(&s, next(), &u);
+        if (!isfinite(u) || status < IT_OK || status > IT_INVALID) {
+            return 1;
+        }
+    }
+    return 0;
+}
+"""
+
+
+def test_import_is_light():
+    """Neither JAX nor NumPy nor SciPy."""
+    code = "import sys, compensate.runtime; print({'jax', 'numpy', 'scipy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+class Spoil(NamedTuple):
+    """What is done to a file, and what is said then."""
+
+    name: str
+    words: str
+
+
+def spoilt(text: str, how: str) -> str:
+    document = json.loads(text)
+    if how == "cut":
+        return text[: len(text) // 2]
+    if how == "other":
+        return "[1, 2]"
+    if how == "newer":
+        document["schema"] = 99
+    if how == "changed":
+        document["limits"][0] -= 1
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Spoil("cut", "not whole"),
+        Spoil("other", "not a compensator"),
+        Spoil("newer", "format 99"),
+        Spoil("changed", "checksum"),
+    ],
+    ids=lambda case: case.name,
+)
+def test_files_that_cannot_be_trusted_are_refused(case: Spoil, tmp_path: Path):
+    model, y = relays()
+    path = tmp_path / "it.json"
+    export_runtime(model, path, y, depth=DEPTH * 4)
+    path.write_text(spoilt(path.read_text(), case.name))
+    with pytest.raises(FileError, match=case.words):
+        load(path)
+    with pytest.raises(FileError, match="No such file"):
+        load(tmp_path / "none.json")
+
+
+def test_a_file_that_replays_otherwise_is_refused(tmp_path: Path):
+    """Its numbers changed, and its checksum with them."""
+    from compensate.runtime._file import checksum
+
+    model, y = relays()
+    path = tmp_path / "it.json"
+    export_runtime(model, path, y, depth=DEPTH * 4)
+    document = json.loads(path.read_text())
+    document["golden"]["value"][7] += 1e-3
+    path.write_text(json.dumps(document | {"checksum": checksum(document)}))
+    with pytest.raises(FileError, match="replayed"):
+        load(path)
+
+
+def refused(code: str):
+    return pytest.raises(InputError, match=rf"\[{code}\]")
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path: Path):
+    model, y = relays()
+    with refused("not-a-name"):
+        export_c(model, tmp_path / "3 d.h", y)
+    with refused("unknown-precision"):
+        export_c(model, tmp_path / "it.h", y, real="half")
+    with refused("no-readings"):
+        export_c(model, tmp_path / "it.h", [np.nan, 1.0])
+    with refused("no-time"):
+        export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y)
+    with refused("stack-too-small"):
+        demagnetised = Preisach(model.density, initial="demagnetised")
+        export_c(demagnetised, tmp_path / "it.h", y, depth=8)
+    for name in NOT_EXPORTED:
+        (problem,) = (p for p in PROBLEMS if p.name == name)
+        with refused("no-element"):
+            export_c(problem.model(), tmp_path / "it.h", y)
+    assert shutil.which("none") is None or not list(tmp_path.iterdir())

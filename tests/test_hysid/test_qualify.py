@@ -1,0 +1,181 @@
+"""`hysid qualify`: exit codes, what it prints and writes, what it refuses."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hysid import _qualify_job
+from hysid._jobs import DATASETS
+from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
+
+PREISACH = ("--model", "Preisach", "--test-cycles", 1)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """The shipped run, which is fitted, another of the same rig, and fits with and without `each`."""
+    place = tmp_path_factory.mktemp("qualify")
+    (place / "run.csv").write_bytes((DATASETS / "sponge-50mm-cycles.csv").read_bytes())
+    (place / "other.csv").write_text(text(sponge()))
+    (place / "half.csv").write_text(text([row[:2] for row in sponge()], (T, F)))
+    assert run("fit", place / "run.csv", *COLUMNS, *PREISACH, "--out", place / "fit").code == 0
+    blocks = {"soft": sponge(), "thin": sponge(thickness=30.0)}
+    named = [[*row, block] for block, cells in blocks.items() for row in cells]
+    (place / "blocks.csv").write_text(text(named, (*HEADER, "block")))
+    each = ("--each", "block", "--model", "LinearSponge", "--out", place / "each")
+    assert run("fit", place / "blocks.csv", *COLUMNS, *each).code == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def found(folder) -> dict[str, Any]:
+    return run("qualify", folder / "fit", folder / "other.csv", "--json").json()
+
+
+def test_another_run_is_judged_row_by_row(found, folder):
+    assert found["verdict"]["level"] in ("PASS", "CAUTION")
+    assert found["errors"]["rows"] == 101
+    assert found["nrmse_percent"] < 3
+    assert found["loop"]["cycles"] == 5
+    assert found["loop"]["ratio"] < 0.25
+    assert found["doubt"] is None
+    assert found["names"]["input"] == F
+    written = json.loads((folder / "fit" / "qualify.json").read_text())
+    assert found["file"] == str(folder / "fit" / "qualify.json")
+    assert (written["source"], written["verdict"]) == ("other.csv", found["verdict"])
+
+
+def test_it_judges_as_predict_does(found, folder):
+    backwards = run("predict", folder / "fit", folder / "other.csv", "--inverse", "--json").json()
+    assert found["errors"]["rmse"] == pytest.approx(backwards["rmse"])
+    assert found["errors"]["max_abs"] == pytest.approx(backwards["max_abs"])
+    assert backwards["flagged"] == round(101 * (1 - found["statuses"]["OK"]))
+
+
+def test_in_the_file_of_the_fit_only_held_out_rows_count(folder):
+    seen = run("qualify", folder / "fit", folder / "run.csv", "--json").json()
+    assert seen["verdict"]["level"] == "PASS"
+    assert seen["errors"]["rows"] == 20
+    assert seen["loop"]["cycles"] == 1
+
+
+@pytest.mark.parametrize(
+    ("needs", "code", "level", "words"),
+    [
+        (("--max-error", 5, "--rate", 1), 0, "PASS", "No error is above the 5 N"),
+        (("--max-error", 0.001), 2, "FAIL", "above the 0.001 N asked for"),
+        (("--rate", 1e9), 2, "FAIL", "too long for 1e+09 Hz"),
+    ],
+)
+def test_needs_decide_and_say_so(folder, needs, code, level, words):
+    said = run("qualify", folder / "fit", folder / "run.csv", *needs)
+    assert (said.code, said.err) == (code, "")
+    assert said.out.startswith(f"{level}: {F} estimated from {X}\n  ")
+    assert words in said.out
+    assert "loop width: " in said.out
+    assert said.out.endswith(f"{folder / 'fit' / 'qualify.json'}\n")
+    as_json = run("qualify", folder / "fit", folder / "run.csv", *needs, "--json")
+    assert as_json.code == code
+    assert json.loads(as_json.out)["verdict"]["level"] == level
+
+
+def test_each_is_qualified_by_its_own_fit(folder):
+    said = run("qualify", folder / "each", folder / "blocks.csv")
+    assert said.code == 0
+    assert "block = soft\nCAUTION: " in said.out
+    assert said.out.count("nothing is known about unseen data") == 2
+    result = run("qualify", folder / "each", folder / "blocks.csv", "--json").json()
+    assert list(result["each"]) == ["soft", "thin"]
+    assert result["verdict"]["level"] == "CAUTION"
+    assert [reason[:15] for reason in result["verdict"]["reasons"]] == [
+        "soft: CAUTION. ",
+        "thin: CAUTION. ",
+    ]
+    mean = np.mean([one["nrmse_percent"] for one in result["each"].values()])
+    assert result["nrmse_percent"] == pytest.approx(mean)
+    one = run("qualify", folder / "each", folder / "blocks.csv", "--where", "block=soft", "--json")
+    assert list(one.json()["each"]) == ["soft"]
+    worse = run("qualify", folder / "each", folder / "blocks.csv", "--max-error", 1e-3)
+    assert worse.code == 2
+
+
+def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
+    monkeypatch.setattr(_qualify_job, "DRAWS", 5)
+    drawn = run("sample", folder / "fit", "--steps", 20, "--ensembles", 2, "--json")
+    assert drawn.code == 0
+    result = run("qualify", folder / "fit", folder / "other.csv", "--json").json()
+    assert result["doubt"]["worst"] >= 0.9 * result["errors"]["max_abs"]
+    assert 0 < result["doubt"]["coverage"] <= 1
+    assert any("posterior's 90 % band" in reason for reason in result["verdict"]["reasons"])
+
+
+@pytest.mark.parametrize("option", ["--max-error", "--rate"])
+def test_a_need_that_can_never_be_met_is_refused(folder, option):
+    said = run("qualify", folder / "fit", folder / "other.csv", option, -1)
+    refused(said, "can never be met", option)
+
+
+ROWS = sponge()
+OTHER_HEADER = (T, F, "displacement", "cycle")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (text([ROWS[0], *ROWS]), ("the same time", "line")),
+        (text([*ROWS, *ROWS]), ("Time goes back",)),
+        (text([row[:2] for row in ROWS], (T, F)), (f"No column {X!r}",)),
+        (text([[row[0], row[2]] for row in ROWS], (T, X)), (f"No column {F!r}",)),
+        (text(ROWS, OTHER_HEADER), (f"No column {X!r}",)),
+        (text([*ROWS[:9], [ROWS[9][0], "OVLD", "1", "1"], *ROWS[10:]]), ("OVLD",)),
+        (text([*ROWS[:9], [ROWS[9][0], "1", "", "1"], *ROWS[10:]]), ("NaN", X)),
+        (text([*ROWS[:9], [ROWS[9][0], "1", "inf", "1"], *ROWS[10:]]), ("infinite", X)),
+        (text([]), ()),
+        ("", ()),
+    ],
+    ids=["repeated time", "time backwards", "no output", "no input", "other name", "text", "NaN",
+         "infinite", "header only", "empty"],
+)  # fmt: skip
+def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
+    (tmp_path / "bad.csv").write_text(content)
+    before = tree(folder / "fit")
+    refused(run("qualify", folder / "fit", tmp_path / "bad.csv"), *words)
+    assert tree(folder / "fit") == before
+
+
+@pytest.mark.parametrize(
+    ("units", "words"),
+    [
+        (("s", "kN", "mm", "1"), ("force is in kN", "fitted to N")),
+        (("s", "N", "m", "1"), ("displacement is in m", "fitted to mm")),
+    ],
+)
+def test_other_units_are_refused(tmp_path, units, words):
+    header = ("time", "force", "displacement", "cycle")
+    columns = ("--time", "time", "--input", "force", "--output", "displacement", "--units-row", 2)
+    (tmp_path / "run.csv").write_text(text([["s", "N", "mm", "1"], *ROWS], header))
+    out = ("--model", "LinearSponge", "--out", tmp_path / "out")
+    assert run("fit", tmp_path / "run.csv", *columns, *out).code == 0
+    (tmp_path / "other.csv").write_text(text([[*units], *ROWS], header))
+    refused(run("qualify", tmp_path / "out", tmp_path / "other.csv"), *words, "[unit-clash]")
+
+
+def test_no_file_no_fit_and_no_value_are_refused(folder, tmp_path):
+    refused(run("qualify", folder / "fit", tmp_path / "none.csv"), "none.csv")
+    refused(run("qualify", tmp_path, folder / "run.csv"), str(tmp_path))
+    other = [[*row, "hard"] for row in ROWS]
+    (tmp_path / "other.csv").write_text(text(other, (*HEADER, "block")))
+    refused(run("qualify", folder / "each", tmp_path / "other.csv"), "was fitted", "soft")
+    refused(run("qualify", folder / "fit", folder / "run.csv", "--nan", "drop"), "drop")
+
+
+def test_a_fit_of_several_inputs_is_refused(folder, tmp_path):
+    rows = [[*row, f"{2 * float(row[1]):g}"] for row in sponge()]
+    (tmp_path / "two.csv").write_text(text(rows, (*HEADER, "twice (N)")))
+    out = ("--model", "LinearSponge", "--out", tmp_path / "two")
+    fitted = run("fit", tmp_path / "two.csv", *COLUMNS, "--input", "twice (N)", *out)
+    assert fitted.code == 0, fitted.err
+    refused(run("qualify", tmp_path / "two", tmp_path / "two.csv"), "2 inputs")
