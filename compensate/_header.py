@@ -146,11 +146,11 @@ class _Header:
                 lines.append(
                     f"static const {self.real} {place}_{key}[{max(len(value), 1)}] = {self._list(value)};"
                 )
-                fields.append(f"    .{key} = {place}_{key}")
+                fields.append(f"    {place}_{key},")
             else:
-                fields.append(f"    .{key} = {self._number(value, kind)}")
+                fields.append(f"    {self._number(value, kind)}, /* {key} */")
         lines.append(
-            f"static const {home.prefix}_parameters {place} = {{\n" + ",\n".join(fields) + "\n};"
+            f"static const {home.prefix}_parameters {place} = {{\n" + "\n".join(fields) + "\n};"
         )
         return "\n".join(lines)
 

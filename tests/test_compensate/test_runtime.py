@@ -18,6 +18,7 @@ from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import PROBLEMS, Problem, random_histories, weights
 
+ROOT = Path(__file__).parents[2]
 ROWS = 600
 NOT_EXPORTED = {"preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen"}
 EXPORTED = [p for p in PROBLEMS if p.name not in NOT_EXPORTED]
@@ -180,6 +181,19 @@ def test_sanitizers_find_nothing(tmp_path: Path):
     )
     done = subprocess.run([program], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
+def test_the_header_is_cpp_too(tmp_path: Path):
+    """The sketches of docs/ compile with it, an Arduino's loop and a ROS 2 node."""
+    model, y = relays()
+    export_c(model, tmp_path / "sponge.h", y, real="float")
+    stub = ROOT / "tests" / "sketches"
+    for sketch in ("arduino.ino", "ros2_node.cpp"):
+        command = ["g++", "-x", "c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+        command += ["-I", str(stub), "-I", str(tmp_path), str(ROOT / "docs" / "sketches" / sketch)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
 
 
 FUZZ = """\
