@@ -9,6 +9,8 @@ from compensate import DeadBandCompensator, FilteredCompensator, invert
 from hysteresis import AbstractModel, Burgers, Preisach
 from hysteresis.preisach import GridDensity
 
+from ._measure import Row, noted
+
 SAMPLES, CYCLES, NOISE = 2000, 4, 0.01
 """Of a slow sine, and the noise in parts of the output's range."""
 
@@ -25,6 +27,19 @@ class Trade(NamedTuple):
     error: float
     noise: float
     lag: float
+
+
+def noise_rows(quick: bool) -> list[Row]:
+    """The trade as rows of a table; the same for `quick`."""
+    return [
+        noted(f"{row.model}, {row.compensator}: {name}", value)
+        for row in noise_trade()
+        for name, value in (
+            ("error under noise, % of the range", row.error),
+            ("of that by noise, %", row.noise),
+            ("lag, samples", row.lag),
+        )
+    ]
 
 
 def noise_trade() -> list[Trade]:

@@ -2,8 +2,8 @@
 
 python -m benchmarks.compensation [--quick] [--json] [--only TEXT]
 
-Parts: round (model and inverse one after the other), exported (Python without JAX, C99), removed (loops of
-measured sensors, needs the data), speed.
+Parts: round (model and inverse one after the other), exported (Python without JAX, C99), removed and bands
+(measured sensors, need the data: twenty minutes), noise (lag against noise), speed.
 """
 
 import sys
@@ -19,8 +19,10 @@ from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
 
+from ._bands import band_rows
 from ._exported import exported_rows
 from ._measure import Row, interleaved, judged, noted, options, report
+from ._noise_trade import noise_rows
 from ._removed import removed_rows
 
 HISTORIES = 10_000
@@ -107,6 +109,8 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "round": round_trips,
     "exported": exported_rows,
     "removed": removed_rows,
+    "bands": band_rows,
+    "noise": noise_rows,
     "speed": speed,
 }
 
