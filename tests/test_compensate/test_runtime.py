@@ -19,7 +19,7 @@ from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import PROBLEMS, Problem, random_histories, weights
 
 ROOT = Path(__file__).parents[2]
-ROWS = 600
+ROWS = 240
 NOT_EXPORTED = {"preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen"}
 EXPORTED = [p for p in PROBLEMS if p.name not in NOT_EXPORTED]
 every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
