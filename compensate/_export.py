@@ -11,9 +11,10 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError
 
+from ._calibrated import CalibratedCompensator
 from ._header import header
 from ._inverses import invert
-from ._program import program_of
+from ._program import error_tree, program_of
 from .runtime._file import SCHEMA, checksum
 from .runtime._tree import node_of
 
@@ -56,6 +57,7 @@ def export_runtime(
     - `times`: (samples,) of the readings, for models that depend on the rate.
     - `reading`, `estimate`: name and unit of the model's output and input.
     - `title`: in a line.
+    - `error`: `calibrated(invert(model), record)`, for the deviation beside every estimate.
     - `limits`: readings beyond are taken for the nearer limit; by default half the readings' span on
       either side.
     - `depth`: reversals that a Preisach model remembers, 64 by default.
@@ -95,6 +97,7 @@ def _document(
     model: AbstractModel, readings: Any, precision: type, *, times: Any = None,
     reading: Quantity = OUTPUT, estimate: Quantity = INPUT, title: str = "",
     limits: tuple[float, float] | None = None, depth: int = 64,
+    error: CalibratedCompensator | None = None,
 ) -> tuple[dict[str, Any], tuple[str, ...]]:  # fmt: skip
     tree = program_of(model, precision, depth)
     y = np.asarray(readings, float)
@@ -120,6 +123,7 @@ def _document(
         "schema": SCHEMA, "kind": "hysid compensator", "title": title or type(model).__name__,
         "reading": reading._asdict(), "estimate": estimate._asdict(),
         "limits": [float(low), float(high)], "rates": rates, "start": float(start), "tree": tree,
+        "error": error and error_tree(error),
         "golden": {
             "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
             "value": value.tolist(), "tolerance": 1e-9 * max(float(np.ptp(value)), 1e-300),

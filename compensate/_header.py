@@ -14,10 +14,11 @@ HEAD = """\
 
     {stem}_state state;
     {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, &estimate);
+    int status = {stem}_step(&state, {dt}reading, &estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.
+deviation: its standard deviation{unknown}; a null pointer for none.
 {time}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change nothing: the
 last estimate is held. {stem}_reset is the state before the first sample; {stem}_self_test replays what
 the file was made with. {predict}
@@ -62,6 +63,7 @@ class _Header:
         self.elements: dict[str, Element] = {}
         self.parts: list[_Part] = []
         self.root = self._part(document["tree"])
+        self.error = document["error"] and self._part(document["error"])
         self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
 
     def text(self) -> str:
@@ -90,11 +92,12 @@ class _Header:
             title=f"{d['title']}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(), dt="dt, " if rates else "",
             reading=reading, estimate=estimate, low=low, high=high,
+            unknown="" if self.error else ", which is not known here: NaN",
             time="dt: time since the last call, in the unit of the model's times.\n" if rates else "",
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{self.root.cost['find'] + 60:,}",
+            operations=f"{sum(p.cost['find'] for p in (self.root, self.error) if p) + 60:,}",
         )  # fmt: skip
 
     # Elements and their constants
@@ -119,6 +122,8 @@ class _Header:
             return both | {"find": looked + both["move"] + 12}
         if inner:
             return {name: cost + 60 for name, cost in both.items()}
+        if tree["kind"] == "error":
+            return {"find": operations(home, "deviation", p)}
         return {n: operations(home, n, p) + 12 for n in names if n in home.functions}
 
     def _element(self, kind: str) -> str:
@@ -185,9 +190,10 @@ class _Header:
             ]  # fmt: skip
             values.append("    { " + ", ".join(given) + " }")
         stem = self.stem
-        fields += [f"    {self.real} estimate;", f"    {self.real} waited;", "    int begun;"]
-        start = self._number(self.document["start"], "real")
-        values += [f"    {start}", f"    {self._number(0, 'real')}", "    0"]
+        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
+        fields.append("    int begun;")
+        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
+        values += [f"    {start}", f"    ({self.real})NAN", f"    {zero}", "    0"]
         body = ",\n".join(values)
         return "\n".join(
             [
@@ -216,7 +222,8 @@ class _Header:
             members.append(
                 (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
             )
-        members += [("estimate", real), ("waited", real), ("begun", ctypes.c_int)]
+        members += [(name, real) for name in ("estimate", "deviation", "waited")]
+        members.append(("begun", ctypes.c_int))
         return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
 
     # Functions of the nodes
@@ -307,25 +314,35 @@ class _Header:
         s->waited += dt;
     }}
 """ if rates else ""  # fmt: skip
+        e = self.error.number if self.error else 0
+        deviation = (
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            if self.error else ""
+        )  # fmt: skip
         text = f"""\
-/* One reading in, one estimate out; what it is worth is returned. */
-static inline int {stem}_step({stem}_state *s, {time}{real} reading, {real} *estimate)
+/* One reading in, one estimate and its deviation out; what it is worth is returned. */
+static inline int {stem}_step(
+    {stem}_state *s, {time}{real} reading, {real} *estimate, {real} *deviation)
 {{
-    int status;
-{clock}    if (!isfinite(reading)) {{
-        *estimate = s->estimate;
-        return {upper}_INVALID;
+    int status = {upper}_INVALID;
+{clock}    if (isfinite(reading)) {{
+        {real} seen = reading < {low} ? {low} : reading;
+        if (seen > {high}) {{
+            seen = {high};
+        }}
+        s->estimate = {stem}_{k}_find(s, s->begun ? s->waited : {zero}, seen);
+        s->waited = {zero};
+        s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
+        status = s->n{k}.status;
+        if (status == {upper}_OK && seen != reading) {{
+            status = {upper}_EXTRAPOLATED;
+        }}
     }}
-    {real} seen = reading < {low} ? {low} : reading;
-    if (seen > {high}) {{
-        seen = {high};
-    }}
-    s->estimate = {stem}_{k}_find(s, s->begun ? s->waited : {zero}, seen);
-    s->waited = {zero};
-    s->begun = 1;
     *estimate = s->estimate;
-    status = s->n{k}.status;
-    return status == {upper}_OK && seen != reading ? {upper}_EXTRAPOLATED : status;
+    if (deviation) {{
+        *deviation = s->deviation;
+    }}
+    return status;
 }}"""
         if not self.predicts:
             return text
@@ -358,7 +375,7 @@ static inline int {stem}_self_test({stem}_state *s)
     {stem}_reset(s);
     for (int k = 0; k < {n}; ++k) {{
         {real} estimate;
-        (void){stem}_step(s, {"dt[k], " if rates else ""}reading[k], &estimate);
+        (void){stem}_step(s, {"dt[k], " if rates else ""}reading[k], &estimate, 0);
         if (!(fabs{"f" if self.single else ""}(estimate - value[k]) <= {tolerance})) {{
             ++wrong;
         }}

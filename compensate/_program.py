@@ -27,6 +27,7 @@ from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import AbstractGridDensity, saturated_outputs
 
 from ._bracketed import FLAT_WIDTH, ROUNDING, BracketedCompensator
+from ._calibrated import CalibratedCompensator
 from ._inverses import invert
 from .runtime._status import Status
 
@@ -43,6 +44,19 @@ def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 
     """
     invert(model)
     return _tree(model, float(np.finfo(precision).eps), depth)
+
+
+def error_tree(found: CalibratedCompensator) -> Tree:
+    """The error of a model, by level and branch, as an element."""
+    falling, rising = np.asarray(found.error)
+    return _node(
+        "error",
+        {
+            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
+            "width": found.width,
+        },
+        {"begun": 0, "follower": 0.0, "up": 1},
+    )  # fmt: skip
 
 
 def _node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:

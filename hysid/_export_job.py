@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Quantity, export_c, export_runtime
+from compensate import Quantity, calibrated, export_c, export_runtime, invert
 from hysteresis import InputError
 
 
@@ -40,6 +40,7 @@ def export(
         "reading": Quantity(record.output_name, record.output_unit),
         "estimate": Quantity(record.input_name, record.input_unit),
         "title": fitted.name, "depth": depth,
+        "error": calibrated(invert(fitted.model), record),
         "limits": limits or (readings.min() - span, readings.max() + span),
     }  # fmt: skip
     used = np.where(record.mask[rows], record.output[rows], np.nan)

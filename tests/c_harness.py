@@ -16,20 +16,21 @@ SOURCE = """\
 
 typedef {stem}_real real;
 
-void run(long n, const double *dt, const double *y, double *u, int *status);
+void run(long n, const double *dt, const double *y, double *u, double *off, int *status);
 void predict(long n, const double *dt, const double *u, double *y);
 int wrong(void);
 int size(void);
 
-void run(long n, const double *dt, const double *y, double *u, int *status)
+void run(long n, const double *dt, const double *y, double *u, double *off, int *status)
 {{
     {stem}_state s;
     {stem}_reset(&s);
     (void)dt;
     for (long k = 0; k < n; ++k) {{
-        real value;
-        status[k] = {stem}_step(&s, {dt}(real)y[k], &value);
+        real value, deviation;
+        status[k] = {stem}_step(&s, {dt}(real)y[k], &value, &deviation);
         u[k] = (double)value;
+        off[k] = (double)deviation;
     }}
 }}
 
@@ -61,7 +62,11 @@ class Compiled:
 
     def __init__(self, header: Path, compiler: str = "gcc", flags: tuple[str, ...] = ("-O2",)):
         self.text, stem = header.read_text("utf-8"), header.stem
-        dt = "(real)dt[k], " if f"{stem}_step({stem}_state *s, {stem}_real dt" in self.text else ""
+        dt = (
+            "(real)dt[k], "
+            if f"    {stem}_state *s, {stem}_real dt, {stem}_real reading" in self.text
+            else ""
+        )
         known = f"double {stem}_predict(" in self.text.replace(f"{stem}_real", "double")
         predict = f"(double){stem}_predict(&s, {dt}(real)u[k])" if known else "u[k]"
         source = header.with_suffix(".c")
@@ -84,9 +89,15 @@ class Compiled:
 
     def run(self, dt: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Estimates and statuses."""
-        u, status = np.empty(len(y)), np.empty(len(y), np.int32)
-        self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, u, status)))
-        return u, status
+        return self.run_with_deviation(dt, y)[:2]
+
+    def run_with_deviation(
+        self, dt: np.ndarray, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """And the deviations."""
+        u, off, status = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
+        self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, u, off, status)))
+        return u, status, off
 
     def predict(self, dt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Readings of the model itself."""

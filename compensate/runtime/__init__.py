@@ -1,7 +1,7 @@
 """Compensators in plain Python: no JAX, no NumPy, a few microseconds a step.
 
 compensator = load("compensator.json")
-value, status = compensator.step(reading)
+value, status, deviation = compensator.step(reading)
 """
 
 from ._compensator import Compensator as Compensator

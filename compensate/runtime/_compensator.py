@@ -1,22 +1,23 @@
 """`load`, and the compensator that it returns."""
 
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._file import FileError, read
 from ._status import Status
-from ._tree import node_of
+from ._tree import error_of, node_of
 
 _STATUSES = tuple(Status)
 _OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
 
 
 class Estimate(NamedTuple):
-    """The input behind a reading, and what it is worth."""
+    """The input behind a reading, what it is worth, and its standard deviation: NaN where none is known."""
 
     value: float
     status: Status
+    deviation: float
 
 
 class Compensator:
@@ -36,13 +37,16 @@ class Compensator:
         self.limits: tuple[float, float] = tuple(document["limits"])
         self.rates: bool = document["rates"]
         self._tree, self._start = document["tree"], document["start"]
+        self._error_tree = document["error"]
         self.reset()
 
     def reset(self) -> None:
         """The state before the first reading."""
         self._node = node_of(self._tree)
         self._find, self._status = self._node.find, self._node.status
+        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
         self._value, self._waited, self._begun = self._start, 0.0, False
+        self._deviation = nan
 
     def step(self, reading: float, dt: float | None = None) -> Estimate:
         """One reading in, one estimate out.
@@ -58,7 +62,7 @@ class Compensator:
         elif 0.0 < dt < inf:
             self._waited += dt
         if not isfinite(reading):
-            return Estimate(self._value, Status.INVALID)
+            return Estimate(self._value, Status.INVALID, self._deviation)
         low, high = self.limits
         seen = low if reading < low else high if reading > high else reading
         self._value = value = self._find(self._waited if self._begun else 0.0, seen)
@@ -66,7 +70,8 @@ class Compensator:
         status = _STATUSES[self._status()]
         if seen != reading and status is _OK:
             status = _EXTRAPOLATED
-        return Estimate(value, status)
+        self._deviation = deviation = self._error(value)
+        return Estimate(value, status, deviation)
 
 
 def load(path: str | Path) -> Compensator:

@@ -17,6 +17,13 @@ KINDS = (
 )  # fmt: skip
 
 
+def error_of(tree: Tree) -> Callable[[float], float]:
+    """The standard deviation of an estimate, with a state of its own."""
+    element: Any = import_module("._elements.error", __package__)
+    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    return partial(element.deviation, p, s)
+
+
 class Node(NamedTuple):
     """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`."""
 

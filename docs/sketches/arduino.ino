@@ -22,8 +22,10 @@ void loop()
         return;
     }
     next = micros() + 1000;
-    float force;
-    int status = sponge_step(&state, 0.05f * static_cast<float>(analogRead(A0)), &force);
+    float force, deviation;
+    int status = sponge_step(&state, 0.05f * static_cast<float>(analogRead(A0)), &force, &deviation);
     Serial.print(force);
+    Serial.print(" +- ");
+    Serial.print(deviation);
     Serial.println(status == SPONGE_OK ? "" : " ?");
 }

@@ -24,7 +24,7 @@ private:
     void step(const std_msgs::msg::Float32 &reading)
     {
         std_msgs::msg::Float32 force;
-        int status = sponge_step(&state_, reading.data, &force.data);
+        int status = sponge_step(&state_, reading.data, &force.data, nullptr);
         if (status == SPONGE_INVALID || status == SPONGE_SATURATED) {
             force.data = NAN;
         }

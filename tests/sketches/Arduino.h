@@ -8,6 +8,7 @@ unsigned long micros();
 struct Port {
     void begin(unsigned long baud);
     void print(float value);
+    void print(const char *text);
     void println(const char *text);
 };
 extern Port Serial;

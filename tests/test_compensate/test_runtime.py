@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from compensate import Status, export_c, export_runtime, invert
+from compensate import Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import Compensator, FileError, load
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Sum
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Record, Sum
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import PROBLEMS, Problem, random_histories, weights
@@ -149,6 +149,30 @@ def relays(depth: int = 64, rows: int = 400) -> tuple[Preisach, np.ndarray]:
     return model, np.asarray(model.simulate(None, 0.5 + 0.5 * swing))
 
 
+def test_the_deviation_is_the_calibrated_one(tmp_path: Path):
+    """By level and branch, held where a reading is none; NaN where none was learnt."""
+    model, random = LinearSponge(2.0, 1.0), np.random.default_rng(0)
+    u = 10 + 8 * np.sin(np.linspace(0, 30, 300))
+    rising = np.gradient(u) > 0
+    y = np.asarray(model.simulate(None, u)) + np.where(rising, 0.2, 0.8) * u / 10 * random.normal(
+        size=300
+    )
+    error = calibrated(invert(model), Record.from_arrays(u, y))
+    wanted = np.asarray(error.simulate(None, y).deviation)
+    assert np.ptp(wanted) > 0.2 * wanted.mean()
+    export_runtime(model, tmp_path / "it.json", y, error=error)
+    compensator = load(tmp_path / "it.json")
+    found = [compensator.step(reading).deviation for reading in y.tolist()]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    assert compensator.step(float("nan")).deviation == found[-1]
+    export_c(model, tmp_path / "it.h", y, error=error)
+    if COMPILERS:
+        _, _, off = Compiled(tmp_path / "it.h", COMPILERS[0]).run_with_deviation(np.zeros(300), y)
+        np.testing.assert_allclose(off, wanted, rtol=1e-12)
+    export_runtime(model, tmp_path / "it.json", y)
+    assert np.isnan(load(tmp_path / "it.json").step(10.0).deviation)
+
+
 def test_a_stack_too_small_for_the_readings_says_so(tmp_path: Path):
     """An alternation that decays opens a loop at every turn."""
     model, y = relays(rows=100)
@@ -220,7 +244,7 @@ int main(void)
     it_reset(&s);
     for (long k = 0; k < 100000; ++k) {
         double u;
-        int status = it_step(&s, next(), &u);
+        int status = it_step(&s, next(), &u, 0);
         if (!isfinite(u) || status < IT_OK || status > IT_INVALID) {
             return 1;
         }

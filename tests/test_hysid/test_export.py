@@ -32,7 +32,8 @@ def test_both_files_are_the_compensator(folder: Path):
     found = [compensator.step(v).value for v in y.tolist()]
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
     assert (compensator.reading["unit"], compensator.estimate["unit"]) == ("mm", "N")
-    assert "foam_step(foam_state *s, foam_real reading" in c.read_text()
+    assert "foam_state *s, foam_real reading, foam_real *estimate" in c.read_text()
+    assert compensator.step(10.0).deviation > 0
 
 
 def test_limits_and_precision(folder: Path):
