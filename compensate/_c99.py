@@ -11,6 +11,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from hysteresis import InputError
+
 from .runtime._elements import _codes
 
 _INDENT = "    "
@@ -127,7 +129,9 @@ def comment(text: str, indent: str) -> str:
 def number(value: float, single: bool) -> str:
     """A literal."""
     if math.isnan(value) or math.isinf(value):
-        raise ValueError("a constant of the model is not finite")
+        raise InputError(
+            "not-finite", "a number of the model is not finite, so it has no literal in C."
+        )
     text = f"{value:.9g}" if single else repr(float(value))
     text = text if any(c in text for c in ".e") else f"{text}.0"
     return f"{text}f" if single else text

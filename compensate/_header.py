@@ -165,6 +165,8 @@ class _Header:
     def _list(self, values: list[float]) -> str:
         words = [number(v, self.single) for v in values] or ["0"]
         rows = [", ".join(words[k : k + 6]) for k in range(0, len(words), 6)]
+        if len(rows) == 1:
+            return f"{{{rows[0]}}}"
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
@@ -179,7 +181,7 @@ class _Header:
             kind = part.tree["kind"]
             if kind == "series":
                 fields.append(f"    struct {{ int status; }} n{part.number};")
-                values.append("    { 0 }")
+                values.append("        {0}")
                 continue
             home = self.elements[kind]
             fields.append(f"    {home.prefix}_state n{part.number};")
@@ -188,12 +190,12 @@ class _Header:
                 for k, t in home.structures["State"].items()
                 for value in [part.tree["state"][k]]
             ]  # fmt: skip
-            values.append("    { " + ", ".join(given) + " }")
+            values.append("        {" + ", ".join(given) + "}")
         stem = self.stem
         fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
         fields.append("    int begun;")
         start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
-        values += [f"    {start}", f"    ({self.real})NAN", f"    {zero}", "    0"]
+        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
         body = ",\n".join(values)
         return "\n".join(
             [
