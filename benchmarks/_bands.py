@@ -31,8 +31,8 @@ Cut = Callable[[Record], tuple[Record, Record]]
 
 
 def last_cycle(record: Record) -> tuple[Record, Record]:
-    """All but the last cycle, and that."""
-    return record.split_rows(record.cycle >= record.cycle.max())
+    """All but the last cycle that counts, and that."""
+    return record.split_rows(record.cycle >= record.cycle[record.mask].max())
 
 
 def every_fourth(record: Record) -> tuple[Record, Record]:
