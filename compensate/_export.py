@@ -107,14 +107,13 @@ def _document(
         raise InputError("no-readings", "there are no readings to export for.")
     y, t = y[finite], None if t is None else t[finite]
     low, high = limits or _wider(y)
-    rates = any(map(_has_rates, _nodes(tree)))
+    rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
     if rates and t is None:
         raise InputError(
             "no-time", "this model depends on the rate, and no times were given.",
             fix="give the times of the readings.",
         )  # fmt: skip
-    searched = any(node["kind"] == "sum" for node in _nodes(tree))
-    n = GOLDEN_SEARCHED if searched else GOLDEN
+    n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
     y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
     compensator = invert(model)
     value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
@@ -129,7 +128,7 @@ def _document(
             "value": value.tolist(), "tolerance": 1e-9 * max(float(np.ptp(value)), 1e-300),
         },
     }  # fmt: skip
-    return document, _notes(model, precision, y, t, depth)
+    return document, _notes(model, precision, y, t, depth) if "preisach" in kinds else ()
 
 
 def _wider(y: np.ndarray) -> tuple[float, float]:
@@ -155,8 +154,6 @@ def _notes(
 ) -> tuple[str, ...]:
     """Whether the stack is deep enough for the readings."""
     deep = program_of(model, precision, DEEP)
-    if not any(node["kind"] == "preisach" for node in _nodes(deep)):
-        return ()
     needed = _deepest(deep, np.diff(t, prepend=t[0]).tolist(), y.tolist())
     if needed <= depth:
         return ()

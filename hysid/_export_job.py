@@ -15,14 +15,6 @@ def export(
     limits: tuple[float, float] | None = None, depth: int = 64,
 ) -> dict[str, Any]:  # fmt: skip
     """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit."""
-    document = identify.read_document(folder)
-    if "folders" in document:
-        raise InputError(
-            "many-fits",
-            f"{len(document['folders'])} fits are in this folder, and a file holds one compensator.",
-            place=str(folder),
-            fix=f"export one of them: {', '.join(str(folder / f) for f in document['folders'].values())}.",
-        )
     fitted = identify.load(folder)
     if fitted.channels is not None or "spectrum" in fitted.internals:
         raise InputError(

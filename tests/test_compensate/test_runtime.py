@@ -337,4 +337,4 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         (problem,) = (p for p in PROBLEMS if p.name == name)
         with refused("no-element"):
             export_c(problem.model(), tmp_path / "it.h", y)
-    assert shutil.which("none") is None or not list(tmp_path.iterdir())
+    assert not list(tmp_path.iterdir())
