@@ -35,6 +35,11 @@ def last_cycle(record: Record) -> tuple[Record, Record]:
     return record.split_rows(record.cycle >= record.cycle[record.mask].max())
 
 
+def before_settling(record: Record) -> tuple[Record, Record]:
+    """The later half of the cycles, and the earlier: so is another run, which starts after a rest."""
+    return record.split_rows(record.cycle <= record.cycle[record.mask].max() // 2)
+
+
 def every_fourth(record: Record) -> tuple[Record, Record]:
     """Three sequences of four, and the fourth."""
     others = [label for k, label in enumerate(record.labels) if k % 4 != 2]
@@ -68,7 +73,7 @@ SENSORS = (
     Sensor(
         "eFlesh, main channel -> load", data.eflesh_loads,
         Selection("load", "main", "time (s)", group=("run",), test_where=EFLESH_TEST),
-        last_cycle, model="Preisach",
+        before_settling, model="Preisach",
     ),
 )  # fmt: skip
 

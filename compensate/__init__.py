@@ -19,13 +19,15 @@ if TYPE_CHECKING:
     from ._export import export_c as export_c
     from ._export import export_runtime as export_runtime
     from ._filtered import FilteredCompensator as FilteredCompensator
+    from ._flat import FlatInterval as FlatInterval
+    from ._flat import flat_intervals as flat_intervals
     from ._inverses import AbstractCompensator as AbstractCompensator
     from ._inverses import BracketedCompensator as BracketedCompensator
     from ._inverses import Estimate as Estimate
     from ._inverses import invert as invert
-    from ._qualify import Loop as Loop
+    from ._loops import Loop as Loop
+    from ._loops import loop_widths as loop_widths
     from ._qualify import Qualification as Qualification
-    from ._qualify import loop_widths as loop_widths
     from ._qualify import qualify as qualify
 
 _HOME = {
@@ -34,7 +36,9 @@ _HOME = {
     "_calibrated": ("CalibratedCompensator", "calibrated"),
     "_dead_band": ("DeadBandCompensator",),
     "_filtered": ("FilteredCompensator",),
-    "_qualify": ("Loop", "Qualification", "loop_widths", "qualify"),
+    "_flat": ("FlatInterval", "flat_intervals"),
+    "_loops": ("Loop", "loop_widths"),
+    "_qualify": ("Qualification", "qualify"),
     "_export": ("Exported", "Quantity", "export_c", "export_runtime"),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}

@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float
 from hysteresis import AbstractModel, InputError, Record
 
 from ._compensator import AbstractCompensator, Status
-
-LEVELS = 32
-"""Equal parts of what both branches of a cycle pass, in each of which their gap is taken."""
+from ._flat import flat_intervals
+from ._loops import Loop, loop_widths
 
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
@@ -36,23 +35,6 @@ class Errors(NamedTuple):
     q95: float
     max_abs: float
     bias: float
-
-
-class Loop(NamedTuple):
-    """How wide the loops are, in the input's unit, as means over `cycles`; NaN where there are none.
-
-    - `before`: between the inputs of both branches at one output.
-    - `after`: between the errors of both branches at one input.
-    """
-
-    before: float
-    after: float
-    cycles: int
-
-    @property
-    def ratio(self) -> float:
-        """Part of the width that is left: 0 after a perfect compensator; NaN where no loop was."""
-        return self.after / self.before if self.before > 0 else float("nan")
 
 
 class Latency(NamedTuple):
@@ -83,8 +65,9 @@ class Qualification:
       (empty without a clock), and by input.
     - `loop`: `loop_widths`. `statuses`: share of the rows by `Status`.
     - `output_range`: outputs whose estimates were OK, None where none was.
-    - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; None without
-      a model. `latency`: of one step. `doubt`: of an ensemble, None without one.
+    - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
+      of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
+      model. `latency`: of one step. `doubt`: of an ensemble, None without one.
     """
 
     level: Literal["PASS", "CAUTION", "FAIL"]
@@ -98,6 +81,7 @@ class Qualification:
     statuses: dict[str, float]
     output_range: tuple[float, float] | None
     round_trip: float | None
+    flat_width: float | None
     latency: Latency
     doubt: Doubt | None
     max_error: float | None
@@ -136,7 +120,8 @@ class Qualification:
                 f"loop width: {before} before, {after} after, {self.loop.ratio:.3g} of it is left"
                 f" (mean of {self.loop.cycles} cycles)"
             )
-        lines.append(f"samples: {_shares(self.statuses)}")
+        wide = f", within {_quantity(self.flat_width, unit)}" if self.flat_width else ""
+        lines.append(f"samples: {_shares(self.statuses)}{wide}")
         if self.output_range is not None:
             low, high = self.output_range
             lines.append(f"OK for {self.names['output']} of {low:.3g} to {_quantity(high, other)}")
@@ -185,10 +170,11 @@ def qualify(
     span = float(np.ptp(u[used]))
     errors = _errors(error[used])
     shares = Counter(status[used].tolist())
-    back = None
+    back = flat_width = None
     if model is not None:
         again = _run(model.simulate, record, estimate)
         back = float(np.abs(again - y)[fine].max(initial=0.0))
+        flat_width = _flat_width(model, record, estimate, used & (status == Status.FLAT))
     found: dict[str, Any] = {
         "errors": errors,
         "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
@@ -203,6 +189,7 @@ def qualify(
         "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
         "round_trip": back,
+        "flat_width": flat_width,
         "latency": latency(compensator, record),
         "doubt": None if ensemble is None else _doubt(ensemble, record),
         "max_error": max_error,
@@ -214,55 +201,6 @@ def qualify(
     }  # fmt: skip
     level, reasons = _judge(found, float(np.ptp(y[used])))
     return Qualification(level=level, reasons=reasons, **found)
-
-
-def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop:
-    """How wide the loops are before and after a compensator, e = input - estimate:
-
-        before = mean over cycles and y of |u_rising(y) - u_falling(y)|
-        after  = mean over cycles and u of |e_rising(u) - e_falling(u)|
-
-    over `LEVELS` equal parts of the y, or u, that both branches of a cycle pass; each branch's value is
-    the mean over the part of its rows joined by straight lines. Where y turns with u both widths are the
-    loop's area over a range, so a straight line through the ends of a closed loop leaves all: a ratio of
-    1. Noise of the output widens what is left. Only counted rows of complete cycles are taken.
-    """
-    u, y, error = record.input, record.output, record.input - estimate
-    before, after = [], []
-    for _, rows in record.sequences():
-        number, used = record.cycle[rows], record.mask[rows]
-        for cycle in range(1, number.max(initial=0) + 1):
-            inside = rows.start + np.flatnonzero((number == cycle) & used)
-            legs = [inside[record.branch[inside] == sign] for sign in (1, -1)]
-            if min(map(len, legs)) < 3:
-                continue
-            widths = _width(y, u, legs), _width(u, error, legs)
-            if np.isfinite(widths).all():
-                before.append(widths[0])
-                after.append(widths[1])
-    if not before:
-        return Loop(float("nan"), float("nan"), 0)
-    return Loop(float(np.mean(before)), float(np.mean(after)), len(before))
-
-
-def _width(level: np.ndarray, value: np.ndarray, legs: list[np.ndarray]) -> float:
-    """Mean distance between the values of two legs at one level; NaN where they share none."""
-    low, high = max(level[x].min() for x in legs), min(level[x].max() for x in legs)
-    if not high > low:
-        return float("nan")
-    edges = np.linspace(low, high, LEVELS + 1)
-    rising, falling = (_means(level[x], value[x], edges) for x in legs)
-    return float(np.abs(rising - falling).mean())
-
-
-def _means(level: np.ndarray, value: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Between each two edges the mean of the values joined by straight lines; ties are averaged."""
-    at, which, count = np.unique(level, return_inverse=True, return_counts=True)
-    grid = np.union1d(at, edges)
-    joined = np.interp(grid, at, np.bincount(which, value) / count)
-    steps = np.diff(grid) * (joined[1:] + joined[:-1]) / 2
-    area = np.append(0.0, np.cumsum(steps))[np.searchsorted(grid, edges)]
-    return np.diff(area) / np.diff(edges)
 
 
 def latency(
@@ -318,6 +256,19 @@ def _run(simulate: Callable[[Any, Any], Any], record: Record, driving: np.ndarra
         values = simulate(t, np.append(driving[rows], np.repeat(driving[rows.stop - 1], more)))
         found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], values))
     return jax.tree.map(lambda *parts: np.concatenate(parts, -1), *found)
+
+
+def _flat_width(
+    model: AbstractModel, record: Record, estimate: np.ndarray, flat: Bool[np.ndarray, " rows"]
+) -> float:
+    low, high = float(record.input.min()), float(record.input.max())
+    widest = 0.0
+    for _, rows in record.sequences():
+        if flat[rows].any():
+            t = None if record.time is None else record.time[rows]
+            open_ = flat_intervals(model, t, estimate[rows], low, high, flat[rows])
+            widest = max(widest, float(open_.width.max()))
+    return widest
 
 
 def _errors(error: Float[np.ndarray, " rows"]) -> Errors:
@@ -406,6 +357,10 @@ def _judge(
         cautions.append(f"The error is above {ERROR:g} % of the range.")
     if 1 - found["statuses"].get("OK", 0.0) > NOT_OK:
         cautions.append(f"Not every estimate is OK: {_shares(found['statuses'])}.")
+    if flat := found["flat_width"]:
+        facts.append(
+            f"Where the model is flat the nearest input is held: up to {_quantity(flat, unit)} are open."
+        )
     ratio = found["loop"].ratio
     if not np.isfinite(ratio):
         cautions.append("No whole cycle has a loop, so how much of one is removed is not known.")
