@@ -3,6 +3,9 @@
 from ._batch import Batch as Batch
 from ._breakdown import Breakdown as Breakdown
 from ._breakdown import breakdown as breakdown
+from ._calibrate import Calibrated as Calibrated
+from ._calibrate import Calibration as Calibration
+from ._calibrate import calibrate as calibrate
 from ._change import Change as Change
 from ._change import ParameterChange as ParameterChange
 from ._change import change as change

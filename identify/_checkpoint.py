@@ -40,14 +40,14 @@ class History(NamedTuple):
 class Identity(NamedTuple):
     """What has to be the same for chains to go on bit for bit, each a digest or a few words."""
 
-    model: str
-    data: str
-    noise: str
-    priors: str
-    seed: str
-    ensembles: str
-    walkers: str
-    versions: str
+    model: str = ""
+    data: str = ""
+    noise: str = ""
+    priors: str = ""
+    seed: str = ""
+    ensembles: str = ""
+    walkers: str = ""
+    versions: str = ""
 
 
 @dataclass
@@ -64,7 +64,7 @@ class Checkpoint:
     """
 
     file: Path | None
-    identity: Identity
+    identity: Identity = field(default_factory=Identity)
     resume: bool = False
     every: float = 10.0
     said: list[str] = field(default_factory=list)

@@ -1,12 +1,10 @@
 """What the data leave open: a posterior's draws, and what can be said of each parameter."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-
-from hysteresis import AbstractModel
 
 from ._per_row import PerRow
 from ._rhat import has_two_modes, rhat
@@ -45,7 +43,8 @@ class Posterior:
     """Draws from the posterior of a fit.
 
     - `names`, `draws`: parameters, (ensembles, draws, parameters).
-    - `model`: one model with a leading draw axis on every parameter, for `jax.vmap` and `invert`.
+    - `model`: one model, or calibrated system, with a leading draw axis on every parameter, for `jax.vmap`
+      and `invert`.
     - `summaries`: mean, deviation, 5 and 95 % quantiles, R-hat across ensembles, effective draws.
     - `method`: how it was drawn. `acceptance`, `autocorrelation` (steps; NaN where draws are
       independent), `seconds`. `notes`: what to mind, in sentences.
@@ -61,7 +60,7 @@ class Posterior:
 
     names: tuple[str, ...]
     draws: Float[np.ndarray, "ensembles draws parameters"]
-    model: AbstractModel
+    model: Any
     summaries: tuple[Summary, ...]
     method: str
     acceptance: float

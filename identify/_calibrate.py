@@ -1,0 +1,258 @@
+"""Calibration of a whole system: what is believed before, least squares, what is left open."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Array, Float
+
+from hysteresis import InputError, parameter_at, parameters
+
+from ._chains import Progress
+from ._checkpoint import Checkpoint
+from ._ensembles import sample_ensembles
+from ._fit import require_double
+from ._posterior import Posterior, modes_of, summary_of
+from ._sample import MOST_STEPS, first_walkers
+
+System = TypeVar("System", bound=eqx.Module)
+
+
+class Calibrated(NamedTuple):
+    """One number: its `value` and its deviations after the data and before them, `prior`."""
+
+    name: str
+    value: float
+    deviation: float
+    prior: float
+
+
+class Prior(eqx.Module):
+    """What is believed of some arrays of a system, and the free space in which that is standard normal:
+
+        x = x_0 + s z                                      where x is not bounded below
+        x = low + (x_0 - low) exp(s z / (x_0 - low))       where it is
+
+    - `places`: dotted names in `system`, which holds all x_0. `deviations`: s, of each array's shape.
+    """
+
+    system: Any
+    places: tuple[str, ...] = eqx.field(static=True)
+    lows: tuple[float, ...] = eqx.field(static=True)
+    deviations: tuple[Array, ...]
+
+    def at(self, z: Float[Array, " unknowns"]) -> Any:
+        """The system of a point in the free space."""
+        found, k = [], 0
+        for x, low, s in zip(self._means(), self.lows, self.deviations, strict=True):
+            away = s * z[k : k + x.size].reshape(x.shape)
+            k += x.size
+            if low == -float("inf"):
+                found.append(x + away)
+            else:
+                found.append(low + (x - low) * jnp.exp(away / (x - low)))
+        return eqx.tree_at(self._values, self.system, found)
+
+    def values(self, z: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+        """All numbers of a point, one after the other."""
+        return jnp.concatenate([x.ravel() for x in self._values(self.at(z))])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of every number: "matrix[0, 5]"."""
+        return tuple(
+            f"{place}{list(index)}" if index else place
+            for place, x in zip(self.places, self._means(), strict=True)
+            for index in np.ndindex(x.shape)
+        )
+
+    def _means(self) -> list[Array]:
+        return self._values(self.system)
+
+    def _values(self, system: Any) -> list[Any]:
+        return [parameter_at(system, place) for place in self.places]
+
+
+@dataclass(frozen=True)
+class Calibration(Generic[System]):
+    """A calibrated system.
+
+    - `system`: with what was found. `parameters`: every free number.
+    - `rms`: of the residuals, in their own deviations: 1 where these are true.
+    - `converged`: whether the search came to its end, after so many `steps`.
+    """
+
+    system: System
+    parameters: tuple[Calibrated, ...]
+    rms: float
+    converged: bool
+    steps: int
+    prior: Prior
+    residuals: Callable[[System], Array]
+    point: Float[np.ndarray, " unknowns"]
+    root: Float[np.ndarray, "unknowns unknowns"]
+    """of the covariance at `point`, both in the free space"""
+
+    @cached_property
+    def text(self) -> str:
+        """A table for a terminal."""
+        lines = [f"{'parameter':32}{'value':>12}{'deviation':>12}{'before':>12}"]
+        lines += [f"{n:32}{v:12.5g}{d:12.2g}{p:12.2g}" for n, v, d, p in self.parameters]
+        return "\n".join([*lines, f"residuals: {self.rms:.3g} of their deviations"])
+
+    def draws(self, count: int, seed: int = 0) -> System:
+        """Systems about the found one, by Laplace's approximation, with a leading axis on free arrays."""
+        random = np.random.default_rng(seed)
+        normal = random.normal(size=(count, len(self.point)))
+        return jax.vmap(self.prior.at)(jnp.asarray(self.point + normal @ self.root.T))
+
+    def sample(
+        self,
+        steps: int | None = None,
+        ensembles: int = 4,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Posterior:
+        """The posterior by emcee, as `identify.sample`; `model` is the system with a leading draw axis.
+
+        Where the residuals bend little within it, `draws` says the same at once.
+        """
+        begin = time.perf_counter()
+        walkers = max(16, 2 * len(self.point) + len(self.point) % 2)
+        density = _density(self.residuals, self.prior)
+        first = first_walkers(density, self.point, self.root, ensembles, walkers, seed)
+        tell = progress or (lambda done, total, text: None)
+        chains = sample_ensembles(
+            density, first, self.point, self.root, seed, steps, MOST_STEPS, Checkpoint(None), tell
+        )
+        thinned = chains.points[:, :: chains.thin].reshape(ensembles, -1, len(self.point))
+        values = np.asarray(jax.vmap(jax.vmap(self.prior.values))(jnp.asarray(thinned)))
+        summaries = tuple(
+            summary_of(
+                one.name, values[..., j], float(chains.ess[j]), float(chains.rhat[j]),
+                modes_of(thinned[..., j], float(chains.ess[j])),
+                float(1 - chains.points[..., j].var()),
+            )
+            for j, one in enumerate(self.parameters)
+        )  # fmt: skip
+        flat = jnp.asarray(thinned.reshape(-1, len(self.point)))
+        return Posterior(
+            self.prior.names, values, jax.vmap(self.prior.at)(flat), summaries, chains.method,
+            chains.acceptance, chains.autocorrelation, time.perf_counter() - begin, chains.notes,
+            chains.long_enough, chains.log_probability[:, :: chains.thin].reshape(ensembles, -1),
+            chains.statistics,
+        )  # fmt: skip
+
+
+def calibrate(
+    system: System,
+    residuals: Callable[[System], Array],
+    deviations: Mapping[str, Any],
+    steps: int = 100,
+    allow_float32: bool = False,
+) -> Calibration[System]:
+    """Make a system agree with measurements of the whole of it, without leaving what is known of its parts.
+
+        minimise |residuals(x)|^2 + |z(x)|^2,     z = (x - x_0) / s        (see `Prior`)
+
+    which is the maximum of the posterior where residuals have normal noise of deviation 1. The covariance
+    (J'J)^-1 there is finite always: of a number that the residuals do not tell the prior is left.
+
+    **Arguments:**
+
+    - `system`: with the values x_0 believed before.
+    - `residuals`: of a system, an array of any length, each divided by its noise's deviation. Compiled.
+    - `deviations`: which numbers are free: dotted name of an array in the system -> how far off it may be,
+      s, one number or one for each; 0 keeps a number as it is.
+    - `steps`: of Levenberg-Marquardt, at most.
+
+    Raises `InputError` for a name that is not in the system, a deviation that is negative or no number,
+    residuals that are not finite, and without double precision.
+    """
+    require_double(allow_float32)
+    prior = _prior(system, deviations)
+    start = jnp.zeros(len(prior.names))
+    if not np.isfinite(np.asarray(residuals(system))).all():
+        raise InputError(
+            "residuals-not-finite",
+            "the residuals of the system as it is given are not all finite.",
+            cause="a reading that is no number, or a start outside of what the system can be.",
+            fix="leave such readings out; start from values that give numbers.",
+        )
+    z, jacobian, size, done, taken = _search(residuals, prior, start, steps)
+    # QR of [J; 1], whose R is a root of the precision: never singular.
+    R = np.linalg.qr(np.concatenate([np.asarray(jacobian), np.eye(len(start))]), mode="r")
+    root = np.linalg.inv(R)
+    point = np.asarray(z)
+    of_values = np.asarray(jax.jacfwd(prior.values)(z)) @ root
+    spread = np.concatenate([np.asarray(s).ravel() for s in prior.deviations])
+    found = zip(
+        prior.names, np.asarray(prior.values(z)), np.linalg.norm(of_values, axis=1), spread,
+        strict=True,
+    )  # fmt: skip
+    return Calibration(
+        system=prior.at(z), parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in found),
+        rms=float(size), converged=bool(done), steps=int(taken), prior=prior, residuals=residuals,
+        point=point, root=root,
+    )  # fmt: skip
+
+
+def _prior(system: eqx.Module, deviations: Mapping[str, Any]) -> Prior:
+    known = {name: info for name, info, value in parameters(system) if value is not None}
+    lows, spreads = [], []
+    for name, given in deviations.items():
+        if name not in known:
+            raise InputError(
+                "unknown-parameter",
+                f"{type(system).__name__} has no {name!r}.",
+                fix=f"one of {', '.join(known)}.",
+            )
+        x, s = parameter_at(system, name), np.asarray(given, float)
+        if s.shape not in ((), x.shape) or not (np.isfinite(s) & (s >= 0)).all():
+            raise InputError(
+                "bad-deviation",
+                f"{name}: {given} is no deviation of an array of shape {x.shape}.",
+                fix="give one number, or one for each, none negative; 0 keeps it as it is.",
+            )
+        lows.append(known[name].bounds[0])
+        spreads.append(jnp.asarray(np.broadcast_to(s, x.shape)))
+    return Prior(system, tuple(deviations), tuple(lows), tuple(spreads))
+
+
+@eqx.filter_jit
+def _search(
+    residuals: Callable[[Any], Array], prior: Prior, start: Array, steps: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """The minimum, the residuals' Jacobian there, their rms, whether it is one, steps taken."""
+
+    def both(z: Array, prior: Prior) -> Array:
+        return jnp.concatenate([jnp.ravel(residuals(prior.at(z))), z])
+
+    solver = optimistix.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+    solution = optimistix.least_squares(
+        both, solver, start, args=prior, max_steps=steps, throw=False
+    )
+    z = solution.value
+    left = jnp.ravel(residuals(prior.at(z)))
+    jacobian = jax.jacfwd(lambda z: jnp.ravel(residuals(prior.at(z))))(z)
+    done = solution.result == optimistix.RESULTS.successful
+    return z, jacobian, jnp.sqrt(jnp.mean(left**2)), done, solution.stats["num_steps"]
+
+
+def _density(
+    residuals: Callable[[Any], Array], prior: Prior
+) -> Callable[[Float[np.ndarray, "points unknowns"]], np.ndarray]:
+    """The log-posterior of many points at once, up to a constant."""
+
+    def one(z: Array) -> Array:
+        return -0.5 * (jnp.sum(residuals(prior.at(z)) ** 2) + jnp.sum(z**2))
+
+    many = jax.jit(jax.vmap(one))
+    return lambda points: np.asarray(many(jnp.asarray(points)))
