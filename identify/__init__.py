@@ -9,6 +9,8 @@ from ._calibrate import calibrate as calibrate
 from ._change import Change as Change
 from ._change import ParameterChange as ParameterChange
 from ._change import change as change
+from ._choose import Choice as Choice
+from ._choose import choose as choose
 from ._compare import Compared as Compared
 from ._compare import Comparison as Comparison
 from ._compare import Difference as Difference

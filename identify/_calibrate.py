@@ -177,7 +177,7 @@ def calibrate(
     residuals that are not finite, and without double precision.
     """
     require_double(allow_float32)
-    prior = _prior(system, deviations)
+    prior = prior_of(system, deviations)
     start = jnp.zeros(len(prior.names))
     if not np.isfinite(np.asarray(residuals(system))).all():
         raise InputError(
@@ -204,7 +204,8 @@ def calibrate(
     )  # fmt: skip
 
 
-def _prior(system: eqx.Module, deviations: Mapping[str, Any]) -> Prior:
+def prior_of(system: eqx.Module, deviations: Mapping[str, Any]) -> Prior:
+    """The prior that `calibrate` is told by its deviations."""
     known = {name: info for name, info, value in parameters(system) if value is not None}
     lows, spreads = [], []
     for name, given in deviations.items():

@@ -10,7 +10,7 @@ import pytest
 from jaxtyping import Array
 
 from hysteresis import InputError, parameter
-from identify import calibrate
+from identify import calibrate, choose
 
 
 class Gauge(eqx.Module):
@@ -122,3 +122,22 @@ def test_faults_say_what_to_do():
         calibrate(START, Linear(data.u, jnp.full_like(data.y, jnp.nan), 0.1), {"matrix": 0.1})
     with jax.enable_x64(False), pytest.raises(InputError):
         calibrate(START, data, {"matrix": 0.1})
+
+
+def test_measurements_are_chosen_where_they_tell_most():
+    u = jnp.asarray([[1.0, 0.0], [0.2, 0.0], [0.0, 1.0], [0.0, 0.5], [0.5, 0.5]])
+    doubts = {"matrix": [[0.3, 0.3], [0.0, 0.0]]}
+
+    def rows(gauge: Gauge) -> Array:
+        return (u @ gauge.matrix.T)[:, :1] / 0.02
+
+    found = choose(START, rows, lambda gauge: gauge.matrix[0], doubts, 3)
+    assert found.chosen.tolist()[:2] in ([0, 2], [2, 0])  # the longest lever for either number
+    # After one of each: 1 / (1/0.3^2 + 1/0.02^2) of both; nothing before: 0.3.
+    left = (0.3**-2 + 0.02**-2) ** -0.5
+    assert found.expected[[0, 2]] == pytest.approx([0.3, left])
+    # What is expected is what a calibration by these says.
+    y = np.asarray(u @ START.matrix.T)
+    used = Linear(u[found.chosen[:2]], jnp.asarray(y[found.chosen[:2]]), 0.02)
+    parts = calibrate(START, used, doubts).parameters[:2]
+    assert [p.deviation for p in parts] == pytest.approx([left, left], rel=1e-6)
