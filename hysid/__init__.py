@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compensate import invert as invert
+    from hysid._armor_calibration import calibrate_armor as calibrate_armor
+    from hysid._armor_calibration import choose_presses as choose_presses
     from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
     from hysteresis import DegradingBoucWen as DegradingBoucWen
@@ -73,6 +75,7 @@ _HOME = {
         "save",
         "spectrum",
     ),
+    "hysid._armor_calibration": ("calibrate_armor", "choose_presses"),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)

@@ -12,9 +12,11 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from ._armor_command import armor
 from ._config import SELECTION, Config, options_of, parameters_said, selection_options
 from ._export_command import export
 from ._qualify_command import qualify
+from ._reproduce_command import reproduce
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
@@ -345,6 +347,8 @@ def report(folder: Folder, as_json: AsJson = False) -> None:
 
 app.command()(export)
 app.command()(qualify)
+app.command()(reproduce)
+app.add_typer(armor, name="armor")
 
 
 def main() -> None:

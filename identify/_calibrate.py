@@ -60,6 +60,11 @@ class Prior(eqx.Module):
                 found.append(low + (x - low) * jnp.exp(away / (x - low)))
         return eqx.tree_at(self._values, self.system, found)
 
+    def many(self, z: Float[Array, "points unknowns"]) -> Any:
+        """The systems of many points: a leading axis on the free arrays alone."""
+        found = jax.vmap(lambda one: self._values(self.at(one)))(z)
+        return eqx.tree_at(self._values, self.system, found)
+
     def values(self, z: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
         """All numbers of a point, one after the other."""
         return jnp.concatenate([x.ravel() for x in self._values(self.at(z))])
@@ -111,7 +116,7 @@ class Calibration(Generic[System]):
         """Systems about the found one, by Laplace's approximation, with a leading axis on free arrays."""
         random = np.random.default_rng(seed)
         normal = random.normal(size=(count, len(self.point)))
-        return jax.vmap(self.prior.at)(jnp.asarray(self.point + normal @ self.root.T))
+        return self.prior.many(jnp.asarray(self.point + normal @ self.root.T))
 
     def sample(
         self,
@@ -144,7 +149,7 @@ class Calibration(Generic[System]):
         )  # fmt: skip
         flat = jnp.asarray(thinned.reshape(-1, len(self.point)))
         return Posterior(
-            self.prior.names, values, jax.vmap(self.prior.at)(flat), summaries, chains.method,
+            self.prior.names, values, self.prior.many(flat), summaries, chains.method,
             chains.acceptance, chains.autocorrelation, time.perf_counter() - begin, chains.notes,
             chains.long_enough, chains.log_probability[:, :: chains.thin].reshape(ensembles, -1),
             chains.statistics,

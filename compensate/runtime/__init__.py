@@ -4,8 +4,12 @@ compensator = load("compensator.json")
 value, status, deviation = compensator.step(reading)
 """
 
+from ._armor import Armor as Armor
+from ._armor import ArmorContact as ArmorContact
+from ._armor import load_armor as load_armor
 from ._compensator import Compensator as Compensator
 from ._compensator import Estimate as Estimate
 from ._compensator import load as load
+from ._contact_status import ContactStatus as ContactStatus
 from ._file import FileError as FileError
 from ._status import Status as Status

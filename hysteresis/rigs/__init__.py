@@ -1,3 +1,10 @@
 """Virtual test rigs: physics that no model of ours contains, sampled as a rig would sample it."""
 
+from ._armor import ArmorPoints as ArmorPoints
+from ._armor import ArmorPresses as ArmorPresses
+from ._armor import ArmorRig as ArmorRig
+from ._armor import force_path as force_path
+from ._armor import mixed_forces as mixed_forces
+from ._force_sensor import ForceSensor as ForceSensor
+from ._sponge import SpongeCycles as SpongeCycles
 from ._sponge import SpongeRig as SpongeRig

@@ -1,0 +1,30 @@
+"""Where a robot under a soft cover is touched, from the wrench at its base."""
+
+from ..runtime._contact_status import ContactStatus as ContactStatus
+from ._armor import Armor as Armor
+from ._box import Box as Box
+from ._calibration import Presses as Presses
+from ._calibration import PressResiduals as PressResiduals
+from ._calibration import planned_presses as planned_presses
+from ._contact import Contact as Contact
+from ._conventions import convention_doubt as convention_doubt
+from ._convex import Convex as Convex
+from ._cover import Cover as Cover
+from ._examples import forearm as forearm
+from ._examples import head as head
+from ._export import export_armor as export_armor
+from ._fields import AbstractField as AbstractField
+from ._fields import Bumps as Bumps
+from ._fields import Grid as Grid
+from ._fields import Uniform as Uniform
+from ._mesh import Mesh as Mesh
+from ._shape import AbstractShape as AbstractShape
+from ._solver import ContactSolver as ContactSolver
+from ._stream import ContactStream as ContactStream
+from ._stream import Touch as Touch
+from ._uncertain import Alternative as Alternative
+from ._uncertain import UncertainArmor as UncertainArmor
+from ._uncertain import UncertainContact as UncertainContact
+from ._wrench import Motion as Motion
+from ._wrench import Wrench as Wrench
+from ._wrench import WristSensor as WristSensor

@@ -1,0 +1,203 @@
+"""What presses at known points say of a sensor, a shell and a cover: residuals to calibrate by."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from hysteresis import InputError, Scalar
+
+from ._armor import Armor
+from ._faces import dots
+
+
+class Presses(eqx.Module):
+    """Presses with a gauge at known points, each from rest.
+
+    **Arguments:**
+
+    - `time` (samples,), in the unit of the cover's model, or (presses, samples).
+    - `readings` (presses, samples, 6): of the force sensor.
+    - `force` (presses, samples), N: of the gauge, along `direction` (presses, 3), which is of length 1 and
+      points inwards.
+    - `touched` (presses, 3), m: P^i, on the undeformed surface. `surface` (presses,): its number, from 1.
+    - `displacement` (presses, samples), m: d_n, where it was measured; None where not.
+
+    Raises `InputError` where shapes do not agree, a number is not finite, or a direction is not of
+    length 1.
+    """
+
+    time: Float[Array, "*presses samples"]
+    readings: Float[Array, "*presses samples 6"]
+    force: Float[Array, "*presses samples"]
+    direction: Float[Array, "*presses 3"]
+    touched: Float[Array, "*presses 3"]
+    surface: Int[Array, "*presses"]
+    displacement: Float[Array, "*presses samples"] | None = None
+
+    def __init__(
+        self, time: Any, readings: Any, force: Any, direction: Any, touched: Any, surface: Any,
+        displacement: Any = None,
+    ):  # fmt: skip
+        force = np.asarray(force, float)
+        if force.ndim != 2:
+            raise _fault(f"force has the shape {force.shape}.", "give (presses, samples).")
+        presses, samples = force.shape
+        shapes = {
+            "readings": (readings, (presses, samples, 6)), "direction": (direction, (presses, 3)),
+            "touched": (touched, (presses, 3)), "surface": (surface, (presses,)),
+        }  # fmt: skip
+        if displacement is not None:
+            shapes["displacement"] = (displacement, (presses, samples))
+        for name, (given, shape) in shapes.items():
+            if np.shape(given) != shape:
+                raise _fault(f"{name} has the shape {np.shape(given)}.", f"give {shape}.")
+            if not np.isfinite(np.asarray(given, float)).all():
+                raise _fault(f"{name} is not finite everywhere.", "leave such presses out.")
+        if not np.allclose(np.linalg.norm(np.asarray(direction, float), axis=1), 1, atol=1e-6):
+            raise _fault("a direction is not of length 1.", "divide it by its length.")
+        self.time = jnp.broadcast_to(jnp.asarray(time, float), force.shape)
+        self.readings, self.force = jnp.asarray(readings, float), jnp.asarray(force)
+        self.direction, self.touched = jnp.asarray(direction, float), jnp.asarray(touched, float)
+        self.surface = jnp.asarray(surface)
+        self.displacement = None if displacement is None else jnp.asarray(displacement, float)
+
+
+def _number(value: Any) -> Array:
+    return jnp.asarray(value, float)
+
+
+def planned_presses(
+    armor: Armor, time: Any, force: Any, direction: Any, touched: Any, surface: Any
+) -> Presses:
+    """What the armor as it is would read and show in presses that were not made; arguments as `Presses`.
+
+    For choosing among them, see `identify.choose`.
+    """
+    samples = np.shape(force)
+    silent = Presses(
+        time, np.zeros((*samples, 6)), force, direction, touched, surface, np.zeros(samples)
+    )
+    return _planned(armor, silent)
+
+
+@eqx.filter_jit
+def _planned(armor: Armor, presses: Presses) -> Presses:
+    def one(press: Presses) -> Presses:
+        normal = _normal(armor, press)
+        depth = _modelled(armor, press, normal)
+        readings = armor.sensor.respond(*_load(press, normal, depth))
+        return eqx.tree_at(lambda p: (p.readings, p.displacement), press, (readings, depth))
+
+    return jax.vmap(one)(presses)
+
+
+class PressResiduals(eqx.Module):
+    """What an armor misses of presses, each in deviations of its noise, a row for each press:
+
+        (F, M)(reading) - (f u, P^e x f u)        over `noise`,        P^e = P^i + d_n n
+        f_k(P^i)                                  over `place`
+        d_n(f u.n) - d                            where d was measured
+
+    d is off by a constant in each press, unevenness of deviation `scatter`, and in each sample by
+    `reading`: S samples with the residuals e and their mean m make (e - m)/reading + m/sqrt(S scatter^2
+    + reading^2), which are independent. Samples below the contact threshold do not tell d.
+
+    A residual function for `identify.calibrate`.
+
+    **Arguments:**
+
+    - `noise` (6,), N and N m: of wrenches, one sample; `with_noise_left` learns it from what a fit leaves.
+    - `place`, `scatter`, `reading`, m.
+    """
+
+    presses: Presses
+    noise: Float[Array, "6"]
+    place: Scalar = eqx.field(default=1e-3, converter=_number)
+    scatter: Scalar = eqx.field(default=1e-3, converter=_number)
+    reading: Scalar = eqx.field(default=2e-4, converter=_number)
+
+    def __call__(self, armor: Armor) -> Float[Array, "presses residuals"]:
+        def one(press: Presses) -> Array:
+            missed = _missed(armor, press)
+            found = [(missed.wrench / self.noise[None]).ravel(), missed.height[None] / self.place]
+            if missed.depth is not None:
+                rest = jnp.where(missed.told, missed.depth - missed.mean, 0) / self.reading
+                count = jnp.sum(missed.told).astype(rest.dtype)
+                common = missed.mean / jnp.sqrt(count * self.scatter**2 + self.reading**2)
+                found.append(rest + jnp.where(missed.told, common, 0))
+            return jnp.concatenate(found)
+
+        return jax.vmap(one)(self.presses)
+
+    def with_noise_left(self, armor: Armor) -> "PressResiduals":
+        """The same with the deviations that an armor leaves of presses: of the wrenches in each channel, of
+        d from press to press and from sample to sample; those stay that nothing was measured of."""
+        missed = jax.vmap(lambda press: _missed(armor, press))(self.presses)
+        noise = jnp.sqrt(jnp.mean(missed.wrench**2, axis=(0, 1)))
+        if missed.depth is None:
+            return replace(self, noise=noise)
+        rest = jnp.where(missed.told, missed.depth - missed.mean[:, None], 0)
+        many = missed.told.sum().astype(rest.dtype)
+        scatter, reading = jnp.sqrt(jnp.mean(missed.mean**2)), jnp.sqrt(jnp.sum(rest**2) / many)
+        least = 1e-5  # what agrees to better than this agrees by chance
+        return replace(
+            self,
+            noise=noise,
+            scatter=jnp.maximum(scatter, least),
+            reading=jnp.maximum(reading, least),
+        )
+
+
+class _Missed(NamedTuple):
+    """What an armor misses of one press: (F, M), the height of P^i, and d where it is `told`."""
+
+    wrench: Float[Array, "samples 6"]
+    height: Float[Array, ""]
+    depth: Float[Array, " samples"] | None
+    told: Bool[Array, " samples"]
+    mean: Float[Array, ""]
+
+
+def _missed(armor: Armor, press: Presses) -> _Missed:
+    normal = _normal(armor, press)
+    offset = armor.solver.shape.faces().offset[press.surface - 1]
+    modelled = _modelled(armor, press, normal)
+    measured = press.displacement
+    found = armor.sensor.simulate(press.time, press.readings)
+    load = _load(press, normal, modelled if measured is None else measured)
+    wrench = jnp.concatenate([found.force - load[0], found.moment - load[1]], axis=1)
+    told = press.force >= armor.solver.threshold
+    depth = None if measured is None else jnp.where(told, modelled - measured, 0)
+    many = jnp.maximum(told.sum(), 1).astype(modelled.dtype)
+    mean = jnp.zeros(()) if depth is None else depth.sum() / many
+    return _Missed(wrench, offset + dots(normal, press.touched), depth, told, mean)
+
+
+def _normal(armor: Armor, press: Presses) -> Float[Array, "3"]:
+    return armor.solver.shape.faces().normal[press.surface - 1]
+
+
+def _load(press: Presses, normal: Array, depth: Array) -> tuple[Array, Array]:
+    """F and M about P_o that the gauge exerts, (samples, 3)."""
+    force = press.force[:, None] * press.direction[None]
+    return force, jnp.cross(press.touched[None] + depth[:, None] * normal[None], force)
+
+
+def _modelled(armor: Armor, press: Presses, normal: Array) -> Float[Array, " samples"]:
+    """d_n of the cover where it is pressed, m."""
+    cover, along = armor.solver.cover, press.force * dots(press.direction, normal)
+    pressed = jax.lax.scan(
+        lambda state, now: cover.press(state, *now), cover.init(), (press.time, along)
+    )[1]
+    return jax.vmap(lambda g, F: cover.displacement(g, F, press.surface, press.touched))(
+        pressed, along
+    )
+
+
+def _fault(problem: str, fix: str) -> InputError:
+    return InputError("bad-presses", problem, place="Presses", fix=fix)

@@ -1,0 +1,44 @@
+"""Which convention of signs and units a recording of wrenches was made in."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..runtime._contact_status import ContactStatus
+from ._solver import ContactSolver
+
+_OTHERS = (
+    ("the moment is what the sensor reacts with", 1.0, -1.0),
+    ("force and moment are what the sensor reacts with", -1.0, -1.0),
+    ("the force is what the sensor reacts with", -1.0, 1.0),
+    ("the moment is in N mm", 1.0, 1e-3),
+    ("the moment is in N cm", 1.0, 1e-2),
+)
+
+
+def convention_doubt(solver: ContactSolver, force: Any, moment: Any) -> str | None:
+    """Why a recording of contacts hits the shell so seldom; None where it does, or nothing explains it.
+
+    A wrench in another frame or with another sign is a wrench as good as any: only its line of action
+    misses the shell. So other readings of the same numbers are tried, and the best told, if a tenth or
+    more of the lines miss the shell as given, and a quarter as many or fewer in that reading.
+
+    **Arguments:** `force`, `moment` (samples, 3), as of `ContactSolver.solve`; tens of contacts or more,
+    on several surfaces. Samples below the threshold do not count.
+    """
+    force, moment = jnp.asarray(force, float), jnp.asarray(moment, float)
+    strong = jnp.linalg.norm(force, axis=-1) >= solver.threshold
+    force, moment = force[strong], moment[strong]
+
+    def hits(sign: float, scale: float) -> float:
+        status = np.asarray(solver.solve(sign * force, scale * moment).status)
+        return float(np.isin(status, (ContactStatus.OK, ContactStatus.AMBIGUOUS)).mean())
+
+    if not len(force) or (plain := hits(1.0, 1.0)) > 0.9:
+        return None
+    best = max(_OTHERS, key=lambda other: hits(*other[1:]))
+    told, share = best[0], hits(*best[1:])
+    if 1 - share > (1 - plain) / 4:
+        return None
+    return f"{plain:.0%} of the lines of action meet the shell, {share:.0%} if {told}."

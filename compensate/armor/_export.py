@@ -1,0 +1,167 @@
+"""An armor as a file that runs without JAX."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import AbstractModel, InputError
+
+from .._program import program_of
+from ..runtime._armor import KIND
+from ..runtime._file import SCHEMA, checksum
+from ._cover import Cover
+from ._faces import METRES
+from ._fields import AbstractField, Bumps, Grid, Uniform
+from ._solver import TURNS, ContactSolver
+from ._wrench import WristSensor
+
+MOST_FACES = 256
+"""Plain Python looks at every face: more of them take longer than a control loop has."""
+
+
+def export_armor(
+    solver: ContactSolver, path: str | Path, sensor: WristSensor | None = None, *,
+    model: AbstractModel | None = None, title: str = "armor",
+) -> Path:  # fmt: skip
+    """Write a solver as JSON for `compensate.runtime.load_armor`, with contacts that it replays on loading.
+
+    **Arguments:**
+
+    - `sensor`: readings of this one are taken, at rest; by default wrenches of the load about P_o.
+    - `model`: where the cover is a compensator, the model that it is the inverse of.
+    - `title`: in a line.
+
+    Raises `InputError` for a shape of more than 256 faces, a cover or a sensor's hysteresis that cannot be
+    exported, and a compensator without its model.
+    """
+    faces = solver.shape.faces()
+    if len(faces.offset) > MOST_FACES:
+        raise InputError(
+            "too-many-faces", f"a shape of {len(faces.offset)} faces is too slow in plain Python.",
+            fix=f"ContactStream(solver), or a Convex of at most {MOST_FACES} faces.",
+        )  # fmt: skip
+    limits = solver.limits()
+    document = {
+        "schema": SCHEMA, "kind": KIND, "title": title,
+        "faces": [
+            [normal, offset, [[edge, limit] for edge, limit in zip(edges, ends, strict=True)]]
+            for normal, offset, edges, ends in zip(
+                *(np.asarray(a).tolist() for a in faces[:4]), strict=True
+            )
+        ],
+        "limits": {
+            "threshold": _number(limits.threshold), "release": _number(solver.release),
+            "tolerance": _number(limits.tolerance), "spin": _number(limits.spin),
+            "rounding": _number(limits.rounding), "same_place": _number(solver.same_place),
+            "recovery": _number(solver.recovery),
+        },
+        "cover": _cover(solver.cover, model, len(faces.offset)),
+        "sensor": sensor and _sensor(sensor),
+        "golden": _golden(solver, sensor),
+    }  # fmt: skip
+    path = Path(path)
+    path.write_text(json.dumps(document | {"checksum": checksum(document)}) + "\n", "utf-8")
+    return path
+
+
+def _number(value: Any) -> float | None:
+    """None for infinity, which JSON does not have."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _cover(cover: Cover, model: AbstractModel | None, surfaces: int) -> dict[str, Any]:
+    material: Any = cover.compensator
+    is_inverse = not (material is None or isinstance(material, AbstractModel))
+    if is_inverse and model is None:
+        raise InputError(
+            "no-model", "the cover is a compensator, and is exported by the model it inverts.",
+            fix="export_armor(..., model=the model given to invert).",
+        )  # fmt: skip
+    exported: Any = model if is_inverse else material
+    tree = None if exported is None else program_of(exported)
+    return {
+        "tree": tree, "inverse": is_inverse, "scale": METRES[cover.length_unit or "mm"],
+        "factor": _field(cover.factor, surfaces), "compliance": _field(cover.compliance, surfaces),
+        "turns": TURNS,
+    }  # fmt: skip
+
+
+def _field(field: AbstractField, surfaces: int) -> dict[str, Any]:
+    def each(value: Any) -> list[float]:
+        return np.broadcast_to(np.asarray(value), (surfaces,)).tolist()
+
+    if isinstance(field, Uniform):
+        return {"kind": "uniform", "value": np.asarray(field.value).tolist()}
+    if isinstance(field, Bumps):
+        return {
+            "kind": "bumps", "centre": field.centre.tolist(), "amplitude": each(field.amplitude),
+            "width": float(field.width), "base": each(field.base),
+        }  # fmt: skip
+    if isinstance(field, Grid):
+        return {
+            "kind": "grid", "values": field.values.tolist(), "centre": field.centre.tolist(),
+            "axes": field.axes.tolist(),
+        }  # fmt: skip
+    raise InputError(
+        "no-element", f"a field {type(field).__name__} cannot be exported.",
+        fix="use Uniform, Bumps or Grid.",
+    )  # fmt: skip
+
+
+def _sensor(sensor: WristSensor) -> dict[str, Any]:
+    """What is linear in matrices: the calibration, and all that comes after the hysteresis."""
+    calibrated = sensor._calibrated
+    placed = eqx.tree_at(
+        lambda s: (s.matrix, s.bias), sensor, (jnp.eye(6), jnp.zeros_like(sensor.bias))
+    )
+
+    def carried(sound: Any) -> Any:
+        wrench = placed.read(sound)
+        return jnp.concatenate([wrench.force, wrench.moment], axis=-1)
+
+    def whole(readings: Any) -> Any:
+        return carried(calibrated(readings))
+
+    parts = (calibrated, carried) if sensor.hysteresis else (whole, None)
+    return {
+        "calibration": _affine(parts[0]), "placement": parts[1] and _affine(parts[1]),
+        "range": [_number(end) for end in np.asarray(sensor.range)],
+        "time_constant": float(sensor.time_constant),
+        "hysteresis": [program_of(model) for model in sensor.hysteresis or ()],
+    }  # fmt: skip
+
+
+def _affine(f: Callable[[Any], Any]) -> dict[str, Any]:
+    """f(x) = matrix x + constant of six numbers: the columns are the values at unit vectors."""
+    constant = f(jnp.zeros((6,)))
+    matrix = f(jnp.eye(6)) - constant[None]
+    return {"matrix": matrix.T.tolist(), "constant": constant.tolist()}
+
+
+def _golden(solver: ContactSolver, sensor: WristSensor | None) -> dict[str, Any]:
+    """Presses about the middle of some faces, square and slanting, and what JAX makes of them."""
+    faces = solver.shape.faces()
+    chosen = np.unique(np.linspace(0, len(faces.offset) - 1, 8).astype(int))
+    centre = -np.asarray(faces.offset)[:, None] * np.asarray(faces.normal)
+    random, strength = np.random.default_rng(0), (0.5, 4.0, 12.0, 8.0, 15.0, 3.0, 1.4, 0.2)
+    normal = np.repeat(np.asarray(faces.normal)[chosen], len(strength), axis=0)
+    slant = 0.2 * random.normal(size=normal.shape)
+    force = np.tile(strength, len(chosen))[:, None] * (normal + slant)
+    moment = np.cross(np.repeat(centre[chosen], len(strength), axis=0), force)
+    t = 0.1 * np.arange(len(force))
+    readings, doubt = np.hstack([force, moment]), np.zeros(len(force), int)
+    if sensor is not None:
+        readings = np.asarray(sensor.respond(force, moment))
+        force, moment, doubt = map(np.asarray, sensor.simulate(t, readings))
+    contacts = solver.simulate(t, force, moment, doubt)
+    return {
+        "t": t.tolist(), "reading": readings.tolist(),
+        "point": contacts.point.tolist(), "surface": contacts.surface.tolist(),
+        "status": contacts.status.tolist(),
+        "tolerance": 1e-9 * max(float(solver.shape.longest()), 1e-300),
+    }  # fmt: skip

@@ -1,0 +1,102 @@
+"""Quantities that differ from place to place on a cover, as few numbers as it takes."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from hysteresis import Scalar, parameter
+
+from ._faces import dots
+
+
+class AbstractField(eqx.Module):
+    """A quantity of the place: field(surface, point) with surface k from 1 and the point P^i in metres."""
+
+    @abc.abstractmethod
+    def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
+        """The value at one point of one surface."""
+
+    @abc.abstractmethod
+    def greatest(self) -> Float[Array, ""]:
+        """No value is above this."""
+
+
+class Uniform(AbstractField):
+    """The same all over: one number, or one for every surface."""
+
+    value: Any = parameter(meaning="value of all surfaces, or of each")
+
+    def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
+        return _of(self.value, surface)
+
+    def greatest(self) -> Float[Array, ""]:
+        return jnp.max(self.value)
+
+
+class Bumps(AbstractField):
+    """A smooth bump about one point of each surface:
+
+        base_k + amplitude_k exp(-|P - centre_k|^2 / (2 width^2))
+
+    such as a frame that gives way in the middle of each side, or a sheet that is thinner at its rim.
+
+    **Arguments:** `centre` (surfaces, 3), m, e.g. `Box.centres()`; `amplitude` and `base`, one number or
+    one for every surface; `width`, m.
+    """
+
+    centre: Float[Array, "surfaces 3"] = parameter(
+        unit="m", fixed=True, meaning="middle of each bump"
+    )
+    amplitude: Any = parameter(meaning="height of each bump")
+    width: Scalar = parameter(unit="m", bounds=(0.0, float("inf")), meaning="width of the bumps")
+    base: Any = parameter(0.0, meaning="value far from a bump")
+
+    def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
+        away = (point - self.centre[surface - 1]) / self.width
+        bump = jnp.exp(-dots(away, away) / 2)
+        return _of(self.base, surface) + _of(self.amplitude, surface) * bump
+
+    def greatest(self) -> Float[Array, ""]:
+        return jnp.max(self.base) + jnp.maximum(jnp.max(self.amplitude), 0)
+
+
+class Grid(AbstractField):
+    """Values on a grid over each surface, bilinear between them and constant beyond its rim.
+
+    **Arguments:** `values` (surfaces, u, v), at least 2 x 2 each; `centre` (surfaces, 3) and `axes`
+    (surfaces, 2, 3), m: the middle of each surface, and from there to the middles of two of its sides,
+    as `Box.centres()` and `Box.axes()`.
+    """
+
+    values: Float[Array, "surfaces u v"] = parameter(meaning="values on the grid")
+    centre: Float[Array, "surfaces 3"] = parameter(unit="m", fixed=True, meaning="middle of a side")
+    axes: Float[Array, "surfaces 2 3"] = parameter(unit="m", fixed=True, meaning="half its sides")
+
+    def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
+        k = surface - 1
+        axes, away = self.axes[k], point - self.centre[k]
+        along = dots(axes, jnp.stack([away, away])) / dots(axes, axes)
+        cells = jnp.asarray([n - 1 for n in self.values.shape[1:]])
+        at = (jnp.clip(along, -1, 1) + 1) / 2 * cells.astype(along.dtype)
+        cell = jnp.minimum(jnp.floor(at).astype(cells.dtype), cells - 1)
+        (i, j), (u, v) = cell, at - cell.astype(at.dtype)
+        near, far = self.values[k, i], self.values[k, i + 1]
+        low = near[j] * (1 - u) + far[j] * u
+        high = near[j + 1] * (1 - u) + far[j + 1] * u
+        return low * (1 - v) + high * v
+
+    def greatest(self) -> Float[Array, ""]:
+        return jnp.max(self.values)
+
+
+def _of(value: Array, surface: Array) -> Array:
+    """A number as it is; the surface's own, where each has one."""
+    return value[surface - 1] if value.ndim else value
+
+
+def as_field(given: Any) -> AbstractField:
+    """A field as it is; a number, or one for every surface, becomes `Uniform`."""
+    return given if isinstance(given, AbstractField) else Uniform(given)

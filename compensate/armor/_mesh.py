@@ -1,0 +1,249 @@
+"""Triangle meshes: any shape, also one that a line enters more than once."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from hysteresis import InputError, is_concrete
+
+from ._faces import METRES, Faces, check_size, polygon_faces
+from ._hierarchy import Hierarchy
+from ._shape import AbstractShape
+
+CAPACITY = 32
+"""Triangles looked at for one contact at most: those that a line crosses, or comes nearest to."""
+
+COSINES = np.linspace(0, 1, 9)
+"""Angles between force and face at which the reach of a soft face is asked for."""
+
+LINES = 4096
+"""Lines searched at a time."""
+
+
+class Mesh(AbstractShape):
+    """A surface of triangles, in metres from P_o; triangle k is surface k + 1.
+
+    Under a soft cover each triangle is pressed in by its own d_n along its own normal. At a ridge the
+    moved neighbours cross, and a line may find a point on both: these are less than d_n apart, count as
+    one contact, and the more squarely pushed is taken. In a fold they part, and a line may pass between
+    them: then the one that it comes closest to is taken, if that is within the tolerance.
+
+    Where a line enters the body more than once, all entries are `ContactSolver.candidates`, and the status
+    is AMBIGUOUS. The 32 likeliest triangles are looked at for each contact.
+
+    **Arguments:**
+
+    - `vertices` (vertices, 3), m.
+    - `triangles` (triangles, 3): numbers of their corners, counter-clockwise seen from outside.
+    - `rim`: whether the surface may end, as a shell's does where it is mounted.
+
+    Raises `InputError` for a surface with holes, triangles turned both ways, one that is inside out, and
+    one that is too large or small to be meant in metres.
+    """
+
+    sides: Faces
+    extent: Float[Array, ""]
+    search: "Search" = eqx.field(static=True)
+
+    def __init__(self, vertices: Any, triangles: Any, *, rim: bool = False):
+        points, numbers = np.asarray(vertices, float), np.asarray(triangles, int)
+        _check(points, numbers, rim)
+        corners = points[numbers]
+        extent = float(np.ptp(corners, axis=(0, 1)).max())
+        self.sides, self.extent = polygon_faces(corners), jnp.asarray(extent, float)
+        self.search = Search(self.sides, corners, extent)
+
+    @classmethod
+    def load(cls, path: str | Path, unit: str = "m", *, rim: bool = False) -> "Mesh":
+        """The mesh of an STL, OBJ or other file that trimesh reads; `unit`: of its numbers.
+
+        Raises `InputError` as `Mesh` does, where the file cannot be read, and where trimesh is missing.
+        """
+        if unit not in METRES:
+            raise InputError(
+                "unknown-unit", f"no length {unit!r}.", fix=f"one of {', '.join(METRES)}."
+            )
+        try:
+            import trimesh
+        except ImportError:
+            raise InputError(
+                "no-trimesh", "files of meshes are read by trimesh, which is not installed.",
+                fix="pip install 'hysid[mesh]'; or give vertices and triangles.",
+            ) from None  # fmt: skip
+        try:
+            found: Any = trimesh.load_mesh(path)
+        except Exception as error:  # each of its readers raises its own
+            raise InputError(
+                "not-a-mesh", f"cannot be read as a mesh: {error}.", place=str(path),
+                fix="give an STL, OBJ, PLY or OFF file.",
+            ) from None  # fmt: skip
+        if not len(getattr(found, "faces", ())):
+            raise InputError("not-a-mesh", "there are no triangles in it.", place=str(path))
+        return cls(METRES[unit] * found.vertices, found.faces, rim=rim)
+
+    def faces(self, near: Array | None = None) -> Faces:
+        if near is None:
+            return self.sides
+        some = jax.tree.map(lambda a: a[near], self.sides)
+        return some._replace(surface=jnp.where(near < 0, 0, some.surface))
+
+    def corners(self) -> np.ndarray:
+        """The triangles' corners (triangles, 3, 3), m."""
+        return self.search.corners
+
+    def longest(self) -> Float[Array, ""]:
+        return self.extent
+
+    def nearby(
+        self,
+        force: Array,
+        moment: Array,
+        most: Callable[[Array], Array],
+        threshold: Any,
+        tolerance: Any,
+    ) -> Int[Array, "*contacts near"]:
+        leading = force.shape[:-1]
+        limits = (jnp.broadcast_to(limit, leading) for limit in (threshold, tolerance))
+        wrench = (force, moment, most(jnp.asarray(COSINES)), *limits)
+        if all(map(is_concrete, wrench)):
+            return jnp.asarray(self.search(*map(np.asarray, wrench)))
+        # Only whole numbers come back from the search: gradients pass it by.
+        shape = jax.ShapeDtypeStruct((*leading, CAPACITY), np.int32)
+        traced = map(jax.lax.stop_gradient, wrench)
+        return jax.pure_callback(self.search.padded, shape, *traced, vmap_method="broadcast_all")
+
+
+class Search:
+    """Which triangles each line of action can have met: at most `CAPACITY`, the likeliest first."""
+
+    def __init__(self, sides: Faces, corners: np.ndarray, extent: float):
+        self.sides: Any = jax.tree.map(np.asarray, sides)
+        self.corners, self.spheres, self.rounding = corners, Hierarchy(corners), 1e-9 * extent
+
+    def __call__(
+        self, force: np.ndarray, moment: np.ndarray, reach: np.ndarray,
+        threshold: np.ndarray, tolerance: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """(..., near): numbers of triangles, filled up with -1; as many as any line needs.
+
+        `reach` (..., cosines), m: how far a face at most is pressed in by n.F = |F| cosine.
+        """
+        leading = tolerance.shape
+        flat = [force.reshape(-1, 3), moment.reshape(-1, 3)]
+        flat += [reach.reshape(-1, len(COSINES)), threshold.ravel(), tolerance.ravel()]
+        parts = [
+            self._some(*(a[k : k + LINES] for a in flat)) for k in range(0, len(flat[0]), LINES)
+        ]
+        most = max((part.shape[1] for part in parts), default=1)
+        whole = np.full((len(flat[0]), most), -1, np.int32)
+        for k, part in enumerate(parts):
+            whole[k * LINES : k * LINES + len(part), : part.shape[1]] = part
+        return whole.reshape(*leading, most)
+
+    def padded(self, *wrench: Any) -> np.ndarray:
+        """`CAPACITY` for every line."""
+        found = self(*map(np.asarray, wrench))
+        more = [(0, 0)] * (found.ndim - 1) + [(0, CAPACITY - found.shape[-1])]
+        return np.pad(found, more, constant_values=-1)
+
+    def _some(
+        self, force: np.ndarray, moment: np.ndarray, reach: np.ndarray,
+        threshold: np.ndarray, tolerance: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        size = np.linalg.norm(force, axis=1)
+        usable = np.flatnonzero(np.isfinite(size + moment.sum(axis=1)) & (size > 0))
+        force, size = force[usable], size[usable]
+        lines = (force / size[:, None], np.cross(force, moment[usable]) / size[:, None] ** 2)
+        reach, tolerance = reach[usable], tolerance[usable]
+        line, triangle, cost, cosine, met = self._crossed(*lines, reach, np.zeros_like(tolerance))
+        hit = np.zeros(len(usable), bool)
+        hit[line[met & (cosine >= (threshold[usable] / size)[line])]] = True
+        # A line that pushes nothing where it passes is looked at again with all that it comes close to.
+        rest = np.flatnonzero(~hit)
+        if len(rest):
+            again = self._crossed(*(a[rest] for a in (*lines, reach, tolerance)))[:4]
+            first = hit[line]
+            line, triangle, cost, cosine = (
+                np.concatenate([a[first], b])
+                for a, b in zip(
+                    (line, triangle, cost, cosine), (rest[again[0]], *again[1:]), strict=True
+                )
+            )
+        order = np.lexsort((-cosine, cost, line))
+        line, triangle = line[order], triangle[order]
+        place = np.arange(len(line)) - np.searchsorted(line, line)
+        kept = place < CAPACITY
+        most = int(place[kept].max(initial=0)) + 1
+        # Powers of two only: the solver is compiled once for each length of the list.
+        near = np.full((len(size), 1 << (most - 1).bit_length()), -1)
+        near[line[kept], place[kept]] = triangle[kept]
+        whole = np.full((len(moment), near.shape[1]), -1)
+        whole[usable] = near
+        return whole
+
+    def _crossed(
+        self, along: np.ndarray, foot: np.ndarray, reach: np.ndarray, tolerance: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Pairs (line, triangle) that can meet, how far apart they are at least, n.F/|F|, and whether the
+        line crosses the triangle where it lies unpressed."""
+        # Pressed in by d, the touched point lies aside of the line by d sin(angle between F and n).
+        widest = (reach[:, 1:] * np.sqrt(1 - COSINES[:-1] ** 2)).max(axis=1)
+        line, triangle = self.spheres.near(foot, along, widest + tolerance)
+        normal = self.sides.normal[triangle]
+        cosine = np.einsum("ij,ij->i", normal, along[line])
+        crossed = np.abs(cosine) > 1e-9
+        line, triangle, normal, cosine = (a[crossed] for a in (line, triangle, normal, cosine))
+        height = self.sides.offset[triangle] + np.einsum("ij,ij->i", normal, foot[line])
+        point = foot[line] - (height / cosine)[:, None] * along[line]
+        beyond = (
+            np.einsum("ijk,ik->ij", self.sides.edge[triangle], point) - self.sides.limit[triangle]
+        )
+        # In the face's plane that is d tan(angle).
+        cell = np.minimum(np.searchsorted(COSINES, np.maximum(cosine, 0)), len(COSINES) - 1)
+        aside = reach[line, cell] * np.sqrt(np.maximum(1 - cosine**2, 0)) / np.abs(cosine)
+        beyond = beyond.max(axis=1)
+        met = beyond <= self.rounding
+        apart = np.where(beyond - aside <= self.rounding, 0, beyond - aside)
+        close = apart <= tolerance[line]
+        return line[close], triangle[close], apart[close], cosine[close], met[close]
+
+
+def _check(points: np.ndarray, triangles: np.ndarray, rim: bool) -> None:
+    """Raises `InputError` for what is no surface seen from outside."""
+    if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise InputError(
+            "not-a-mesh", f"vertices {points.shape} and triangles {triangles.shape} make no mesh.",
+            fix="give (vertices, 3) and (triangles, 3).",
+        )  # fmt: skip
+    if not np.isfinite(points).all() or not len(triangles):
+        raise InputError("not-a-mesh", "there are no triangles, or corners that are no numbers.")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError("not-a-mesh", "a triangle has a corner that is no vertex.")
+    check_size(float(np.ptp(points, axis=0).max()), "mesh")
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    there, back = (sides @ [len(points), 1], sides @ [1, len(points)])
+    if len(np.unique(there)) < len(there):
+        raise InputError(
+            "mixed-winding", "neighbouring triangles are turned opposite ways, or lie doubled.",
+            fix="trimesh.repair.fix_normals(mesh), or recalculate the normals where it was drawn.",
+        )  # fmt: skip
+    alone = int((~np.isin(there, back)).sum())
+    if alone and not rim:
+        raise InputError(
+            "open-mesh", f"the surface is open: {alone} sides have a triangle on one side only.",
+            cause="a hole, or vertices that were not merged.",
+            fix="trimesh.repair.fill_holes(mesh), mesh.merge_vertices(); rim=True where it has to end.",
+        )  # fmt: skip
+    a, b, c = (points - points.mean(axis=0))[triangles].transpose(1, 0, 2)
+    if np.einsum("ij,ij->", a, np.cross(b, c)) <= 0:
+        raise InputError(
+            "inside-out", "the surface is inside out: it encloses a negative volume.",
+            cause="triangles clockwise, or a mirrored axis.",
+            fix="triangles[:, ::-1], or mesh.invert().",
+        )  # fmt: skip

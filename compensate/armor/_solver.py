@@ -1,0 +1,274 @@
+"""From a wrench to the contact: where the line of action meets the pressed-in cover."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import InputError, Scalar, is_concrete, parameter
+
+from ._choice import Candidates, Limits, candidates_of, contact_at, judged, likeliest
+from ._contact import Contact
+from ._cover import Cover, as_cover
+from ._faces import dots
+from ._line import Crossing, Line, crossing_of, line_of
+from ._shape import AbstractShape
+from ._stream import Touch, touched, untouched
+
+CHUNK = 8192
+"""Contacts solved at a time: what they need in between stays in the cache."""
+
+TURNS = 5
+"""Rounds for a displacement that depends on where it is, see `settle`."""
+
+ROUNDING = {64: 1e-9, 32: 1e-4}
+"""Of the shape's size, by the precision: points closer than this are one point."""
+
+
+class ContactSolver(eqx.Module):
+    """The contact behind a wrench at P_o, for a shape under a soft cover.
+
+    A load F with the moment M about P_o acts along the line P(l) = (F x M) / |F|^2 + l F. On each
+    surface k that it pushes, F_n = n_k.F >= threshold, it acts where the line meets the surface as far
+    as it is pressed in:
+
+        f_k(P) = d_n(F_n),      l = (d_n - offset_k - n_k.(F x M) / |F|^2) / F_n
+
+    The contact lies on the surface whose domain D_k holds this point. Where more than one does, the one
+    pushed most squarely is taken, which needs the least friction; if their points are farther apart than
+    they are pressed in, the status is AMBIGUOUS. Where none does, the one that comes closest is taken, if
+    it is within `tolerance` of its edge.
+
+    **Arguments:**
+
+    - `shape`: `Box`, `Convex` or `Mesh`.
+    - `compensator`: what the cover gives way, a `Cover` or what `Cover` takes; None is rigid.
+    - `threshold`, N: of the normal force, below which nothing is touched.
+
+    **Other arguments:**
+
+    - `tolerance`, m: how far beyond an edge a contact may come to lie by the wrench's error. By default
+      a twentieth of the longest side of the shape: three times the paper's mean error.
+    - `spin_limit`, m: the spin torque |M.F|/|F| that a contact can transmit, over its normal force. A
+      patch of radius a with the friction coefficient mu reaches 2/3 mu a. Beyond it the status is
+      SECOND_SUPPORT: the shell bears on something else too, or the sensor errs. By default it is not
+      judged. Two pushes whose sum passes through the shell without spin no wrench can tell from one.
+    - `release`, N: a contact in a stream ends below it; by default 0.8 of the threshold, so that noise
+      does not make it chatter.
+    - `same_place`, m, and `recovery`, in the time unit of the material's model: a touch within these of
+      the last one finds the material as that one left it, see `step`. By default 15 mm, the paper's
+      probe, and 60.
+
+    Raises `InputError` where the threshold or a limit is negative, and where 20 N would press the cover
+    through the shape, which is a matter of units.
+
+    Source: Tsuji 2014, equations (1) to (17); its equation (3) divides by F_x and F_y, the form here
+    only by F_n.
+    """
+
+    shape: AbstractShape
+    cover: Cover
+    threshold: Scalar = parameter(unit="N", fixed=True)
+    tolerance: Scalar = parameter(unit="m", fixed=True)
+    spin_limit: Scalar = parameter(unit="m", fixed=True)
+    release: Scalar = parameter(unit="N", fixed=True)
+    same_place: Scalar = parameter(unit="m", fixed=True)
+    recovery: Scalar = parameter(unit="time", fixed=True)
+
+    def __init__(
+        self, shape: AbstractShape, compensator: Any = None, threshold: Any = 1.5, *,
+        tolerance: Any = None, spin_limit: Any = float("inf"), release: Any = None,
+        same_place: Any = 0.015, recovery: Any = 60.0,
+    ):  # fmt: skip
+        self.shape, self.cover, self.threshold = shape, as_cover(compensator), threshold
+        self.tolerance = shape.longest() / 20 if tolerance is None else tolerance
+        self.release = 0.8 * self.threshold if release is None else release
+        self.spin_limit, self.same_place, self.recovery = spin_limit, same_place, recovery
+
+    def __check_init__(self) -> None:
+        limits = (self.threshold, self.tolerance, self.spin_limit, self.release)
+        limits += (self.same_place, self.recovery)
+        if all(map(is_concrete, limits)) and not all(float(limit) >= 0 for limit in limits):
+            raise InputError(
+                "negative-limit",
+                "a threshold, tolerance or other limit is negative or no number.",
+                fix="give forces in N and lengths in m, or leave them out.",
+            )
+        if not all(map(is_concrete, jax.tree.leaves((self.shape, self.cover)))):
+            return
+        with jax.ensure_compile_time_eval():
+            pressed, longest = self.cover.hard_push(), float(self.shape.longest())
+        if not pressed < longest / 2:
+            raise InputError(
+                "wrong-unit",
+                f"20 N would press the cover in by {pressed:.3g} m, and the shape is {longest:.3g} m long.",
+                cause="millimetres taken for metres.",
+                fix='Cover(compensator, length_unit="mm"), and the shape in metres.',
+            )
+
+    def solve(self, force: Any, moment: Any, doubt: Any = None) -> Contact:
+        """The contacts behind wrenches of any leading shape, each as the first touch of a virgin cover.
+
+        **Arguments:** `force` (..., 3), N, and `moment` (..., 3), N m about P_o, both exerted by the load;
+        `doubt`: (...), a `ContactStatus` per wrench that overrules ours where it is not OK, as
+        `WristSensor.read` returns it.
+        """
+        force, moment, doubt = _wrenches(force, moment, doubt)
+        return _solve(self, force, moment, doubt, _nearby(self, force, moment))
+
+    def candidates(self, force: Any, moment: Any) -> Contact:
+        """All that one wrench may have touched, the likeliest first: arrays (faces, ...).
+
+        The status is OK where the point lies within the surface or the tolerance around it, MISSED beyond.
+        Places in the list that no pushed surface fills hold NO_CONTACT.
+        """
+        force, moment, _ = _wrenches(force, moment, None)
+        return _listed(self, force, moment, _nearby(self, force, moment))
+
+    def init(self) -> Touch:
+        """The state of a stream before anything was touched."""
+        return untouched(self)
+
+    def step(
+        self, state: Touch, t: Any, force: Any, moment: Any, doubt: Any = None
+    ) -> tuple[Touch, Contact]:
+        """One wrench of a stream, with the history of the cover at the touched place.
+
+        A contact begins at the threshold and ends below `release`. The material starts virgin, goes on
+        with its history as long as the contact stays on one surface, and recovers after release as its
+        model does without a force. A touch at the same place within `recovery` goes on from there; one
+        elsewhere, or later, finds virgin material. Only the place touched last is remembered, and a
+        contact that slides takes its history along.
+
+        A wrench or time that is not finite changes nothing: the last contact is held, INVALID.
+
+        **Arguments:** `t`, in the time unit of the material's model; the others as of `solve`, for one
+        wrench. `ContactStream` runs this at full speed.
+        """
+        force, moment, doubt = _wrenches(force, moment, doubt)
+        t = jnp.asarray(t, force.dtype)
+        return _step(self, state, t, force, moment, doubt, _nearby(self, force, moment))
+
+    def simulate(self, t: Any, force: Any, moment: Any, doubt: Any = None) -> Contact:
+        """`step` over all wrenches (samples, 3) of a stream, from `init`."""
+        force, moment, doubt = _wrenches(force, moment, doubt)
+        samples = (jnp.asarray(t, force.dtype), force, moment, jnp.broadcast_to(doubt, len(force)))
+        return _stream(self, (*samples, _nearby(self, force, moment)))
+
+    def limits(self) -> Limits:
+        """What contacts are judged by."""
+        rounding = ROUNDING[jnp.finfo(jnp.result_type(self.tolerance)).bits] * self.shape.longest()
+        return Limits(self.threshold, self.tolerance, self.spin_limit, rounding)
+
+    def cross(self, line: Line, near: Array | None) -> Crossing:
+        """Where a line meets the planes of the faces `near`; of all, if that is None."""
+        return crossing_of(self.shape.faces(near), line)
+
+    def settle(self, crossing: Crossing, pressed: Float[Array, " faces"]) -> Float[Array, " faces"]:
+        """d_n of each face, from the material's g(F_n).
+
+        d_n depends on the place P^i, and P^i lies aside by d_n tan(angle between F and n). So we go round:
+        from turn to turn the error shrinks by |grad d_n| tan(angle), which is 0.02 for a frame that sags
+        by 1.5 mm within 60 mm, pushed at 45 degrees, and 0.15 with a threshold's 1.5 of 15 N.
+        """
+        force = jnp.maximum(crossing.along, 0)
+
+        def at(displacement: Array) -> Array:
+            place = crossing.point + displacement[:, None] * crossing.aside
+            return jax.vmap(self.cover.displacement)(pressed, force, crossing.faces.surface, place)
+
+        found = at(jnp.zeros_like(pressed))
+        for _ in range(0 if self.cover.is_even else TURNS):
+            found = at(found)
+        return found
+
+    def _virgin(
+        self, force: Array, moment: Array, near: Array | None
+    ) -> tuple[Line, Crossing, Candidates]:
+        """All that the faces make of one wrench on a cover that was never touched."""
+        line = line_of(force, moment)
+        crossing = self.cross(line, near)
+        pushing = jnp.maximum(crossing.along, 0)
+        virgin = self.cover.init()
+        pressed = jax.vmap(lambda normal: self.cover.press(virgin, 0.0, normal)[1])(pushing)
+        found = candidates_of(crossing, self.settle(crossing, pressed), self.limits())
+        return line, crossing, found
+
+
+def _nearby(solver: ContactSolver, force: Array, moment: Array) -> Array | None:
+    # No method: Equinox takes 0.1 ms to bind one, and small batches are solved as fast.
+    def most(cosines: Array) -> Array:
+        return _most(solver.cover, force, cosines.astype(force.dtype))
+
+    return solver.shape.nearby(force, moment, most, solver.threshold, solver.tolerance)
+
+
+@eqx.filter_jit
+def _solve(
+    solver: ContactSolver, force: Array, moment: Array, doubt: Any, near: Array | None
+) -> Contact:
+    def one(force: Array, moment: Array, doubt: Any, near: Array | None) -> Contact:
+        line, crossing, found = solver._virgin(force, moment, near)
+        limits = solver.limits()
+        best = likeliest(crossing, found, limits)
+        return judged(best, crossing, found, line, limits, doubt)
+
+    leading = force.shape[:-1]
+    doubt = jnp.broadcast_to(doubt, leading)
+    wrenches = jax.tree.map(
+        lambda a: a.reshape(-1, *a.shape[len(leading) :]), (force, moment, doubt, near)
+    )
+    if len(wrenches[0]) <= CHUNK:
+        contact = jax.vmap(one)(*wrenches)
+    else:
+        contact = jax.lax.map(lambda wrench: one(*wrench), wrenches, batch_size=CHUNK)
+    return jax.tree.map(lambda a: a.reshape(leading + a.shape[1:]), contact)
+
+
+@eqx.filter_jit
+def _step(
+    solver: ContactSolver, state: Touch, t: Array, force: Array, moment: Array, doubt: Any,
+    near: Array | None,
+) -> tuple[Touch, Contact]:  # fmt: skip
+    return touched(solver, state, t, force, moment, doubt, near)
+
+
+@eqx.filter_jit
+def _stream(solver: ContactSolver, samples: tuple[Array | None, ...]) -> Contact:
+    def step(state: Touch, sample: Any) -> tuple[Touch, Contact]:
+        return touched(solver, state, *sample)
+
+    return jax.lax.scan(step, solver.init(), samples)[1]
+
+
+@eqx.filter_jit
+def _most(cover: Cover, force: Array, cosines: Array) -> Array:
+    """How far any face can be pressed in at most by these parts of each force, m."""
+    sizes = jnp.sqrt(dots(force, force))
+    normal = sizes[..., None] * jnp.broadcast_to(cosines, (*sizes.shape, len(cosines)))
+    return jax.vmap(cover.most)(normal.ravel()).reshape(normal.shape)
+
+
+@eqx.filter_jit
+def _listed(solver: ContactSolver, force: Array, moment: Array, near: Array | None) -> Contact:
+    line, crossing, found = solver._virgin(force, moment, near)
+    limits = solver.limits()
+    order = jnp.lexsort((-crossing.along, found.cost(limits)))
+    return jax.vmap(lambda k: contact_at(k, crossing, found, line, limits))(order)
+
+
+_SURE = np.zeros((), int)
+
+
+def _wrenches(force: Any, moment: Any, doubt: Any) -> tuple[Array, Array, Any]:
+    force, moment = jnp.asarray(force, float), jnp.asarray(moment, float)
+    if force.shape != moment.shape or force.shape[-1:] != (3,):
+        raise InputError(
+            "wrench-shape",
+            f"force of shape {force.shape} and moment of shape {moment.shape} make no wrenches.",
+            fix="give both as (..., 3): x, y, z last.",
+        )
+    return force, moment, _SURE if doubt is None else jnp.asarray(doubt, int)

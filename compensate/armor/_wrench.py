@@ -1,0 +1,291 @@
+"""From what a force sensor tells to the wrench that the load exerts at P_o."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
+
+from .._inverses import invert
+from ..runtime._contact_status import ContactStatus
+
+GRAVITY = 9.80665
+"""m/s^2."""
+
+Values = Float[Array, "..."] | Any
+"""Numbers, kept as an array."""
+
+
+class Wrench(NamedTuple):
+    """What the load exerts: force (..., 3), N; moment (..., 3) about P_o, N m; and a `ContactStatus`, OK,
+    INVALID or SATURATED. `ContactSolver.solve(*wrench)` takes all three."""
+
+    force: Float[Array, "*samples 3"]
+    moment: Float[Array, "*samples 3"]
+    doubt: Int[Array, "*samples"]
+
+
+class Motion(NamedTuple):
+    """How the shell moves, (..., 3) each in the shell's axes: acceleration of P_o without gravity, m/s^2;
+    the direction in which gravity pulls, m/s^2; angular velocity, rad/s; angular acceleration, rad/s^2."""
+
+    acceleration: Any = 0.0
+    gravity: Any = (0.0, 0.0, -GRAVITY)
+    velocity: Any = 0.0
+    angular_acceleration: Any = 0.0
+
+
+AT_REST = Motion()
+
+
+class WristState(NamedTuple):
+    """The low-pass: its last wrench (6,), the time of that (NaN before the first), the plays' states."""
+
+    held: Array
+    time: Array
+    channels: Any
+
+
+class WristSensor(eqx.Module):
+    """A six-axis force sensor under a shell. Its reading w = (F, M), N and N m, says of the load
+
+        v = p(C (w - bias))                  C: calibration;  p: each axis's hysteresis undone
+        F_s, M_s = sign v                    sign = -1 for a sensor that reports reactions
+        F_l = R F_s,     M_l = R M_s + r x F_l               the sensor stands at r from P_o, turned by R
+        F   = F_l - m (g - a_c),     M = M_l - c x m (g - a_c) + I alpha + omega x I omega
+
+    with the weight m of all that the sensor carries, its centre c and its inertia I about c, where the
+    shell accelerates: a_c = a + alpha x c + omega x (omega x c). At rest only m g is left, which a bias
+    taken in one pose holds already: give either.
+
+    **Arguments:**
+
+    - `matrix` (6, 6): C, from readings in (N, N m) to wrenches.
+    - `bias` (6,): the reading without load.
+    - `rotation` (3, 3), `offset` (3,), m: R, from the sensor's axes to the shell's, and r, in the shell's.
+    - `turn` (3,), rad: a small turn about the shell's axes after R, for a calibration to find.
+    - `reports`: what the reading is: "load", what the load exerts on the shell; or "reaction", what the
+      sensor exerts on it. The paper's text calls its moment a reaction, and its equations use the load's.
+
+    **Other arguments:**
+
+    - `range` (6,): readings at or beyond it, N and N m, are SATURATED.
+    - `mass`, kg, `centre` (3,), m, `inertia` (3, 3), kg m^2: of all that the sensor carries.
+    - `time_constant`, s: of a low-pass, for the vibration of the arm that carries it; 0: none.
+    - `hysteresis`: six models from true to shown value, one per axis, undone in a stream; None: none.
+
+    Raises `InputError` where R is no rotation, a shape is wrong, or the matrix cannot be inverted.
+    """
+
+    matrix: Values = parameter(meaning="calibration of the wrench")
+    bias: Values = parameter(meaning="reading without load")
+    rotation: Values = parameter(fixed=True, meaning="from the sensor's axes to the shell's")
+    turn: Values = parameter(unit="rad", meaning="small turn after that rotation")
+    offset: Values = parameter(unit="m", meaning="from P_o to the sensor")
+    range: Values = parameter(fixed=True, meaning="end of each channel's range")
+    mass: Scalar = parameter(unit="kg", meaning="of all that the sensor carries")
+    centre: Values = parameter(unit="m", meaning="centre of that mass, from P_o")
+    inertia: Values = parameter(unit="kg m^2", meaning="about that centre")
+    time_constant: Scalar = parameter(unit="s", fixed=True, meaning="of the low-pass")
+    hysteresis: tuple[AbstractModel, ...] | None = None
+    reports: str = eqx.field(default="load", static=True)
+
+    def __init__(
+        self, matrix: Any = None, bias: Any = 0.0, rotation: Any = None, offset: Any = 0.0, *,
+        reports: str = "load", turn: Any = 0.0, range: Any = float("inf"), mass: Any = 0.0,
+        centre: Any = 0.0, inertia: Any = None, time_constant: Any = 0.0,
+        hysteresis: Sequence[AbstractModel] | None = None,
+    ):  # fmt: skip
+        self.matrix = np.eye(6) if matrix is None else matrix
+        self.rotation = np.eye(3) if rotation is None else rotation
+        self.inertia = np.zeros((3, 3)) if inertia is None else inertia
+        self.bias, self.range = _filled(bias, 6), _filled(range, 6)
+        self.offset, self.turn, self.centre = (_filled(v, 3) for v in (offset, turn, centre))
+        self.mass, self.time_constant, self.reports = mass, time_constant, reports
+        self.hysteresis = None if hysteresis is None else tuple(hysteresis)
+
+    def __check_init__(self) -> None:
+        if self.reports not in ("load", "reaction"):
+            raise InputError(
+                "unknown-convention", f"a sensor that reports {self.reports!r}.",
+                fix="load: what touches the shell exerts; reaction: what holds the shell exerts.",
+            )  # fmt: skip
+        if self.hysteresis is not None and len(self.hysteresis) != 6:
+            raise InputError(
+                "wrench-shape", f"{len(self.hysteresis)} models of hysteresis for six channels.",
+                fix="one for each of Fx, Fy, Fz, Mx, My, Mz.",
+            )  # fmt: skip
+        wanted = {
+            "matrix": (6, 6),
+            "bias": (6,),
+            "range": (6,),
+            "rotation": (3, 3),
+            "inertia": (3, 3),
+        }
+        wanted |= {"offset": (3,), "turn": (3,), "centre": (3,)}
+        for name, shape in wanted.items():
+            if jnp.shape(getattr(self, name)) != shape:
+                raise InputError(
+                    "wrench-shape",
+                    f"the sensor's {name} has the shape {jnp.shape(getattr(self, name))}.",
+                    fix=f"give {shape}.",
+                )
+        if is_concrete(self.rotation):
+            self._check_rotation(np.asarray(self.rotation))
+        if is_concrete(self.matrix) and not np.linalg.cond(np.asarray(self.matrix)) < 1e6:
+            raise InputError(
+                "wrench-shape", "the sensor's matrix cannot be inverted: a direction is lost.",
+                fix="calibrate with loads in all six directions.",
+            )  # fmt: skip
+
+    def _check_rotation(self, rotation: np.ndarray) -> None:
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4):
+            raise InputError(
+                "no-rotation", "the sensor's rotation is none: its axes are not of length 1 and square.",
+                cause="angles instead of a matrix, or frames mixed.",
+                fix="scipy.spatial.transform.Rotation.from_euler(...).as_matrix().",
+            )  # fmt: skip
+        if np.linalg.det(rotation) < 0:
+            raise InputError(
+                "no-rotation", "the sensor's rotation is a mirror: left-handed axes.",
+                cause="an axis counted backwards in one of the frames.", fix="reverse one column.",
+            )  # fmt: skip
+
+    def read(self, readings: Any, motion: Motion = AT_REST) -> Wrench:
+        """The load's wrenches behind readings (..., 6), one by one: no low-pass, no hysteresis undone."""
+        readings = self._readings(readings)
+        return self._wrench(readings, self._calibrated(readings), motion)
+
+    def init(self) -> WristState:
+        """The state before the first reading."""
+        plays = (
+            () if self.hysteresis is None else tuple(c.init() for c in map(invert, self.hysteresis))
+        )
+        none = jnp.full((6,), jnp.nan, self.matrix.dtype)
+        return WristState(none, none[0], plays)
+
+    def step(
+        self, state: WristState, t: Any, reading: Any, motion: Motion = AT_REST
+    ) -> tuple[WristState, Wrench]:
+        """One reading of a stream, at the time `t` in s.
+
+        A reading that is not finite is INVALID: the last wrench is held, and nothing else changes.
+        """
+        reading = self._readings(reading)
+        t = jnp.asarray(t, reading.dtype)
+        sound, channels = self._calibrated(reading), state.channels
+        if self.hysteresis is not None:
+            found = [
+                invert(model).step(before, t, y)
+                for model, before, y in zip(self.hysteresis, state.channels, sound, strict=True)
+            ]
+            channels = tuple(after for after, _ in found)
+            sound = jnp.stack([estimate.value for _, estimate in found])
+        now = self._wrench(reading, sound, motion)
+        whole = jnp.concatenate([now.force, now.moment])
+        dt = jnp.where(jnp.isnan(state.time), jnp.inf, jnp.maximum(t - state.time, 0))
+        slow = self.time_constant > 0
+        part = jnp.where(slow, -jnp.expm1(-dt / jnp.where(slow, self.time_constant, 1)), 1)
+        first = jnp.isnan(state.held)
+        held = jnp.where(
+            first, whole, state.held + part * (whole - jnp.where(first, 0, state.held))
+        )
+        usable = (now.doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
+        after = jax.tree.map(
+            lambda new, old: jnp.where(usable, new, old), WristState(held, t, channels), state
+        )
+        told = jnp.where(jnp.isnan(after.held), 0, after.held)
+        doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
+        return after, Wrench(told[:3], told[3:], doubt)
+
+    def simulate(self, t: Any, readings: Any) -> Wrench:
+        """`step` over all readings (samples, 6), at rest."""
+        readings = self._readings(readings)
+        return _scan(self, jnp.asarray(t, readings.dtype), readings)
+
+    def reading_of(self, force: Any, moment: Any) -> Float[Array, "*samples 6"]:
+        """The readings at rest that loads (..., 3) make: `read` run backwards."""
+        return self._shown(self._carried(force, moment))
+
+    def respond(self, force: Any, moment: Any) -> Float[Array, "samples 6"]:
+        """The readings at rest of a record of loads (samples, 3): `simulate` run backwards."""
+        sound = self._carried(force, moment)
+        if self.hysteresis is not None:
+            axes = (m.simulate(None, y) for m, y in zip(self.hysteresis, sound.T, strict=True))
+            sound = jnp.stack(list(axes), axis=1)
+        return self._shown(sound)
+
+    def _carried(self, force: Any, moment: Any) -> Float[Array, "*samples 6"]:
+        """Of loads what the sensor carries at rest, in its own axes and sign."""
+        force = jnp.asarray(force, self.matrix.dtype)
+        moment = jnp.asarray(moment, self.matrix.dtype)
+        weight = self.mass * jnp.asarray(AT_REST.gravity, self.matrix.dtype)
+        force = force + _along(weight, force)
+        moment = moment + _along(jnp.cross(self.centre, weight), moment)
+        moment = moment - jnp.cross(_along(self.offset, force), force)
+        turned = [v @ self.turned() for v in (force, moment)]
+        return jnp.concatenate(turned, axis=-1) * (1 if self.reports == "load" else -1)
+
+    def _shown(self, sound: Array) -> Array:
+        readings = sound @ jnp.linalg.inv(self.matrix).T
+        return readings + _along(self.bias, readings)
+
+    def turned(self) -> Float[Array, "3 3"]:
+        """From the sensor's axes to the shell's: the turn, whose angle is 2 atan(|turn| / 2), after R."""
+        x, y, z = self.turn / 2
+        zero = jnp.zeros_like(x)
+        skew = jnp.stack([jnp.stack(row) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))])
+        turn = jnp.eye(3, dtype=x.dtype) + 2 / (1 + x * x + y * y + z * z) * (skew + skew @ skew)
+        return turn @ self.rotation
+
+    def _readings(self, readings: Any) -> Array:
+        readings = jnp.asarray(readings, self.matrix.dtype)
+        if readings.shape[-1:] != (6,):
+            raise InputError(
+                "wrench-shape", f"readings of shape {readings.shape} are no wrenches.",
+                fix="give (..., 6): Fx, Fy, Fz, Mx, My, Mz.",
+            )  # fmt: skip
+        return readings
+
+    def _calibrated(self, readings: Array) -> Array:
+        return (readings - _along(self.bias, readings)) @ self.matrix.T
+
+    def _wrench(self, readings: Array, sound: Array, motion: Motion) -> Wrench:
+        sound = sound * (1 if self.reports == "load" else -1)
+        rotation = self.turned().T
+        force, moment = sound[..., :3] @ rotation, sound[..., 3:] @ rotation
+        moment = moment + jnp.cross(_along(self.offset, force), force)
+        given = (jnp.asarray(v, force.dtype) for v in motion)
+        acceleration, gravity, velocity, spin = (jnp.broadcast_to(v, force.shape) for v in given)
+        centre, inertia = _along(self.centre, force), self.inertia.T
+        middle = acceleration + jnp.cross(spin, centre)
+        middle = middle + jnp.cross(velocity, jnp.cross(velocity, centre))
+        weight = self.mass * (gravity - middle)
+        swung = spin @ inertia + jnp.cross(velocity, velocity @ inertia)
+        force, moment = force - weight, moment - jnp.cross(centre, weight) + swung
+        finite = jnp.isfinite(readings).all(axis=-1) & jnp.isfinite(force + moment).all(axis=-1)
+        saturated = (jnp.abs(readings) >= _along(self.range, readings)).any(axis=-1)
+        doubt = jnp.where(saturated, int(ContactStatus.SATURATED), int(ContactStatus.OK))
+        return Wrench(force, moment, jnp.where(finite, doubt, int(ContactStatus.INVALID)))
+
+
+@eqx.filter_jit
+def _scan(sensor: WristSensor, t: Array, readings: Array) -> Wrench:
+    return jax.lax.scan(lambda state, now: sensor.step(state, *now), sensor.init(), (t, readings))[
+        1
+    ]
+
+
+def _filled(values: Any, count: int) -> Any:
+    """One value for all, or each its own."""
+    return values if np.ndim(values) else jnp.full(count, values)
+
+
+def _along(values: Array, beside: Array) -> Array:
+    """Components beside arrays (..., components)."""
+    return jnp.broadcast_to(values, beside.shape)

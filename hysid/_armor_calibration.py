@@ -1,0 +1,133 @@
+"""Calibration of an armor: `compensate.armor` says what it misses presses by, `identify` learns from it."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import identify
+from compensate.armor import (
+    Armor,
+    Bumps,
+    Presses,
+    PressResiduals,
+    UncertainArmor,
+    planned_presses,
+)
+
+ARM = 0.25
+"""m, by which a sensor's crosstalk between forces and moments is scaled."""
+
+CROSSTALK, SHEET, FRAME = 0.03, 0.2, 3e-4
+"""How far off, as deviations: an entry of the matrix; the cover's factor; the frame's compliance, m/N."""
+
+DRAWS = 200
+
+
+class CalibratedArmor(NamedTuple):
+    """A calibrated armor.
+
+    - `armor`: with what was found; `uncertain`: the same with draws, noise and scatter.
+    - `calibration`: every number with its deviation.
+    - `noise` (6,), N and N m; `scatter`, m, of the cover from place to place; `reading`, m: what is left.
+    """
+
+    armor: Armor
+    uncertain: UncertainArmor
+    calibration: identify.Calibration
+    noise: np.ndarray
+    scatter: float
+    reading: float
+
+
+def doubts(armor: Armor) -> dict[str, Any]:
+    """What is usually not known of an armor, and how far off it may be: see `identify.calibrate`.
+
+    The wrench matrix; the plays of `sensor.hysteresis`, half of what they are; the cover's factor, and
+    the bumps of the frame's compliance. A full matrix holds what a pose and an offset of the sensor do:
+    to look for these instead, leave the matrix out and give "sensor.turn" and "sensor.offset".
+    """
+    scale = np.kron([[1, 1 / ARM], [ARM, 1]], np.ones((3, 3)))
+    found: dict[str, Any] = {"sensor.matrix": CROSSTALK * scale}
+    for k, model in enumerate(armor.sensor.hysteresis or ()):
+        for name in ("weights", "thresholds"):
+            found[f"sensor.hysteresis.{k}.{name}"] = np.asarray(getattr(model, name)) / 2
+    cover = armor.solver.cover
+    if not cover.is_rigid:
+        found["solver.cover.factor." + _level(cover.factor)] = SHEET
+        if isinstance(cover.compliance, Bumps):
+            found["solver.cover.compliance.amplitude"] = FRAME
+            found["solver.cover.compliance.width"] = 0.5 * float(cover.compliance.width)
+    return found
+
+
+def calibrate_armor(
+    armor: Armor,
+    presses: Presses,
+    deviations: Mapping[str, Any] | None = None,
+    noise: Any = (0.03, 0.03, 0.03, 0.006, 0.006, 0.006),
+    scatter: float = 1e-3,
+    reading: float = 2e-4,
+    rounds: int = 2,
+    seed: int = 0,
+) -> CalibratedArmor:
+    """Make an armor agree with presses at known points.
+
+    **Arguments:**
+
+    - `armor`: as it is thought to be. `deviations`: what is free, `doubts` by default.
+    - `noise`, `scatter`, `reading`: of `PressResiduals`, a first guess; each of `rounds` takes what the one
+      before has left, so that the deviations that come out are those of this sensor and cover.
+
+    Raises `InputError` as `identify.calibrate` does.
+    """
+    free = doubts(armor) if deviations is None else deviations
+    residuals = PressResiduals(presses, jnp.asarray(noise, float), scatter=scatter, reading=reading)
+    found = identify.calibrate(armor, residuals, free)
+    for _ in range(rounds - 1):
+        residuals = residuals.with_noise_left(found.system)
+        found = identify.calibrate(armor, residuals, free)
+    told = residuals.with_noise_left(found.system)
+    uncertain = UncertainArmor(
+        found.system, found.draws(DRAWS, seed), told.noise, told.scatter, seed
+    )
+    return CalibratedArmor(
+        found.system,
+        uncertain,
+        found,
+        np.asarray(told.noise),
+        float(told.scatter),
+        float(told.reading),
+    )
+
+
+def choose_presses(
+    armor: Armor,
+    candidates: Presses,
+    goals: Presses,
+    count: int = 20,
+    deviations: Mapping[str, Any] | None = None,
+) -> identify.Choice:
+    """Which of many presses to make, so that the contacts of others are known best.
+
+    **Arguments:** `candidates` and `goals` of `planned_presses`: nothing needs to have been measured;
+    the contact at the last sample of each goal counts. `deviations`: `doubts` by default.
+    """
+    noise = jnp.asarray([0.03] * 3 + [0.006] * 3)
+    residuals = PressResiduals(candidates, noise)
+
+    def ends(armor: Armor) -> jax.Array:
+        return jax.vmap(armor.simulate)(goals.time, goals.readings).point[:, -1]
+
+    free = doubts(armor) if deviations is None else deviations
+    return identify.choose(armor, residuals, ends, free, count)
+
+
+def _level(field: Any) -> str:
+    """Name of the value far from a bump, or of all of them."""
+    return next(name for name in ("value", "base", "values") if hasattr(field, name))
+
+
+__all__ = ["CalibratedArmor", "calibrate_armor", "choose_presses", "doubts", "planned_presses"]

@@ -1,0 +1,178 @@
+"""touches.json: a shell and a record of touches on it, which `hysid armor view` replays.
+
+schema       1
+title        of the page
+vertices     (n, 3) m, corners of the shell, from P_o
+triangles    (m, 3) numbers of vertices, from 0
+time         (t,) s
+force        (t, 3) N, exerted by the load        moment  (t, 3) N m about P_o
+point        (t, 3) m, P^e; null without contact   surface (t,) from 1; 0 for none
+displacement (t,) m        spin (t,) N m           status  (t,) a word
+covariance   (t, 3, 3) m2 of the point, or left out
+truth        (t, 3) m where it was touched, or left out
+"""
+
+import json
+import math
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+import identify
+from compensate.armor import AbstractShape, Contact, ContactStatus
+from hysteresis import InputError
+
+FILE = "touches.json"
+COLUMNS = {
+    "force": (3,),
+    "moment": (3,),
+    "point": (3,),
+    "displacement": (),
+    "spin": (),
+    "covariance": (3, 3),
+    "truth": (3,),
+}
+"""Numbers at each time, and their shape."""
+OPTIONAL = ("covariance", "truth")
+MOST = 20_000
+"""Rows that a page replays."""
+
+Shell = tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]
+
+
+def shell_of(shape: AbstractShape) -> Shell:
+    """Corners and triangles of a shape, counter-clockwise seen from outside, to draw it.
+
+    A corner is where two edges e and f of a face meet, unless a third one cuts it off:
+
+        P = (-offset e x f + limit_e f x n + limit_f n x e) / n.(e x f)
+    """
+    faces = shape.faces()
+    n, edge, limit = (np.asarray(a) for a in (faces.normal, faces.edge, faces.limit))
+    offset, size = np.asarray(faces.offset)[:, None], float(shape.longest())
+    found, kept = [], []
+    for i, j in combinations(range(edge.shape[1]), 2):
+        e, f = edge[:, i], edge[:, j]
+        corner = -offset * np.cross(e, f) + limit[:, i, None] * np.cross(f, n)
+        corner += limit[:, j, None] * np.cross(n, e)
+        volume = np.sum(n * np.cross(e, f), axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            corner /= volume[:, None]
+            beyond = np.max(np.sum(edge * corner[:, None], axis=2) - limit, axis=1)
+        found.append(corner)
+        kept.append((np.abs(volume) > 1e-9) & (beyond < 1e-6 * size))
+    corners, inside = np.stack(found, axis=1), np.stack(kept, axis=1)
+    digits = 6 - math.floor(math.log10(size))  # by which corners of neighbours are known to be one
+    vertices, number = np.unique(corners[inside].round(digits), axis=0, return_inverse=True)
+    numbers = np.full(inside.shape, -1)
+    numbers[inside] = number.ravel()
+    triangles = []
+    for k, row in enumerate(numbers):
+        around = np.unique(row[row >= 0])
+        arm = vertices[around] - vertices[around].mean(axis=0)
+        # The angle about the outward normal, from the first corner on.
+        angle = np.arctan2(np.cross(arm[0], arm) @ -n[k], arm @ arm[0])
+        polygon = around[np.argsort(angle)]
+        triangles += [[polygon[0], a, b] for a, b in pairwise(polygon[1:])]
+    return vertices, np.array(triangles)
+
+
+def save_touches(
+    folder: Path,
+    shell: Shell,
+    time: Float[np.ndarray, " times"],
+    force: Float[np.ndarray, "times 3"],
+    moment: Float[np.ndarray, "times 3"],
+    contact: Contact,
+    *,
+    title: str = "Touches",
+    covariance: Float[np.ndarray, "times 3 3"] | None = None,
+    truth: Float[np.ndarray, "times 3"] | None = None,
+) -> Path:
+    """Write what a solver found in a record of wrenches."""
+    status = [ContactStatus(int(s)).name for s in np.asarray(contact.status)]
+    surface = np.asarray(contact.surface)
+    point = np.where(surface[:, None] > 0, np.asarray(contact.point), np.nan)
+    columns = {"force": force, "moment": moment, "point": point}
+    columns |= {"displacement": contact.displacement, "spin": contact.spin}
+    columns |= {"covariance": covariance} if covariance is not None else {}
+    columns |= {"truth": truth} if truth is not None else {}
+    document = {"schema": 1, "title": title, "vertices": shell[0], "triangles": shell[1]}
+    document |= {"time": time, "surface": surface, "status": status}
+    document |= {name: _rounded(np.asarray(values)) for name, values in columns.items()}
+    file = folder / FILE
+    file.write_text(json.dumps(identify.plain(document), separators=(",", ":")) + "\n", "utf-8")
+    return file
+
+
+def read_touches(folder: Path) -> dict[str, Any]:
+    """The document, once it is known to be whole. Raises `InputError` where it is not."""
+    file = folder / FILE
+    if not file.is_file():
+        raise InputError(
+            "no-touches",
+            f"there is no {FILE}.",
+            place=str(folder),
+            fix="name a folder that hysid reproduce tsuji2014 wrote.",
+        )
+    try:
+        document = json.loads(file.read_text("utf-8"))
+        if document["schema"] != 1:
+            raise _fault(file, f"its schema is {document['schema']}, and this hysid knows 1.")
+        _check(document)
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        said = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise _fault(file, f"it is damaged ({said}).") from error
+    return document
+
+
+def _check(document: dict[str, Any]) -> None:
+    count = len(document["time"])
+    if not 0 < count <= MOST:
+        raise ValueError(f"{count} rows, where 1 to {MOST} can be replayed")
+    vertices = np.array(document["vertices"], float)
+    triangles = np.array(document["triangles"])
+    if vertices.shape[1:] != (3,) or triangles.shape[1:] != (3,) or triangles.dtype.kind != "i":
+        raise ValueError("vertices or triangles are not triples")
+    if not (
+        np.isfinite(vertices).all() and triangles.min() >= 0 and triangles.max() < len(vertices)
+    ):
+        raise ValueError("a triangle names a corner that is not there")
+    for name in ("surface", "status"):
+        if len(document[name]) != count:
+            raise ValueError(f"{name} has {len(document[name])} rows, time {count}")
+    if not all(isinstance(word, str) for word in (document["title"], *document["status"])):
+        raise ValueError("title and status are words")
+    if not all(isinstance(n, int) for n in document["surface"]):
+        raise ValueError("surface is a whole number")
+    known = {"schema", "title", "vertices", "triangles", "time", "surface", "status", *COLUMNS}
+    for name in document.keys() - known:
+        raise ValueError(f"{name} is unknown")
+    times = np.array(document["time"], float)
+    if not (np.isfinite(times).all() and np.all(np.diff(times) >= 0)):
+        raise ValueError("time runs back")
+    for name, shape in COLUMNS.items():
+        if name in OPTIONAL and name not in document:
+            continue
+        rows = [np.full(shape, np.nan) if row is None else row for row in document[name]]
+        found = np.array(rows, float).shape  # null is NaN
+        if found != (count, *shape):
+            raise ValueError(f"{name} has the shape {found}, not {(count, *shape)}")
+
+
+def _rounded(values: np.ndarray) -> Any:
+    """Five digits, a hundredth of a millimetre of a metre; null for a row that is not finite."""
+    return [_five(row) if np.isfinite(row).all() else None for row in values]
+
+
+def _five(row: Any) -> Any:
+    return np.vectorize(lambda x: float(f"{x:.5g}"), otypes=[float])(row).tolist()
+
+
+def _fault(file: Path, problem: str) -> InputError:
+    return InputError("damaged-touches", problem, place=str(file), fix="write it anew.")

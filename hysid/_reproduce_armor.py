@@ -1,0 +1,222 @@
+"""The experiments of Tsuji et al. (2014) on one virtual rig, and the methods that find a contact."""
+
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jaxtyping import Float
+
+from compensate.armor import Box, ContactSolver
+from hysteresis import LinearSponge
+from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
+
+READING = 0.05
+"""mm, standard deviation of one reading of the stage."""
+
+AGED = 1_000_000
+"""Added to a rig's seed for its second record, half a year later."""
+
+Errors = Float[np.ndarray, " points"]
+
+
+class Change(NamedTuple):
+    """What became of d = K F + b from one record to another of the same protocol."""
+
+    K: float
+    """mm/N"""
+    K_error: float
+    b: float
+    """mm"""
+    b_error: float
+    p: float
+    """how often two records of one specimen differ so much"""
+
+
+class Rig:
+    """One virtual laboratory: a sponge on its stage, a soft armour and a rigid one on the same sensor.
+
+    The stage's records carry reading noise; the specimen is the same in all laboratories, as no
+    paper says how sponges differ.
+    """
+
+    def __init__(self, seed: int):
+        self.seed = seed
+        self.soft, self.rigid = ArmorRig(seed=seed), ArmorRig(seed=seed, soft=False)
+
+        self._errors: dict[str, Errors] = {}
+
+    @cached_property
+    def fresh(self) -> SpongeCycles:
+        """Fig 6: five times 0 to 20 to 0 N."""
+        return _read(_five_cycles(), self.seed)
+
+    @cached_property
+    def aged(self) -> SpongeCycles:
+        """Fig 9: the same test half a year later."""
+        return _read(_five_cycles(), AGED + self.seed)
+
+    @cached_property
+    def to_40(self) -> SpongeCycles:
+        """Fig 7: the same test up to 40 N."""
+        return _read(_five_cycles(peak=40.0), self.seed)
+
+    def of_thickness(self, millimetres: float) -> SpongeCycles:
+        """Fig 10."""
+        return _read(_five_cycles(thickness=millimetres), self.seed)
+
+    @cached_property
+    def lines(self) -> dict[str, LinearSponge]:
+        """Approximations 1, 2 and 3."""
+        found = self.fresh.statistics()
+        named = {"1": found.loading, "2": found.both, "3": found.unloading}
+        return {
+            name: LinearSponge(K=jnp.asarray(K), b=jnp.asarray(b), threshold=jnp.asarray(1.5))
+            for name, (K, b) in named.items()
+        }
+
+    @cached_property
+    def surface_1(self) -> ArmorPresses:
+        """The 76 points."""
+        return self.soft.press(*self.soft.points_of_surface_1())
+
+    @cached_property
+    def on_soft(self) -> ArmorPresses:
+        """The 45 points of the soft armour: conditions (a) and (b) are computed from one record."""
+        return self.soft.press(*self.soft.points_of_the_body(), session=1)
+
+    @cached_property
+    def on_rigid(self) -> ArmorPresses:
+        """The 45 points of the rigid one: (c)."""
+        return self.rigid.press(*self.rigid.points_of_the_body(), session=1)
+
+
+@lru_cache
+def _five_cycles(thickness: float = 50.0, peak: float = 20.0) -> SpongeCycles:
+    """Without noise, and once for all rigs."""
+    return SpongeRig(thickness_mm=thickness).five_cycles(peak=peak)
+
+
+def _read(cycles: SpongeCycles, seed: int) -> SpongeCycles:
+    noise = np.random.default_rng(seed).normal(0.0, READING, cycles.force.size)
+    return cycles._replace(displacement=cycles.displacement + noise)
+
+
+class Method(NamedTuple):
+    """A way to find the contact from the wrench: `locate` gives P^e in m for every press of a record."""
+
+    label: str
+    soft: bool
+    locate: Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]
+    published: float | None = None
+    """mm, mean of the 45 points"""
+
+
+def _by_line(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return solved(ContactSolver(Box(*rig.soft.size), rig.lines["2"]), presses)
+
+
+def _uncompensated(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return solved(ContactSolver(Box(*rig.soft.size)), presses)
+
+
+def _on_acrylic(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return solved(ContactSolver(Box(*rig.rigid.size)), presses)
+
+
+METHODS = {
+    "a": Method("soft, uncompensated", True, _uncompensated, 27.2),
+    "b": Method("soft, approximation 2", True, _by_line, 16.3),
+    "c": Method("rigid", False, _on_acrylic, 13.2),
+}
+"""The conditions of fig 14; a new method is one more entry."""
+
+DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
+    "none": lambda rig, presses: np.zeros(len(presses.force)),
+    **{
+        name: lambda rig, presses, name=name: np.asarray(
+            rig.lines[name].simulate(None, presses.force[:, -1])
+        )
+        for name in "123"
+    },
+}
+"""How fig 12 takes the displacement from the gauge's force: in mm, for every press of a record."""
+
+
+def solved(solver: ContactSolver, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    """P^e at the end of each press."""
+    F, M = np.split(presses.wrench[:, -1], 2, axis=1)
+    return np.asarray(solver.solve(F, M).point)
+
+
+def body_errors(rig: Rig, name: str) -> Errors:
+    """Distances in mm between the contact found and the true one, at the 45 points, by an entry of
+    `METHODS`; solved once."""
+    if name not in rig._errors:
+        method = METHODS[name]
+        presses = rig.on_soft if method.soft else rig.on_rigid
+        off = method.locate(rig, presses) - presses.contact[:, -1]
+        rig._errors[name] = 1e3 * np.linalg.norm(off, axis=1)
+    return rig._errors[name]
+
+
+def surface_errors(rig: Rig, name: str) -> Errors:
+    """Errors in z in mm at the 76 points, by an entry of `DISPLACEMENTS`."""
+    presses = rig.surface_1
+    return np.abs(DISPLACEMENTS[name](rig, presses) - 1e3 * presses.displacement[:, -1])
+
+
+class Range(NamedTuple):
+    """Fig 7: mean and standard deviation at each force, over all cycles and both branches."""
+
+    force: Float[np.ndarray, " forces"]
+    mean: Float[np.ndarray, " forces"]
+    sd: Float[np.ndarray, " forces"]
+    line: Float[np.ndarray, " forces"]
+    """through the means from 2 to 20 N"""
+    limit: float
+    """N, where the mean leaves the line by more than the bar"""
+
+
+def linear_range(cycles: SpongeCycles) -> Range:
+    """Up to where a line describes a record, and its own scatter hides what the line leaves over."""
+    force = np.unique(cycles.force)
+    at = [cycles.displacement[cycles.force == f] for f in force]
+    mean, sd = np.array([d.mean() for d in at]), np.array([d.std(ddof=1) for d in at])
+    used = (force >= 2) & (force <= 20)
+    line = np.polyval(np.polyfit(force[used], mean[used], 1), force)
+    beyond = np.abs(mean - line) - sd
+    n = next((n for n in range(1, len(force)) if force[n] > 20 and beyond[n] > 0), None)
+    if n is None:
+        return Range(force, mean, sd, line, float(force[-1]))
+    part = beyond[n - 1] / (beyond[n - 1] - beyond[n])
+    return Range(force, mean, sd, line, float(force[n - 1] + part * (force[n] - force[n - 1])))
+
+
+def changed(before: SpongeCycles, after: SpongeCycles) -> Change:
+    """A line through the differences of two records, sample by sample.
+
+    Sample for sample the foam's own curve cancels, which no line follows, and what is left is independent
+    reading noise: F(2, n - 2) = (squares that the line explains / 2) / (squares left / (n - 2)).
+    """
+    used = before.force >= 2
+    force, difference = before.force[used], (after.displacement - before.displacement)[used]
+    design = np.stack([force, np.ones_like(force)], axis=1)
+    estimate = np.linalg.solve(design.T @ design, design.T @ difference)
+    left = difference - design @ estimate
+    freedom = len(force) - 2
+    variance = left @ left / freedom
+    errors = np.sqrt(variance * np.diagonal(np.linalg.inv(design.T @ design)))
+    ratio = np.sum((design @ estimate) ** 2) / 2 / variance
+    p = scipy.stats.f.sf(ratio, 2, freedom)
+    return Change(*map(float, (estimate[0], errors[0], estimate[1], errors[1], p)))
+
+
+def nonlinearity(cycles: SpongeCycles) -> float:
+    """Per cent: the largest distance of the first loading from its line, over its range, 2 to 20 N."""
+    first = slice(1, int(np.argmax(cycles.force)) + 1)
+    force, d = cycles.force[first], cycles.displacement[first]
+    off = d - np.polyval(np.polyfit(force, d, 1), force)
+    return float(100 * np.max(np.abs(off)) / np.ptp(d))

@@ -1,0 +1,174 @@
+"""Pictures of the virtual experiments, drawn as the paper of Tsuji et al. (2014) draws its own."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hysteresis.rigs import SpongeCycles
+
+from ._figures import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
+from ._reproduce_armor import DISPLACEMENTS, METHODS, Rig, body_errors, linear_range, surface_errors
+
+WIDE = (9.6, 3.7)
+FORCE, DISPLACEMENT = "force (N)", "displacement (mm)"
+LINES = {"1": (VERMILLION, "loading"), "2": (BLUE, "both"), "3": (GREEN, "unloading")}
+
+
+@styled
+def loops(cycles: SpongeCycles, lines: dict[str, Any], title: str) -> Figure:
+    """Fig 6, and 9 of the aged sponge: five tests and the three lines."""
+    figure, axes = _one(title)
+    _draw_tests(axes, cycles)
+    force = np.array([2.0, 20.0])
+    for name, (colour, branch) in LINES.items():
+        if name in lines:
+            line = lines[name]
+            text = f"{name}: {branch}, {float(line.K):.3f} F + {float(line.b):.2f}"
+            axes.plot(force, line.K * force + line.b, color=colour, lw=1.8, label=text)
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def aging(fresh: SpongeCycles, aged: SpongeCycles) -> Figure:
+    """Fig 9: both records, and their differences sample by sample."""
+    figure = Figure(figsize=WIDE, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    figure.suptitle("Fig 9. The same sponge six months later", fontsize=10)
+    left.plot(fresh.force, fresh.displacement, color="#cfe6f5", lw=5, label="fresh")
+    left.plot(aged.force, aged.displacement, color=BLUE, lw=0.9, label="after six months")
+    K, b = aged.statistics().both
+    force = np.array([2.0, 20.0])
+    left.plot(force, K * force + b, color=INK, lw=1.4, label=f"aged: {K:.3f} F + {b:.3f}")
+    left.plot(force, 1.298 * force + 6.186, color=VERMILLION, lw=1.4, ls="--",
+              label="the paper: 1.298 F + 6.186")  # fmt: skip
+    left.set(xlabel=FORCE, ylabel=DISPLACEMENT)
+    left.legend(loc="lower right")
+    right.axhline(0, color="#666666", lw=0.8)
+    right.set_title("sample by sample")
+    left.set_title("five tests each")
+    off = aged.displacement - fresh.displacement
+    right.plot(fresh.force, off, ls="", marker="o", ms=3.5, mew=0, color=BLUE, alpha=0.7)
+    right.set(xlabel=FORCE, ylabel="aged less fresh (mm)")
+    return figure
+
+
+@styled
+def force_range(cycles: SpongeCycles) -> Figure:
+    """Fig 7: mean and standard deviation up to 40 N."""
+    figure, axes = _one("Fig 7. Linear up to about 25 N")
+    found = linear_range(cycles)
+    shown = found.line < 1.15 * found.mean.max()
+    axes.plot(found.force[shown], found.line[shown], color=BLUE, lw=1.4, label="line, 2 to 20 N")
+    axes.errorbar(found.force, found.mean, found.sd, color=INK, lw=1.2, marker="o", ms=3.5,
+                  elinewidth=0.9, capsize=2.5, label="mean and standard deviation")  # fmt: skip
+    axes.axvline(found.limit, color=VERMILLION, lw=1.2, ls="--", label=f"{found.limit:.1f} N")
+    axes.set(xlabel=FORCE, ylabel=DISPLACEMENT, ylim=(0, None))
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def thickness(records: dict[float, SpongeCycles]) -> Figure:
+    """Fig 10: blocks of other thicknesses."""
+    figure, axes = _one("Fig 10. Thickness")
+    colours = (INK, BLUE, VERMILLION)
+    for (height, cycles), colour in zip(records.items(), colours, strict=False):
+        axes.plot(cycles.force, cycles.displacement, color=colour, lw=1.1, label=f"{height:g} mm")
+    axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def surface_1(rigs: Sequence[Rig]) -> Figure:
+    """Fig 12: errors in z at 76 points, one rig's as dots, the mean of all as lines."""
+    figure = Figure(figsize=(9.6, 4.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2.2))
+    figure.suptitle("Fig 12. Error in z at the 76 points of surface 1, 15 N", fontsize=10)
+    number = np.arange(1, 77)
+    styles = {"none": (GREY, "uncompensated")} | {
+        name: (colour, f"approximation {name}, {branch}")
+        for name, (colour, branch) in LINES.items()
+    }
+    others = [name for name in DISPLACEMENTS if name not in styles]
+    styles |= {
+        name: (colour, name) for name, colour in zip(others, (INK, ORANGE, SKY), strict=False)
+    }
+    for name, (colour, label) in styles.items():
+        errors = np.array([surface_errors(rig, name) for rig in rigs])
+        axes = above if name == "none" else below
+        axes.plot(number, errors[0], ls="", marker="o", ms=2.6, mew=0, color=colour, alpha=0.55)
+        for line in range(4):  # the four lines of points
+            rows = slice(19 * line, 19 * line + 19)
+            axes.plot(number[rows], errors.mean(0)[rows], color=colour, lw=1.5,
+                      label=f"{label}: {errors.mean():.1f} mm" if line == 0 else None)  # fmt: skip
+    for axes in (above, below):
+        for middle in (10, 29, 48, 67):
+            axes.axvline(middle, color=DIM, lw=0.8, ls=":")
+        axes.grid(axis="x", visible=False)
+        axes.set_ylabel("error (mm)")
+    above.set_ylim(18, 27)
+    below.set_ylim(0, None)
+    below.set_xlim(0, 77)
+    below.set_xticks((1, 10, 29, 48, 67, 76))
+    below.set_xlabel(
+        "point: along x, along y, along both diagonals; dotted: the middle of the surface"
+    )
+    handles = [a.get_legend_handles_labels() for a in (above, below)]
+    figure.legend([h for hs, _ in handles for h in hs], [x for _, xs in handles for x in xs],
+                  loc="outside lower center", ncols=4, columnspacing=1.4, handlelength=1.4)  # fmt: skip
+    return figure
+
+
+@styled
+def body(rigs: Sequence[Rig]) -> Figure:
+    """Fig 14: mean errors of 45 points, dark in mm, light over the shell's size."""
+    figure = Figure(figsize=(1.9 + 1.6 * len(METHODS), SIZE[1] + 0.3), layout="constrained")
+    axes = figure.subplots()
+    figure.suptitle("Fig 14. Error of 45 points over the body, 15 N", fontsize=10)
+    beside = axes.twinx()
+    beside.spines["right"].set_visible(True)
+    beside.grid(False)
+    size = {True: 2e3 * rigs[0].soft.size.dx, False: 2e3 * rigs[0].rigid.size.dx}
+    for n, (name, method) in enumerate(METHODS.items()):
+        means = np.array([body_errors(rig, name).mean() for rig in rigs])
+        part = 100 / size[method.soft]
+        for on, at, scale, colour in (
+            (axes, n - 0.2, 1.0, BLUE),
+            (beside, n + 0.2, part, "#bcd9ea"),
+        ):
+            on.bar(at, scale * means.mean(), 0.38, color=colour, yerr=scale * means.std(),
+                   error_kw={"lw": 1.0, "capsize": 3, "ecolor": INK})  # fmt: skip
+            if method.published is not None:
+                on.plot([at], [scale * method.published], marker="D", ms=5, color=VERMILLION, ls="")
+    axes.bar([0], [0], color=BLUE, label="mm")
+    axes.bar([0], [0], color="#bcd9ea", label="% of the shell's width")
+    axes.plot([], [], marker="D", ms=5, color=VERMILLION, ls="", label="published")
+    names = [f"({name}) {method.label}".replace(", ", ",\n") for name, method in METHODS.items()]
+    axes.set_xticks(range(len(METHODS)), names)
+    axes.grid(axis="x", visible=False)
+    top = axes.get_ylim()[1]
+    axes.set(ylabel="error (mm)", ylim=(0, top))
+    beside.set(ylabel="error over width (%)", ylim=(0, top / 6))
+    figure.legend(loc="outside lower center", ncols=3, columnspacing=1.4, handlelength=1.4)
+    return figure
+
+
+def _one(title: str) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlabel=FORCE, ylabel=DISPLACEMENT)
+    axes.set_title(title)
+    return figure, axes
+
+
+def _draw_tests(axes: Any, cycles: SpongeCycles) -> None:
+    shades = np.linspace(0.0, 0.7, 5)
+    for number, shade in enumerate(shades, start=1):
+        rows = np.flatnonzero(cycles.cycle == number)
+        rows = np.arange(max(rows[0] - 1, 0), rows[-1] + 1)
+        label = {1: "test 1", 5: "test 5"}.get(number)
+        axes.plot(cycles.force[rows], cycles.displacement[rows], color=str(shade), lw=0.9,
+                  marker="o", ms=2.2, mew=0, label=label)  # fmt: skip

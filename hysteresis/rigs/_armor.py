@@ -1,0 +1,381 @@
+"""A virtual haptic armour: the box of Tsuji et al. (2014), carried by one force sensor, and a gauge.
+
+It makes what a person with a push-pull gauge would record at known points. Nothing here computes
+a contact point: data made by the solver under test would prove nothing.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+
+from .._errors import InputError
+from ._force_sensor import ForceSensor
+from ._sponge import FORCE_LIMIT, SpongeRig
+
+INWARD: Final = np.array([[0, 0, -1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]], float)
+"""Inward normals of surfaces 1 to 5: the top, +y, -y, +x, -x."""
+
+PRESS_FORCE: Final = 15.0
+"""N, of every press in the paper, and the force to which the sag refers."""
+
+PRESS: Final = np.linspace(0.0, PRESS_FORCE, 6)[1:]
+"""N: a press as the paper's, first touch to 15 N in five ramps."""
+
+CALIBRATION_TURNS: Final = (0.0, 20.0, 8.0, 16.0, 4.0, 12.0, 2.0, 18.0, 0.0)
+"""N, where a calibration press reverses: both branches, and loops inside loops."""
+
+_ON_SURFACE: Final = 1e-9  # m
+
+
+class BoxSize(NamedTuple):
+    """Of the box with its base at z = `dz2`, its top at z = `dz1`; m, from P_o."""
+
+    dx: float
+    dy: float
+    dz1: float
+    dz2: float
+
+
+class ArmorPoints(NamedTuple):
+    """Where to press."""
+
+    points: Float[np.ndarray, "presses 3"]
+    """P^i in m, on the undeformed surface"""
+    surface: Int[np.ndarray, " presses"]
+    """1 to 5"""
+
+
+class ArmorPresses(NamedTuple):
+    """Presses as recorded, and the truth about them."""
+
+    time: Float[np.ndarray, " samples"]
+    """s"""
+    force: Float[np.ndarray, "presses samples"]
+    """N, of the gauge, along its direction"""
+    direction: Float[np.ndarray, "presses 3"]
+    """u, of length 1"""
+    wrench: Float[np.ndarray, "presses samples 6"]
+    """what the sensor reads: F in N, then M in N m, exerted by the load about P_o"""
+    surface: Int[np.ndarray, " presses"]
+    """1 to 5"""
+    touched: Float[np.ndarray, "presses 3"]
+    """P^i in m: where the undeformed surface was touched"""
+    contact: Float[np.ndarray, "presses samples 3"]
+    """P^e in m: where the load is, P^e = P^i + d n with the inward normal n"""
+    displacement: Float[np.ndarray, "presses samples"]
+    """d in m"""
+    load: Float[np.ndarray, "presses samples 6"]
+    """the true wrench"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmorRig:
+    """A box on a force sensor, covered with a sheet of sponge, and a gauge to press it with.
+
+    The load is f u at P^e, u the gauge's direction and f its force, and with f_n = f u.n
+
+        d = a d_s[f_n] + s (f_n/15 N) exp(-r^2/(2 w^2)) + e,    P^e = P^i + d n
+        wrench = sensor[f u, P^e x f u]
+
+    - d_s: `SpongeRig` of the cover's thickness, touched for the first time; the sheet goes on around the
+      probe, which makes it stiffer than the block the paper characterised: a < 1.
+    - The acrylic frame sags, most at the middle of each surface; r is the distance from there.
+    - e: unevenness of the cover and of the hand, normal, one for each press.
+
+    The rigid box has d = 0 and is 500 mm wide, as the one that the paper compares with; the soft one is
+    600 mm wide over its sponge. A rig of the same `seed` has the same sensor, soft or rigid: the paper's
+    conditions (a), (b) and (c) are two rigs. The rig keeps no state.
+
+    **Arguments:**
+
+    - `seed`: of the specimen and of its readings.
+    - `soft`: sponge or bare acrylic.
+    - `cover`: the sponge. `sheet`: a.
+    - `edge_thickness`, `edge_width_mm`: the cover may be thinner near the edges: it has this part of
+      its thickness at the edge itself, and grows evenly to the whole over this width. As it is, the
+      sheet is even. The paper's points are 30 mm from the edge and do not notice up to there.
+    - `sag_mm`, `sag_width_mm`: s and w. `scatter_mm`: standard deviation of e.
+    - `sensor`: the force sensor.
+
+    **Raises:** `InputError` if a parameter is outside its range.
+
+    Source: Tsuji et al. (2014), figs 8, 11, 13 and section "Evaluation of compensation". The sizes of
+    its Table 2 follow from the text; a, s, w and e were chosen to give its errors.
+    """
+
+    seed: int = 0
+    soft: bool = True
+    cover: SpongeRig = field(default_factory=SpongeRig)
+    sheet: float = 0.94
+    edge_thickness: float = 1.0
+    edge_width_mm: float = 30.0
+    sag_mm: float = 1.5
+    sag_width_mm: float = 60.0
+    scatter_mm: float = 0.6
+    sensor: ForceSensor = field(default_factory=ForceSensor)
+
+    def __post_init__(self) -> None:
+        at_zero = ("seed", "sag_mm", "scatter_mm")
+        for name in (f.name for f in fields(self) if f.name not in ("soft", "cover", "sensor")):
+            value = getattr(self, name)
+            _require(
+                bool(np.isfinite(value) and (value >= 0 if name in at_zero else value > 0)),
+                f"{name} = {value} is out of range.",
+                f"Give a finite number {'of 0 or more' if name in at_zero else 'above 0'}.",
+            )
+
+    @property
+    def size(self) -> BoxSize:
+        """Half widths and heights of the undeformed box."""
+        return BoxSize(0.3, 0.3, 0.55, 0.0) if self.soft else BoxSize(0.25, 0.25, 0.5, 0.0)
+
+    @cached_property
+    def sensor_matrix(self) -> Float[np.ndarray, "6 6"]:
+        """I + G of this rig's sensor: the truth that a calibration looks for."""
+        return self.sensor.matrix(np.random.default_rng([self.seed, 0]))
+
+    def points_of_surface_1(self) -> ArmorPoints:
+        """The 76 points of the paper's fig 11, on the soft box: along x, y and both diagonals.
+
+        Each line goes from -270 to 270 mm in steps of 30 mm. Numbers 10, 29, 48, 67 are the middle.
+        """
+        t, zero = 0.03 * np.arange(-9, 10), np.zeros(19)
+        x = np.concatenate([t, zero, t, t])
+        y = np.concatenate([zero, t, t, -t])
+        return ArmorPoints(
+            np.stack([x, y, np.full(76, self.size.dz1)], axis=1), np.ones(76, dtype=int)
+        )
+
+    def points_of_the_body(self) -> ArmorPoints:
+        """The 45 points of the paper's fig 13: nine of each surface, 200 mm apart about its middle."""
+        u, v = (0.2 * a.ravel() for a in np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"))
+        surface = np.repeat(np.arange(1, 6), 9)
+        points = self._place(surface, np.tile(u, 5), np.tile(v, 5))
+        return ArmorPoints(points, surface)
+
+    def random_points(self, count: int, *, margin: float = 0.03, seed: int = 0) -> ArmorPoints:
+        """Points evenly over the body, at least `margin` metres from every edge."""
+        _require(
+            count > 0 and 0 <= margin < min(self.size[:2]) and margin < self.size.dz1 / 2,
+            f"count = {count}, margin = {margin} m.",
+            "Give 1 point or more, and a margin below the half width.",
+        )
+        rng = np.random.default_rng([self.seed, 2, seed])
+        (width, _), (_, height) = self._half_widths(np.array([1, 2]))
+        area = np.array([width**2, *[width * height] * 4])
+        surface = rng.choice(np.arange(1, 6), count, p=area / area.sum())
+        u, v = ((self._half_widths(surface) - margin) * rng.uniform(-1, 1, (count, 2))).T
+        return ArmorPoints(self._place(surface, u, v), surface)
+
+    def press(
+        self,
+        points: ArrayLike,
+        surface: ArrayLike,
+        force: ArrayLike = PRESS,
+        *,
+        direction: ArrayLike | None = None,
+        dt: float = 6.0,
+        cycles_before: int = 0,
+        session: int = 0,
+    ) -> ArmorPresses:
+        """Press at known points; every press finds the cover and the sensor at rest.
+
+        **Arguments:**
+
+        - `points`: (presses, 3) in m, on the undeformed surface; `surface`: (presses,), 1 to 5.
+        - `force`: (samples,) for all or (presses, samples), 0 to 40 N, each sample the end of a ramp
+          of `dt` seconds; the first ramp starts from 0 N.
+        - `direction`: (presses, 3), where the gauge points; the inward normal unless given.
+        - `cycles_before`: of 0 to 20 to 0 N at that rate, not recorded, which condition the cover.
+        - `session`: presses of another session have other scatter and noise, on the same sensor.
+
+        **Raises:** `InputError` outside these ranges, for a point that is not on its surface, a
+        direction that does not push.
+        """
+        points, surface = np.asarray(points, float), np.asarray(surface)
+        self._check_points(points, surface)
+        force = np.asarray(force, float)
+        force = np.tile(force, (len(points), 1)) if force.ndim == 1 else force
+        _require(
+            force.ndim == 2 and len(force) == len(points) and force.shape[1] > 0,
+            f"force has the shape {force.shape} for {len(points)} points.",
+            "Give (samples,) or (presses, samples).",
+        )
+        _require(
+            bool(np.all((force >= 0) & (force <= FORCE_LIMIT))),
+            f"a force is outside 0 to {FORCE_LIMIT:g} N.",
+            "Stay where the rig is known to resemble the sponge.",
+        )
+        _require(
+            bool(np.isfinite(dt) and dt > 0) and cycles_before >= 0,
+            f"dt = {dt} s, cycles_before = {cycles_before}.",
+            "Give seconds > 0, and 0 cycles or more.",
+        )
+        normal = INWARD[surface - 1]
+        along = normal if direction is None else _unit(np.asarray(direction, float), normal)
+        before = np.tile(force_path((0.0, *(20.0, 0.0) * cycles_before)), (len(points), 1))
+        whole = np.concatenate([before, force], axis=1)
+        rng = np.random.default_rng([self.seed, 1, session])
+        d = self._displacement(points, surface, whole * np.sum(along * normal, axis=1)[:, None], dt)
+        d += self.soft * 1e-3 * self.scatter_mm * rng.normal(size=(len(points), 1))
+        contact = points[:, None] + d[..., None] * normal[:, None]
+        pushed = whole[..., None] * along[:, None]
+        load = np.concatenate([pushed, np.cross(contact, pushed)], axis=2)
+        wrench = self.sensor.read(load, self.sensor_matrix, rng)
+        kept = slice(before.shape[1], None)
+        return ArmorPresses(
+            time=dt * np.arange(1, force.shape[1] + 1),
+            force=force,
+            direction=along,
+            wrench=wrench[:, kept],
+            surface=surface,
+            touched=points,
+            contact=contact[:, kept],
+            displacement=d[:, kept],
+            load=load[:, kept],
+        )
+
+    def calibrate(self, points: ArrayLike, surface: ArrayLike, *, session: int = 1) -> ArmorPresses:
+        """Presses up to 20 N and back with reversals in between (`CALIBRATION_TURNS`), at 0.5 N/s."""
+        return self.press(points, surface, force_path(CALIBRATION_TURNS), dt=2.0, session=session)
+
+    def _displacement(
+        self,
+        points: Float[np.ndarray, "presses 3"],
+        surface: Int[np.ndarray, " presses"],
+        force: Float[np.ndarray, "presses samples"],
+        dt: float,
+    ) -> Float[np.ndarray, "presses samples"]:
+        """The cover's and the frame's part of d in m under normal forces."""
+        if not self.soft:
+            return np.zeros(force.shape)
+        inside = self._from_the_middle(points, surface)
+        from_edge = np.min(self._half_widths(surface) - np.abs(inside), axis=1)
+        part = np.clip(1e3 * from_edge / self.edge_width_mm, 0, 1)
+        thickness = self.cover.thickness_mm * (part + self.edge_thickness * (1 - part))
+        d = np.array(
+            [
+                _followed(replace(self.cover, thickness_mm=float(h)), row.tobytes(), dt)
+                for h, row in zip(thickness, force, strict=True)
+            ]
+        )
+        near = np.exp(-np.sum(inside**2, axis=1) / (2 * (1e-3 * self.sag_width_mm) ** 2))
+        return 1e-3 * (self.sheet * d + self.sag_mm * near[:, None] * force / PRESS_FORCE)
+
+    def _half_widths(self, surface: Int[np.ndarray, " presses"]) -> Float[np.ndarray, "presses 2"]:
+        """Of each surface, along its two axes: x then y then z, without the normal's."""
+        dx, dy, dz1, dz2 = self.size
+        height = (dz1 - dz2) / 2
+        return np.array([(dx, dy), (dx, height), (dx, height), (dy, height), (dy, height)])[
+            surface - 1
+        ]
+
+    def _from_the_middle(
+        self, points: Float[np.ndarray, "presses 3"], surface: Int[np.ndarray, " presses"]
+    ) -> Float[np.ndarray, "presses 2"]:
+        lateral = INWARD[surface - 1] == 0
+        middle = np.array([0.0, 0.0, (self.size.dz1 + self.size.dz2) / 2])
+        return (points - middle)[lateral].reshape(-1, 2)
+
+    def _place(
+        self,
+        surface: Int[np.ndarray, " presses"],
+        u: Float[np.ndarray, " presses"],
+        v: Float[np.ndarray, " presses"],
+    ) -> Float[np.ndarray, "presses 3"]:
+        """Points at (u, v) from the middle of their surface."""
+        dx, dy, dz1, dz2 = self.size
+        normal = INWARD[surface - 1]
+        points = np.array([0.0, 0.0, (dz1 + dz2) / 2]) - normal * [dx, dy, (dz1 - dz2) / 2]
+        points[normal == 0] += np.stack([u, v], axis=1).ravel()
+        return points
+
+    def _check_points(self, points: np.ndarray, surface: np.ndarray) -> None:
+        _require(
+            points.ndim == 2 and points.shape[1:] == (3,) and surface.shape == (len(points),),
+            f"points have the shape {points.shape}, surface {surface.shape}.",
+            "Give (presses, 3) and (presses,).",
+        )
+        _require(
+            np.issubdtype(surface.dtype, np.integer)
+            and bool(np.all((surface >= 1) & (surface <= 5))),
+            "a surface is none of 1 to 5.",
+            "Number them as the paper does.",
+        )
+        inside = self._from_the_middle(points, surface)
+        on = self._place(surface, *inside.T)
+        away = np.max(np.abs(points - on), axis=1, initial=0.0)
+        beyond = np.max(np.abs(inside) - self._half_widths(surface), axis=1, initial=-1.0)
+        off = np.flatnonzero(~((away <= _ON_SURFACE) & (beyond <= _ON_SURFACE)))
+        if off.size:
+            n = off[0]
+            raise _fault(
+                f"points[{n}] = {points[n]} m is not on surface {surface[n]}.",
+                "Give metres, on the undeformed box (size), in the order of surface.",
+            )
+
+
+def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, " samples"]:
+    """From the first force (left out) through the others, in equal steps of at most `step` N.
+
+    **Raises:** `InputError` if there is no turn, or the step is not positive.
+    """
+    _require(len(turns) > 0 and step > 0, "no turn, or no step.", "Give forces, and a step > 0.")
+    pieces = [
+        np.linspace(a, b, max(int(np.ceil(abs(b - a) / step - 1e-9)), 1) + 1)[1:]
+        for a, b in pairwise(turns)
+    ]
+    return np.concatenate([np.empty(0), *pieces])
+
+
+def mixed_forces(
+    presses: int, samples: int = 40, *, low: float = 2.0, high: float = 20.0, seed: int = 0
+) -> Float[np.ndarray, "presses samples"]:
+    """Histories that load and unload between `low` and `high` N, each at another stage of another path.
+
+    Each starts from 0 N, reverses three to six times, in the upper and the lower third of the range by
+    turns, and ends anywhere.
+    """
+    rng = np.random.default_rng(seed)
+    third = (high - low) / 3
+    paths = []
+    for _ in range(presses):
+        turns = rng.uniform(low, low + third, rng.integers(3, 7))
+        turns[::2] += 2 * third
+        turns = np.concatenate([[0.0], turns, [rng.uniform(low, high)]])
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns)))])
+        paths.append(np.interp(np.linspace(0, way[-1], samples + 1)[1:], way, turns))
+    return np.array(paths)
+
+
+@lru_cache(maxsize=512)
+def _followed(cover: SpongeRig, force: bytes, dt: float) -> Float[np.ndarray, " samples"]:
+    """`cover.follow`, once for equal histories: it is a loop in Python."""
+    return cover.follow(np.frombuffer(force), dt=dt)
+
+
+def _unit(
+    direction: Float[np.ndarray, "presses 3"], normal: Float[np.ndarray, "presses 3"]
+) -> Float[np.ndarray, "presses 3"]:
+    length = np.linalg.norm(direction, axis=1, keepdims=True)
+    _require(
+        direction.shape == normal.shape and bool(np.all(np.sum(direction * normal, axis=1) > 0)),
+        "a direction does not push on its surface.",
+        "Give (presses, 3), each with a part along the inward normal.",
+    )
+    return direction / length
+
+
+def _require(holds: bool, problem: str, fix: str) -> None:
+    if not holds:
+        raise _fault(problem, fix)
+
+
+def _fault(problem: str, fix: str) -> InputError:
+    return InputError("rig_argument", problem, place="ArmorRig", fix=fix)

@@ -1,0 +1,396 @@
+"""The armor's solver: contacts found are contacts put."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensate import invert
+from compensate.armor import (
+    Box,
+    Bumps,
+    ContactSolver,
+    ContactStatus,
+    ContactStream,
+    Convex,
+    Cover,
+    Grid,
+    convention_doubt,
+)
+from hysteresis import Burgers, FoamCurve, InputError, LinearSponge, PrandtlIshlinskii
+
+BOX = Box(0.3, 0.25, 0.55, 0.1)
+SPONGE = LinearSponge(1.298, 6.186)
+PLAYS = PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0)
+LOCAL = Cover(
+    SPONGE,
+    factor=Bumps(BOX.centres(), 0.1, 0.06, 0.94),
+    compliance=Grid(np.linspace(0, 1e-4, 45).reshape(5, 3, 3), BOX.centres(), BOX.axes()),
+)
+COVERS = {"rigid": None, "local": LOCAL}
+SIZE = 0.6
+
+NORMALS = np.asarray(BOX.faces().normal)
+
+covers = pytest.mark.parametrize("cover", COVERS.values(), ids=COVERS)
+
+
+def octahedron() -> Convex:
+    """Eight triangles around P_o, 0.2 m from it along every axis."""
+    axes = 0.2 * np.vstack([np.eye(3), -np.eye(3)])
+    signs = [(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)]
+    turned = [s if sum(k > 2 for k in s) % 2 == 0 else s[::-1] for s in signs]
+    return Convex(axes, turned)
+
+
+@st.composite
+def presses(draw: st.DrawFn) -> tuple[int, np.ndarray, np.ndarray, float]:
+    """A surface from 0, a place on it (-1 to 1 thrice), a force with a slant, and a spin torque."""
+    unit = st.floats(-1, 1)
+    surface = draw(st.integers(0, 4))
+    place = np.array([draw(unit) for _ in range(3)])
+    aside = np.array([draw(st.one_of(st.just(0.0), unit)) for _ in range(3)])
+    normal = NORMALS[surface]
+    along = draw(st.floats(1.6, 40))
+    force = along * normal + 0.5 * along * (aside - (aside @ normal) * normal)
+    return surface, place, force, draw(unit)
+
+
+def put(
+    solver: ContactSolver,
+    surface: int,
+    place: np.ndarray,
+    force: np.ndarray,
+    spin: float,
+    reach: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """P^e of a press on the box, and its moment about P_o."""
+    middle, half = np.array([0, 0, 0.325]), np.array([0.3, 0.25, 0.225])
+    normal, force_n = NORMALS[surface], NORMALS[surface] @ force
+    touched = middle + reach * place * half
+    touched = touched - ((touched - middle) @ normal) * normal - (half @ abs(normal)) * normal
+    cover = solver.cover
+    pressed = cover.press(cover.init(), 0.0, jnp.asarray(force_n))[1]
+    d = cover.displacement(
+        pressed, jnp.asarray(force_n), jnp.asarray(surface + 1), jnp.asarray(touched)
+    )
+    point = touched + float(d) * normal
+    return point, np.cross(point, force) + spin * force
+
+
+@covers
+@given(presses())
+def test_contact_found_is_contact_put(cover: Any, press: Any):
+    """Rigid anywhere on the box; soft where no second surface can give way by as much."""
+    surface, place, force, spin = press
+    solver = ContactSolver(BOX, cover)
+    reach = 1.0 if cover is None else 0.6
+    point, moment = put(solver, surface, place, force, spin, reach)
+    contact = solver.solve(force, moment)
+    listed = solver.candidates(force, moment)
+    away = np.linalg.norm(np.asarray(listed.point) - point, axis=1)
+    # Eight rounds of a map that contracts by 0.05 or better leave 1e-10 of 3 mm; the rest is rounding.
+    assert away[np.asarray(listed.surface) > 0].min() < 1e-11
+    assert contact.status in (ContactStatus.OK, ContactStatus.AMBIGUOUS)
+    np.testing.assert_allclose(contact.spin, spin * np.linalg.norm(force), atol=1e-11)
+    if cover is None:
+        # On an edge both surfaces hold it.
+        np.testing.assert_allclose(contact.point, point, atol=1e-12)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 7), st.floats(0, 1), st.floats(0, 1)), min_size=4, max_size=4)
+)
+def test_convex_polygons_are_found(drawn: list[tuple[int, float, float]]):
+    faces = octahedron().faces()
+    solver = ContactSolver(octahedron(), SPONGE)
+    k = np.array([d[0] for d in drawn])
+    normal = np.asarray(faces.normal)[k]
+    corners = -0.2 * np.sign(normal)[:, :, None] * np.eye(3)
+    # A place inside the face, away from its edges.
+    share = 0.2 + 0.2 * np.array([[d[1], d[2], 2 - d[1] - d[2]] for d in drawn])
+    touched = np.einsum("nc,nci->ni", share / share.sum(1, keepdims=True), corners)
+    d = 1e-3 * (1.298 * 5 + 6.186)
+    contact = solver.solve(5 * normal, np.cross(touched + d * normal, 5 * normal))
+    np.testing.assert_allclose(contact.point, touched + d * normal, atol=1e-14)
+    np.testing.assert_allclose(contact.touched, touched, atol=1e-14)
+    np.testing.assert_array_equal(contact.surface, k + 1)
+    assert not np.asarray(contact.status).any()
+
+
+@given(presses())
+def test_a_turned_box_turns_the_contact(press: Any):
+    """A quarter turn about z: the half sides change places, and surfaces 2, 5, 3, 4 follow each other."""
+    surface, place, force, spin = press
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    solver = ContactSolver(BOX, SPONGE)
+    turned = ContactSolver(Box(0.25, 0.3, 0.55, 0.1), SPONGE)
+    _, moment = put(solver, surface, place, force, spin, 0.9)
+    here, there = solver.solve(force, moment), turned.solve(turn @ force, turn @ moment)
+    np.testing.assert_allclose(there.point, turn @ np.asarray(here.point), atol=1e-12)
+    assert int(there.surface) == {0: 0, 1: 1, 2: 5, 5: 3, 3: 4, 4: 2}[int(here.surface)]
+    assert int(there.status) == int(here.status)
+
+
+STATUSES = [
+    ([0, 0, 0], [0, 0, 0], ContactStatus.NO_CONTACT),
+    ([0, 0, -1.4], [0, 0, 0], ContactStatus.BELOW_THRESHOLD),
+    ([1.0, 0.0, 1.4], [0, 0.5, 0], ContactStatus.BELOW_THRESHOLD),
+    ([0, 0, 15], [0, 0, 0], ContactStatus.PULLING),
+    ([0, 0, 15], [0, 20, 0], ContactStatus.PULLING),
+    ([0, 0, -15], [0, 20, 0], ContactStatus.MISSED),
+    ([0, 0, -15], [0, 0, 1], ContactStatus.SECOND_SUPPORT),
+    ([0, 0, -15], [0, 0, 0], ContactStatus.OK),
+    ([np.nan, 0, -15], [0, 0, 0], ContactStatus.INVALID),
+    ([0, 0, -15], [np.inf, 0, 0], ContactStatus.INVALID),
+    # Along an edge: within 1.5 N of both sides, and square onto the top.
+    ([0, 0, -15], [-15 * 0.25, 15 * 0.3, 0], ContactStatus.OK),
+]
+
+
+@pytest.mark.parametrize(("force", "moment", "status"), STATUSES)
+def test_status(force: Any, moment: Any, status: ContactStatus):
+    """Whatever comes in, what comes out is finite, has the right status and has finite gradients."""
+    solver = ContactSolver(BOX, LOCAL, spin_limit=0.05)
+    contact = solver.solve(force, moment)
+    assert ContactStatus(int(contact.status)) is status
+    assert (int(contact.surface) > 0) == (
+        status in (ContactStatus.OK, ContactStatus.SECOND_SUPPORT)
+    )
+    given_ = (solver, jnp.asarray(force, float), jnp.asarray(moment, float))
+    gradient = eqx.filter_grad(lambda g: sum(map(jnp.sum, g[0].solve(*g[1:])[::2])))(given_)
+    for leaf in jax.tree.leaves((contact, gradient)):
+        assert np.isfinite(leaf).all()
+
+
+def test_two_surfaces_apart_are_ambiguous():
+    """At an edge a line may lie within both sides' soft layers; one dent they make, or two places."""
+    solver, point = ContactSolver(BOX, SPONGE), [0.299, 0.0, 0.525]
+    for aside, status in ((8.0, ContactStatus.OK), (1.6, ContactStatus.AMBIGUOUS)):
+        force = np.array([-aside, 0, -15.0])
+        contact, listed = (
+            f(force, np.cross(point, force)) for f in (solver.solve, solver.candidates)
+        )
+        assert (int(contact.surface), int(contact.status)) == (1, status)
+        assert listed.surface[:3].tolist() == [1, 4, 0]
+
+
+def test_what_the_sensor_doubts_is_told():
+    doubt = [ContactStatus.OK, ContactStatus.SATURATED, ContactStatus.INVALID]
+    contact = ContactSolver(BOX).solve(np.tile([0, 0, -9.0], (3, 1)), np.zeros((3, 3)), doubt)
+    np.testing.assert_array_equal(contact.status, doubt)
+
+
+def test_an_edge_is_not_lost_to_noise():
+    """Least violation wins within the tolerance; beyond it there is no contact."""
+    solver = ContactSolver(BOX, SPONGE)
+    moment = [np.cross([0, 0.25 + beyond, 0.55], [0, 0, -15.0]) for beyond in (0.02, 0.04)]
+    contact = solver.solve(np.tile([0, 0, -15.0], (2, 1)), np.array(moment))
+    np.testing.assert_array_equal(contact.surface, [1, 0])
+    np.testing.assert_array_equal(contact.status, [ContactStatus.OK, ContactStatus.MISSED])
+    np.testing.assert_allclose(contact.outside, [0.02, 0.04], atol=1e-12)
+
+
+def test_bad_wrenches_leave_the_others_alone():
+    random = np.random.default_rng(0)
+    force, moment = random.normal(size=(2, 50, 3)) * 8
+    solver = ContactSolver(BOX, SPONGE)
+    spoilt = force.copy()
+    spoilt[::7, 1] = np.nan
+    kept = np.arange(50) % 7 > 0
+    for good, bad in zip(solver.solve(force, moment), solver.solve(spoilt, moment), strict=True):
+        np.testing.assert_array_equal(np.asarray(good)[kept], np.asarray(bad)[kept])
+
+
+def test_any_leading_shape():
+    random = np.random.default_rng(1)
+    force, moment = random.normal(size=(2, 2, 3, 4, 3))
+    solver = ContactSolver(BOX, SPONGE, threshold=0.1)
+    whole, flat = solver.solve(8 * force, moment), solver.solve(8 * force[1, 2, 3], moment[1, 2, 3])
+    assert whole.point.shape == (2, 3, 4, 3)
+    assert whole.status.shape == (2, 3, 4)
+    for a, b in zip(whole, flat, strict=True):
+        np.testing.assert_allclose(a[1, 2, 3], b, atol=1e-14)
+
+
+@covers
+def test_gradients_match_finite_differences(cover: Any):
+    solver = ContactSolver(BOX, cover)
+    force, point = np.array([2.0, 1.0, -15.0]), np.array([0.05, 0.06, 0.53])
+    inputs = np.concatenate([force, np.cross(point, force)])
+
+    def found(x: Any) -> Any:
+        return solver.solve(x[:3], x[3:]).point
+
+    step = 1e-5
+    by_steps = [
+        (np.asarray(found(inputs + e)) - np.asarray(found(inputs - e))) / (2 * step)
+        for e in step * np.eye(6)
+    ]
+    exact = jax.jacfwd(found)(jnp.asarray(inputs))
+    # Central differences: the square of the step against |F|, and rounding over the step.
+    np.testing.assert_allclose(np.stack(by_steps, axis=1), exact, atol=1e-9)
+
+
+def test_the_box_and_the_cover_are_differentiable():
+    """One N more compliance or one m more height shows in z as it does in the equation."""
+    solver = ContactSolver(BOX, SPONGE)
+    slope = eqx.filter_grad(lambda s: s.solve([0, 0, -15.0], [0, 0, 0.0]).point[2])(solver)
+    assert float(slope.shape.dz1) == pytest.approx(1)
+    assert float(slope.cover.compensator.K) == pytest.approx(-15e-3)
+    assert float(slope.cover.factor.value) == pytest.approx(-1e-3 * (1.298 * 15 + 6.186))
+
+
+# Streams
+
+
+def force_in_waves(samples: int) -> np.ndarray:
+    k = np.arange(samples)
+    return np.maximum(8 + 7 * np.sin(k / 5) + 2 * np.sin(k / 1.3), 2.0)
+
+
+@pytest.mark.parametrize("cover", [SPONGE, PLAYS, Burgers(1.0, 2.0, 20.0, 5.0)])
+def test_stream_has_the_cover_s_own_history(cover: Any):
+    """d_n = simulate(t, F_n) while it is touched, and without history the batch's answer."""
+    t, strength = 0.1 * np.arange(60), force_in_waves(60)
+    strength[20:25] = 0.2  # lifted off
+    force = strength[:, None] * np.array([0.1, 0.05, -1.0])
+    moment = np.cross([0.05, 0.02, 0.53], force)
+    solver = ContactSolver(BOX, cover, same_place=1.0, recovery=np.inf)
+    contacts = solver.simulate(t, force, moment)
+    touched = np.asarray(contacts.surface) == 1
+    assert touched.sum() == 55
+    found = np.asarray(contacts.displacement)
+    if cover is SPONGE:
+        np.testing.assert_allclose(found, solver.solve(force, moment).displacement, atol=1e-15)
+        return
+    wanted = 1e-3 * np.asarray(cover.simulate(t, np.where(touched, strength, 0)))
+    np.testing.assert_allclose(found[touched], wanted[touched], atol=1e-14)
+
+
+def pushes(solver: ContactSolver, strength: Any, t: Any = None, x: Any = 0.05) -> Any:
+    """A stream of square pushes onto the top, at x."""
+    t = 0.1 * np.arange(len(strength)) if t is None else t
+    x = np.broadcast_to(x, len(strength))
+    force = np.outer(strength, [0, 0, -1.0])
+    moment = np.cross(np.stack([x, 0 * x, 0.55 + 0 * x], axis=1), force)
+    return solver.simulate(t, force, moment)
+
+
+def test_compiled_ahead_it_is_the_same():
+    solver, t, strength = ContactSolver(BOX, PLAYS), 0.1 * np.arange(30), force_in_waves(30)
+    strength[10:12] = [np.nan, 0.1]
+    force = np.outer(strength, [0.1, 0, -1.0])
+    moment = np.cross([0.05, 0, 0.55], force)
+    stream, whole = ContactStream(solver), solver.simulate(t, force, moment)
+    for _ in range(2):
+        for n in range(30):
+            told = stream.step(t[n], force[n], moment[n])
+            for a, b in zip(told, whole, strict=True):
+                np.testing.assert_allclose(a, b[n], atol=1e-15)
+        stream.reset()
+
+
+def test_noise_at_the_threshold_does_not_chatter():
+    """On at 1.5 N, off below 1.2 N."""
+    contacts = pushes(ContactSolver(BOX), [1.4, 1.55, 1.4, 1.25, 1.15, 1.4, 1.49, 1.5])
+    assert contacts.surface.tolist() == [0, 1, 1, 1, 0, 0, 0, 1]
+
+
+def test_bad_samples_hold_the_contact_and_change_nothing():
+    solver = ContactSolver(BOX, PLAYS)
+    strength = force_in_waves(30)
+    spoilt = strength.copy()
+    spoilt[10] = np.nan
+    good = pushes(solver, np.delete(strength, 10), np.delete(0.1 * np.arange(30), 10))
+    held = pushes(solver, spoilt)
+    assert int(held.status[10]) == ContactStatus.INVALID
+    np.testing.assert_array_equal(held.point[10], held.point[9])
+    for a, b in zip(good, held, strict=True):
+        np.testing.assert_array_equal(a, np.delete(b, 10, axis=0))
+
+
+def test_a_touch_elsewhere_or_much_later_finds_virgin_material():
+    strength = np.array([10.0, 15, 10, 0, 0, 10])
+    t = 0.1 * np.arange(6)
+    solver, left = ContactSolver(BOX, PLAYS), []
+    for at, x in ((0.5, 0.05), (100.0, 0.05), (0.5, 0.1)):
+        t[-1] = at
+        places = np.where(np.arange(6) < 5, 0.05, x)
+        left.append(pushes(solver, strength, t, places).displacement.tolist())
+    # Plays keep a set after 15 N and a release.
+    assert left[0][-1] > left[0][0] + 1e-4
+    assert all(d[-1] == d[0] for d in left[1:])
+
+
+def test_a_stream_saturates_and_goes_on():
+    doubt = [0, ContactStatus.SATURATED, ContactStatus.INVALID, 0]
+    pushed = np.tile([0, 0, -9.0], (4, 1))
+    contacts = ContactSolver(BOX, SPONGE).simulate(np.arange(4), pushed, 0 * pushed, doubt)
+    assert contacts.status.tolist() == doubt
+    assert contacts.surface.tolist() == [1, 1, 1, 1]
+
+
+# What is refused
+
+
+def test_a_box_without_inside_is_refused():
+    for sides in ((0.0, 0.3, 0.5, 0.0), (0.3, 0.3, 0.0, 0.1), (np.nan, 0.3, 0.5, 0.0)):
+        with pytest.raises(InputError, match="no-inside"):
+            Box(*sides)
+
+
+def test_millimetres_for_metres_are_refused():
+    with pytest.raises(InputError, match="wrong-unit"):
+        Box(300, 300, 550, 0)
+    with pytest.raises(InputError, match="wrong-unit"):
+        ContactSolver(BOX, Cover(SPONGE, length_unit="m"))
+    in_metres = LinearSponge(1.298e-3, 6.186e-3)
+    with pytest.raises(InputError, match="wrong-unit"):
+        ContactSolver(BOX, in_metres)
+    pushed = ([0, 0, -15.0], [0, 0, 0.0])
+    np.testing.assert_allclose(
+        ContactSolver(BOX, Cover(in_metres, length_unit="m")).solve(*pushed).point,
+        ContactSolver(BOX, SPONGE).solve(*pushed).point,
+    )
+    with pytest.raises(InputError, match="unknown-unit"):
+        Cover(SPONGE, length_unit="inch")
+
+
+def test_a_cover_the_wrong_way_round_is_refused():
+    foam = FoamCurve(0.6, 0.3, 0.2, 5.0, 20.0, 20.0, 1.0, 0.1)
+    for gives_force in (invert(SPONGE), foam):
+        with pytest.raises(InputError, match="cover-direction"):
+            Cover(gives_force)
+    assert Cover(invert(foam)).hard_push() > 1e-3
+
+
+def test_wrong_shapes_and_limits_are_refused():
+    with pytest.raises(InputError, match="wrench-shape"):
+        ContactSolver(BOX).solve(np.zeros((4, 3)), np.zeros((3, 4)))
+    with pytest.raises(InputError, match="negative-limit"):
+        ContactSolver(BOX, threshold=-1)
+    with pytest.raises(InputError, match="not-convex"):
+        Convex(0.1 * np.vstack([np.eye(3), -np.eye(3)]), [(0, 1, 2), (3, 5, 4), (0, 2, 3, 5)])
+    with pytest.raises(InputError, match="inside-out"):
+        Convex(0.1 * np.vstack([np.eye(3), -np.eye(3)]), [(2, 1, 0), (3, 5, 4)])
+
+
+@pytest.mark.parametrize(
+    ("sign", "scale", "told"),
+    [(1, 1, None), (1, -1, "moment"), (-1, -1, "force and moment"), (1, 1000, "N mm")],
+)
+def test_mixed_conventions_are_told(sign: float, scale: float, told: str | None):
+    random = np.random.default_rng(2)
+    k = random.integers(0, 5, 60)
+    solver = ContactSolver(BOX)
+    force = 10 * NORMALS[k] + random.normal(size=(60, 3))
+    place = random.uniform(-0.8, 0.8, (60, 3))
+    points = [put(solver, *row, 0.0, 1.0)[0] for row in zip(k, place, force, strict=True)]
+    doubt = convention_doubt(solver, sign * force, scale * np.cross(points, force))
+    assert doubt is None if told is None else doubt is not None and told in doubt

@@ -1,0 +1,171 @@
+"""The armor's solver on triangle meshes."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensate.armor import Box, ContactSolver, ContactStatus, ContactStream, Mesh, forearm, head
+from hysteresis import InputError, LinearSponge
+
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 2)]) * [0.3, 0.25, 0.275]
+SIDES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+     [1, 5, 7], [1, 7, 3], [0, 2, 6], [0, 6, 4]]
+)  # fmt: skip
+ARM, HEAD = forearm(around=24, along=16), head(around=32, along=16)
+
+
+def presses(mesh: Mesh, count: int, seed: int) -> tuple[np.ndarray, ...]:
+    """Triangle, place on it, and a slanting force of 1.6 N or more along its normal."""
+    random = np.random.default_rng(seed)
+    corners = mesh.corners()
+    normal = np.asarray(mesh.faces().normal)
+    k = random.integers(0, len(corners), count)
+    share = random.dirichlet([1, 1, 1], count)
+    along = random.uniform(1.6, 20, (count, 1))
+    aside = random.normal(size=(count, 3)) * along
+    aside -= (aside * normal[k]).sum(1, keepdims=True) * normal[k]
+    return k, np.einsum("nc,nci->ni", share, corners[k]), along * normal[k] + aside
+
+
+@pytest.mark.parametrize("mesh", [ARM, HEAD], ids=["forearm", "head"])
+def test_every_contact_put_is_among_those_found(mesh: Mesh):
+    """And is the one told, unless that is said to be AMBIGUOUS."""
+    _, point, force = presses(mesh, 300, 0)
+    solver = ContactSolver(mesh)
+    contact = solver.solve(force, np.cross(point, force))
+    away = np.linalg.norm(np.asarray(contact.point) - point, axis=1)
+    status = np.asarray(contact.status)
+    # Rounding of a point 0.3 m off, over the least n.F / |F| of the draws, 0.1.
+    assert away[status == ContactStatus.OK].max() < 1e-13
+    assert set(status) <= {ContactStatus.OK, ContactStatus.AMBIGUOUS}
+    for n in np.flatnonzero(status == ContactStatus.AMBIGUOUS):
+        listed = solver.candidates(force[n], np.cross(point[n], force[n]))
+        assert np.linalg.norm(np.asarray(listed.point) - point[n], axis=1).min() < 1e-13
+
+
+def test_a_box_of_triangles_is_the_box():
+    """On all but the bottom, which the box has not."""
+    box, mesh = Box(0.3, 0.25, 0.55), Mesh(CUBE, SIDES)
+    random = np.random.default_rng(3)
+    force, moment = random.normal(size=(2, 200, 3)) * [[[8]], [[2]]]
+    cover = LinearSponge(1.298, 6.186)
+    a, b = (ContactSolver(shape, cover).solve(force, moment) for shape in (box, mesh))
+    same = (np.asarray(a.surface) > 0) & (np.asarray(b.normal)[:, 2] <= 0)
+    assert same.sum() > 50
+    np.testing.assert_allclose(a.point[same], b.point[same], atol=1e-13)
+    np.testing.assert_allclose(a.displacement[same], b.displacement[same], atol=1e-13)
+
+
+@given(st.integers(0, 10_000))
+def test_the_search_overlooks_nothing(seed: int):
+    """All triangles that a line crosses, found by looking at every one."""
+    random = np.random.default_rng(seed)
+    force, moment = random.normal(size=(2, 20, 3)) * [[[9]], [[0.5]]]
+    near = HEAD.search(force, moment, np.zeros((20, 9)), np.zeros(20), np.zeros(20))
+    faces: Any = jax.tree.map(np.asarray, HEAD.faces())
+    foot = np.cross(force, moment) / (force**2).sum(1, keepdims=True)
+    along = force @ faces.normal.T
+    point = (
+        foot[:, None] - ((faces.offset + foot @ faces.normal.T) / along)[..., None] * force[:, None]
+    )
+    outside = (np.einsum("kei,nki->nke", faces.edge, point) - faces.limit).max(axis=2)
+    for n, row in enumerate(near):
+        assert set(np.flatnonzero(outside[n] < 0)) <= set(row) - {-1}
+
+
+def test_soft_triangles_lie_deeper_by_what_they_give_way():
+    """Square pushes: every contact lies d_n under the surface."""
+    k, point, _ = presses(ARM, 100, 1)
+    normal = np.asarray(ARM.faces().normal)[k]
+    d = 1e-3 * (0.2 * 10 + 1)
+    contact = ContactSolver(ARM, LinearSponge(0.2, 1.0)).solve(
+        10 * normal, np.cross(point + d * normal, 10 * normal)
+    )
+    away = np.linalg.norm(np.asarray(contact.point) - point - d * normal, axis=1)
+    # A neighbour across a ridge gives way too: the points are no farther apart than the two are deep.
+    assert away.max() < 2 * d
+    assert np.median(away) < 1e-13
+
+
+def test_under_jit_vmap_and_grad_it_is_the_same():
+    _, point, force = presses(ARM, 8, 2)
+    moment = np.cross(point, force)
+    solver = ContactSolver(ARM, LinearSponge(0.2, 1.0))
+    found = solver.solve(force, moment)
+    traced = jax.jit(jax.vmap(solver.solve))(force, moment)
+    np.testing.assert_allclose(traced.point, found.point, atol=1e-14)
+    step = 1e-6 * np.array([1.0, 0, 0])
+
+    def at(f: Any) -> Any:
+        return solver.solve(f, moment[0]).point
+
+    _, slope = jax.jvp(at, (jnp.asarray(force[0]),), (jnp.asarray(1e6 * step),))
+    change = np.asarray(at(force[0] + step)) - np.asarray(at(force[0] - step))
+    np.testing.assert_allclose(slope, change / 2e-6, atol=1e-7)
+
+
+def test_a_mesh_in_a_stream():
+    _, point, force = presses(ARM, 5, 4)
+    moment = np.cross(point, force)
+    solver = ContactSolver(ARM)
+    stream = ContactStream(solver)
+    found = [
+        stream.step(0.1 * n, *now).surface for n, now in enumerate(zip(force, moment, strict=True))
+    ]
+    np.testing.assert_array_equal(found, solver.solve(force, moment).surface)
+
+
+def test_lines_that_meet_nothing():
+    solver = ContactSolver(ARM)
+    force = np.array([[9.0, 0, 0], [0, 0, 0], [np.nan, 0, 0], [1.0, 0, 0]])
+    moment = np.cross([0, 0.2, 0.1], force)
+    told = [ContactStatus.MISSED, ContactStatus.NO_CONTACT, ContactStatus.INVALID]
+    np.testing.assert_array_equal(
+        solver.solve(force, moment).status, [*told, ContactStatus.BELOW_THRESHOLD]
+    )
+
+
+@pytest.mark.parametrize(
+    ("vertices", "triangles", "code"),
+    [
+        (CUBE, SIDES[1:], "open-mesh"),
+        (CUBE, SIDES[:, ::-1], "inside-out"),
+        (CUBE, np.vstack([SIDES[:1, ::-1], SIDES[1:]]), "mixed-winding"),
+        (1000 * CUBE, SIDES, "wrong-unit"),
+        (CUBE, SIDES + 1, "not-a-mesh"),
+        (CUBE[:, :2], SIDES, "not-a-mesh"),
+    ],
+)
+def test_what_is_no_surface_is_refused(vertices: Any, triangles: Any, code: str):
+    with pytest.raises(InputError, match=code):
+        Mesh(vertices, triangles)
+
+
+def test_a_shell_may_end():
+    assert len(Mesh(CUBE, SIDES[:-2], rim=True).faces().offset) == 10
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj"])
+def test_files_are_read(tmp_path: Any, ending: str):
+    trimesh = pytest.importorskip("trimesh")
+    path = tmp_path / f"cube.{ending}"
+    trimesh.Trimesh(1000 * CUBE, SIDES, process=False).export(path)
+    with pytest.raises(InputError, match="wrong-unit"):
+        Mesh.load(path)
+    assert float(Mesh.load(path, "mm").longest()) == pytest.approx(0.6)
+    path.write_text("nothing")
+    with pytest.raises(InputError, match="not-a-mesh"):
+        Mesh.load(path)
+
+
+def test_bodies_that_are_none_are_refused():
+    with pytest.raises(InputError, match="no-neck"):
+        head(neck=0.2)
+    with pytest.raises(InputError, match="not-a-body"):
+        forearm(length=-0.1)

@@ -1,0 +1,190 @@
+"""From a sensor's readings to the load's wrench, and the armor without JAX."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensate import invert
+from compensate.armor import (
+    Box,
+    Bumps,
+    ContactSolver,
+    ContactStatus,
+    Cover,
+    Grid,
+    Motion,
+    WristSensor,
+    export_armor,
+    forearm,
+)
+from compensate.runtime import FileError, load_armor
+from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
+
+BOX = Box(0.3, 0.25, 0.55)
+PLAYS = PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0)
+GEAR = PrandtlIshlinskii([0.1, 0.2], [0.1, 0.1], 0.8)
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def sensor(seed: int = 0, **others: Any) -> WristSensor:
+    """Crosstalk, a bias, turned and off from P_o, with a tool of 2 kg."""
+    random = np.random.default_rng(seed)
+    matrix = np.eye(6) + 0.02 * random.normal(size=(6, 6))
+    return WristSensor(
+        matrix, random.normal(size=6), QUARTER, [0.01, 0.02, -0.1], turn=[0.01, 0.02, -0.01],
+        mass=2.0, centre=[0, 0.01, 0.2], **others,
+    )  # fmt: skip
+
+
+@given(st.integers(0, 1000), st.sampled_from(["load", "reaction"]))
+def test_what_the_load_exerts_is_read(seed: int, reports: str):
+    force, moment = np.random.default_rng(seed).normal(size=(2, 4, 3)) * [[[9]], [[2]]]
+    wrist = sensor(seed, reports=reports)
+    wrench = wrist.read(wrist.reading_of(force, moment))
+    np.testing.assert_allclose(wrench.force, force, atol=1e-12)
+    np.testing.assert_allclose(wrench.moment, moment, atol=1e-12)
+    assert not np.asarray(wrench.doubt).any()
+
+
+def test_a_reaction_is_the_load_reversed():
+    reading = np.arange(6.0)
+    load, reaction = (WristSensor(reports=r).read(reading) for r in ("load", "reaction"))
+    np.testing.assert_array_equal(load.force, -reaction.force)
+    np.testing.assert_array_equal(load.moment, -reaction.moment)
+
+
+def test_the_moment_is_taken_about_the_origin():
+    """A push onto the sensor's own origin has no moment there, and r x F about P_o."""
+    wrench = WristSensor(offset=[0, 0, 0.1]).read([3.0, 0, -9, 0, 0, 0])
+    np.testing.assert_allclose(wrench.moment, np.cross([0, 0, 0.1], [3.0, 0, -9]))
+
+
+def test_a_swinging_tool_pushes_nothing():
+    """What a free rigid body does to its sensor, by Newton and Euler from its points of mass."""
+    random = np.random.default_rng(1)
+    place, share = random.normal(size=(40, 3)) * 0.1, random.uniform(0.01, 0.1, 40)
+    mass, centre = share.sum(), share @ place / share.sum()
+    arm = place - centre
+    inertia = np.einsum("n,nij->ij", share, (arm**2).sum(1)[:, None, None] * np.eye(3))
+    inertia -= np.einsum("n,ni,nj->ij", share, arm, arm)
+    a, g, spin, twist = random.normal(size=(4, 3))
+    moved = a + np.cross(twist, place) + np.cross(spin, np.cross(spin, place))
+    weight = share[:, None] * (g - moved)
+    reading = np.concatenate([weight.sum(0), np.cross(place, weight).sum(0)])
+    wrist = WristSensor(mass=mass, centre=centre, inertia=inertia)
+    wrench = wrist.read(reading, Motion(a, g, spin, twist))
+    np.testing.assert_allclose(np.concatenate([wrench.force, wrench.moment]), 0, atol=1e-14)
+
+
+def test_the_low_pass_settles_as_an_exponential():
+    t, reading = 0.01 * np.arange(50), np.zeros((50, 6))
+    reading[1:, 2] = 1
+    found = WristSensor(time_constant=0.1).simulate(t, reading)
+    np.testing.assert_allclose(found.force[:, 2], 1 - np.exp(-t / 0.1), atol=1e-14)
+
+
+def test_the_sensors_own_hysteresis_is_undone():
+    t = 0.1 * np.arange(150)
+    true = np.sin(t[:, None] * np.arange(1, 7) / 3) * 5
+    reading = np.stack([GEAR.simulate(None, column) for column in true.T], axis=1)
+    found = WristSensor(hysteresis=[GEAR] * 6).simulate(t, reading)
+    np.testing.assert_allclose(np.hstack([found.force, found.moment]), true, atol=1e-9 * 10)
+
+
+def test_bad_readings_hold_and_saturated_ones_are_told():
+    t, reading = np.arange(6.0), np.tile(np.arange(1.0, 7), (6, 1))
+    reading[2, 1], reading[4, 0] = np.nan, 50
+    found = WristSensor(range=40.0, hysteresis=[GEAR] * 6).simulate(t, reading)
+    wanted = np.array([0, 0, ContactStatus.INVALID, 0, ContactStatus.SATURATED, 0])
+    np.testing.assert_array_equal(found.doubt, wanted)
+    np.testing.assert_array_equal(found.force[2], found.force[1])
+    np.testing.assert_array_equal(found.force[3], found.force[1])
+
+
+def test_every_number_of_the_sensor_has_a_slope():
+    reading = jnp.arange(1.0, 7)
+    slopes = jax.grad(lambda s: sum(map(jnp.sum, s.read(reading)[:2])))(sensor())
+    for name in ("matrix", "bias", "turn", "offset", "mass", "centre"):
+        assert np.isfinite(getattr(slopes, name)).all()
+        assert np.any(getattr(slopes, name))
+
+
+@pytest.mark.parametrize(
+    ("given_", "code"),
+    [
+        ({"rotation": 2 * np.eye(3)}, "no-rotation"),
+        ({"rotation": np.diag([1.0, 1, -1])}, "no-rotation"),
+        ({"matrix": np.ones((6, 6))}, "wrench-shape"),
+        ({"offset": [0.1, 0.2]}, "wrench-shape"),
+        ({"hysteresis": [GEAR]}, "wrench-shape"),
+        ({"reports": "torque"}, "unknown-convention"),
+    ],
+)
+def test_a_sensor_that_cannot_be_is_refused(given_: dict[str, Any], code: str):
+    with pytest.raises(InputError, match=code):
+        WristSensor(**given_)
+
+
+# Without JAX
+
+LOCAL = Cover(
+    PLAYS,
+    factor=Bumps(BOX.centres(), 0.1, 0.06, 0.94),
+    compliance=Grid(np.linspace(0, 1e-4, 45).reshape(5, 3, 3), BOX.centres(), BOX.axes()),
+)
+WRIST = sensor(range=60.0, time_constant=0.05, hysteresis=[GEAR] * 6)
+EXPORTED = {
+    "rigid": (None, None, None),
+    "sponge": (LinearSponge(1.298, 6.186), None, WRIST),
+    "local": (LOCAL, None, WRIST),
+    "rates": (Burgers(1.0, 2.0, 20.0, 5.0), None, None),
+    "inverse": (invert(GEAR), GEAR, None),
+}
+
+
+@pytest.mark.parametrize(("cover", "model", "wrist"), EXPORTED.values(), ids=EXPORTED)
+def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path: Path):
+    """A stream of anything: contacts, slips over edges, releases, bad readings."""
+    solver = ContactSolver(BOX, cover, spin_limit=0.05)
+    armor = load_armor(export_armor(solver, tmp_path / "armor.json", wrist, model=model))
+    random = np.random.default_rng(4)
+    t = np.cumsum(random.uniform(0.01, 0.2, 300))
+    force = np.cumsum(random.normal(size=(300, 3)), axis=0) - [0, 0, 6]
+    moment = np.cross(random.normal(size=(300, 3)) * 0.2 + [0, 0, 0.3], force)
+    force[50], force[90, 1] = 0, np.nan
+    reading, doubt = np.hstack([force, moment]), None
+    if wrist is not None:
+        reading = np.asarray(wrist.reading_of(force, moment))
+        force, moment, doubt = wrist.simulate(t, reading)
+    wanted = solver.simulate(t, force, moment, doubt)
+    found = [armor.step(*now) for now in zip(t.tolist(), reading.tolist(), strict=True)]
+    assert len({contact.status for contact in found}) > 3
+    for k, values in enumerate(wanted):
+        # Rounding through the sensor's matrices, the sponge's mm/N and a 0.6 m lever.
+        np.testing.assert_allclose([contact[k] for contact in found], values, atol=1e-10)
+
+
+def test_a_file_that_was_changed_is_refused(tmp_path: Path):
+    path = export_armor(ContactSolver(BOX), tmp_path / "armor.json")
+    document = json.loads(path.read_text())
+    document["golden"]["point"][3][0] += 1
+    path.write_text(json.dumps(document))
+    with pytest.raises(FileError, match="checksum"):
+        load_armor(path)
+    path.write_text("{}")
+    with pytest.raises(FileError, match="not an armor"):
+        load_armor(path)
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="too-many-faces"):
+        export_armor(ContactSolver(forearm(around=24, along=8)), tmp_path / "it.json")
+    with pytest.raises(InputError, match="no-model"):
+        export_armor(ContactSolver(BOX, invert(GEAR)), tmp_path / "it.json")

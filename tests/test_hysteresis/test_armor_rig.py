@@ -1,0 +1,265 @@
+"""The virtual armour: its statistics are the paper's, its records obey statics, its draws its seed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError
+from hysteresis.rigs import (
+    ArmorPoints,
+    ArmorPresses,
+    ArmorRig,
+    ForceSensor,
+    SpongeRig,
+    force_path,
+    mixed_forces,
+)
+from hysteresis.rigs._armor import INWARD
+
+EXACT = ForceSensor(crosstalk=0, hysteresis=0, noise_n=0, noise_nm=0)
+LINES = SpongeRig().five_cycles().statistics()
+RIGS = range(100, 112)
+"""Seeds that nothing is tuned on."""
+
+
+def located(rig: ArmorRig, presses: ArmorPresses, K: float = 0.0, b: float = 0.0) -> np.ndarray:
+    """Errors in mm: the line of action r + t F, cut with the known surface at the depth K F_n + b.
+
+    Written here and not taken from the solver, which these data will be used to judge.
+    """
+    F, M = np.split(presses.wrench[:, -1], 2, axis=1)
+    n = INWARD[presses.surface - 1]
+    dx, dy, dz1, _ = rig.size
+    offset = np.array([dz1, dy, dy, dx, dx])[presses.surface - 1]
+    r = np.cross(F, M) / np.sum(F * F, axis=1, keepdims=True)
+    pushing = np.sum(n * F, axis=1)
+    depth = 1e-3 * (K * pushing + b) - offset - np.sum(n * r, axis=1)
+    found = r + (depth / pushing)[:, None] * F
+    return 1e3 * np.linalg.norm(found - presses.contact[:, -1], axis=1)
+
+
+def test_contact_errors_are_the_papers():
+    """Tsuji et al. 2014, fig 14: 27.2, 16.3 and 13.2 mm; this rig's forerunner had 28.1, 15.2 and
+    13.2 with standard deviations of 1.9, 2.3 and 3.0 from rig to rig."""
+    found = []
+    for seed in RIGS:
+        soft, rigid = ArmorRig(seed=seed), ArmorRig(seed=seed, soft=False)
+        presses, bare = (rig.press(*rig.points_of_the_body()) for rig in (soft, rigid))
+        both = LINES.both
+        errors = located(soft, presses), located(soft, presses, *both), located(rigid, bare)
+        found.append([e.mean() for e in errors])
+    mean, sd = np.mean(found, axis=0), np.array([1.9, 2.3, 3.0])
+    # Of twelve rigs the mean is uncertain by 0.3 sd; the play may add the rest.
+    np.testing.assert_array_less(np.abs(mean - [28.1, 15.2, 13.2]), sd)
+    np.testing.assert_array_less(np.abs(mean - [27.2, 16.3, 13.2]), 2 * sd)
+
+
+def test_approximations_err_as_the_papers_do():
+    """Fig 12: 1.7, 3.3 and 4.7 mm on average, none above 10 mm; this rig: 1.83, 3.26, 4.69 and 6.4."""
+    off = []
+    for seed in RIGS:
+        rig = ArmorRig(seed=seed)
+        d = 1e3 * rig.press(*rig.points_of_surface_1()).displacement[:, -1]
+        lines = (LINES.loading, LINES.both, LINES.unloading)
+        off.append([np.abs(15 * K + b - d) for K, b in lines])
+    # 0.6 mm of scatter over 76 points and 12 rigs: 0.02 mm; of a rig's largest 0.28 mm: 0.08.
+    np.testing.assert_allclose(np.mean(off, axis=(0, 2)), [1.83, 3.26, 4.69], atol=0.06)
+    assert np.mean(np.max(off, axis=(1, 2))) == pytest.approx(6.4, abs=0.25)
+    assert np.max(off) < 10
+
+
+histories = st.lists(st.floats(0.0, 40.0), min_size=1, max_size=6)
+faces = st.integers(1, 5)
+offsets = st.floats(-0.2, 0.2)
+
+
+@given(histories, faces, offsets, offsets, offsets, st.booleans())
+def test_records_obey_statics(force, surface, u, v, slope, soft):
+    """Without the sensor's errors the reading is f u and P^e x f u, and P^e = P^i + d n."""
+    rig = ArmorRig(soft=soft, sensor=EXACT)
+    middle = np.array([0, 0, rig.size.dz1 / 2])
+    normal, lateral = INWARD[surface - 1], INWARD[surface - 1] == 0
+    point = middle - normal * [rig.size.dx, rig.size.dy, rig.size.dz1 / 2]
+    point[lateral] += [u, v]
+    direction = normal + slope * np.roll(normal, 1)
+    made = rig.press([point], [surface], force, direction=[direction])
+    F, M = np.split(made.wrench[0], 2, axis=1)
+    np.testing.assert_array_equal(made.wrench, made.load)
+    expected = np.outer(force, made.direction[0])
+    np.testing.assert_allclose(made.direction[0], direction / np.linalg.norm(direction), rtol=1e-15)
+    # Rounding: forces to 40 N, moments to 40 N m, both of magnitude 2^6.
+    np.testing.assert_allclose(F, expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(M, np.cross(made.contact[0], F), rtol=0, atol=1e-13)
+    shift = made.contact[0] - made.touched[0]
+    np.testing.assert_allclose(shift, made.displacement[0][:, None] * normal, rtol=0, atol=1e-15)
+    if not soft:
+        assert np.all(made.displacement == 0)
+
+
+def test_displacement_is_the_sponges_the_frames_and_the_scatters():
+    rig = ArmorRig(scatter_mm=0.0)
+    force = force_path((0.0, 20.0, 5.0, 12.0))
+    block = SpongeRig().follow(force, dt=2.0)
+    points = [[0.0, 0.0, 0.55], [0.06, 0.0, 0.55], [0.25, 0.25, 0.55]]
+    d = 1e3 * rig.press(points, [1, 1, 1], force, dt=2.0).displacement
+    sag = 1.5 * force / 15
+    # One sag width from the middle exp(-1/2) of it, 350 mm away nothing (4e-8).
+    for row, near in zip(d, (1, np.exp(-0.5), 0), strict=True):
+        np.testing.assert_allclose(row, 0.94 * block + near * sag, rtol=0, atol=1e-6)
+    many = ArmorRig().press(*ArmorRig().random_points(400)).displacement[:, -1]
+    exact = rig.press(*ArmorRig().random_points(400)).displacement[:, -1]
+    # 400 draws know their standard deviation to 3.5 %, their mean to 0.03 mm: three of each.
+    assert np.std(many - exact) == pytest.approx(0.6e-3, rel=0.11)
+    assert np.mean(many - exact) == pytest.approx(0, abs=0.09e-3)
+
+
+def test_conditioned_cover_yields_more():
+    """The cycles before are not recorded, but the foam remembers them."""
+    rig = ArmorRig(scatter_mm=0.0)
+    fresh = rig.press([[0.1, 0.1, 0.55]], [1])
+    later = rig.press([[0.1, 0.1, 0.55]], [1], cycles_before=3)
+    assert later.wrench.shape == fresh.wrench.shape
+    gain = 1e3 * (later.displacement - fresh.displacement)
+    assert np.all((gain > 0.1) & (gain < 5))
+
+
+def test_edges_may_be_thinner():
+    """Thinner is stiffer; the points of the paper, 30 mm from the edge, do not notice."""
+    even, thin = ArmorRig(), ArmorRig(edge_thickness=0.5)
+    for points in (even.points_of_surface_1(), even.points_of_the_body()):
+        np.testing.assert_allclose(
+            thin.press(*points).displacement, even.press(*points).displacement, rtol=1e-12
+        )
+    at = [[0.0, y, 0.55] for y in (0.3, 0.29, 0.28)]
+    d = [rig.press(at, [1, 1, 1]).displacement[:, -1] for rig in (even, thin)]
+    assert np.all(np.diff(d[1]) > 0)
+    assert np.all(d[1] < d[0] - 1e-3)
+
+
+def test_sensor_lags_by_one_per_cent_of_its_scale():
+    """Between branches at the same load; and never more, whatever the history."""
+    sensor = ForceSensor(crosstalk=0, noise_n=0, noise_nm=0)
+    load = np.zeros((1, 81, 6))
+    load[0, :, 2] = np.concatenate([np.arange(41.0), np.arange(39.0, -1, -1)])
+    load[0, :, 4] = load[0, :, 2] / 5
+    read = sensor.read(load, np.eye(6), np.random.default_rng(0))
+    up, down = read[0, 20], read[0, 60]
+    np.testing.assert_allclose(down - up, [0, 0, 0.5, 0, 0.12, 0], atol=1e-12)
+    assert np.all(np.abs(read - load)[..., :3] <= 0.25 + 1e-12)
+    assert np.all(np.abs(read - load)[..., 3:] <= 0.06 + 1e-12)
+
+
+def test_crosstalk_and_noise_have_their_sizes():
+    """1.5 % where like meets like, over the arm of 0.25 m elsewhere; 0.03 N and 6 mN m."""
+    G = np.array([ArmorRig(seed=n).sensor_matrix for n in range(300)]) - np.eye(6)
+    sizes = [np.std(G[:, i : i + 3, j : j + 3]) for i in (0, 3) for j in (0, 3)]
+    # 2700 entries know their standard deviation to 1.4 %: three of that.
+    np.testing.assert_allclose(sizes, [0.015, 0.06, 0.00375, 0.015], rtol=0.042)
+    still = ForceSensor().read(np.zeros((20, 100, 6)), np.eye(6), np.random.default_rng(1))
+    np.testing.assert_allclose(
+        np.std(still, axis=(0, 1)), [0.03] * 3 + [0.006] * 3, rtol=0.05
+    )  # 2000 readings
+
+
+def test_conditions_of_one_rig_share_its_sensor():
+    one = ArmorRig(seed=4).sensor_matrix
+    np.testing.assert_array_equal(one, ArmorRig(seed=4, soft=False).sensor_matrix)
+    assert not np.array_equal(one, ArmorRig(seed=5).sensor_matrix)
+
+
+def test_draws_are_the_seeds_and_the_sessions():
+    points = ArmorRig().points_of_the_body()
+    for field in ("wrench", "displacement"):
+        one, again, other, later = (
+            getattr(ArmorRig(seed=seed).press(*points, session=session), field)
+            for seed, session in ((1, 0), (1, 0), (2, 0), (1, 1))
+        )
+        np.testing.assert_array_equal(one, again)
+        assert not np.array_equal(one, other)
+        assert not np.array_equal(one, later)
+
+
+def test_points_are_the_papers():
+    rig = ArmorRig()
+    points, surface = rig.points_of_surface_1()
+    assert points.shape == (76, 3)
+    assert set(surface) == {1}
+    for number in (10, 29, 48, 67):
+        np.testing.assert_array_equal(points[number - 1], [0, 0, 0.55])
+    steps = np.linalg.norm(np.diff(points[:38], axis=0), axis=1)
+    np.testing.assert_allclose(np.delete(steps, 18), 0.03, rtol=1e-12)
+    for rig in (ArmorRig(), ArmorRig(soft=False)):
+        points, surface = rig.points_of_the_body()
+        np.testing.assert_array_equal(np.bincount(surface), [0, 9, 9, 9, 9, 9])
+        for k in range(1, 6):
+            of = points[surface == k]
+            assert len(np.unique(of.round(9), axis=0)) == 9
+            np.testing.assert_allclose(np.ptp(of, axis=0), 0.4 * (INWARD[k - 1] == 0), atol=1e-12)
+
+
+def test_random_points_keep_their_margin():
+    """The rig itself refuses points that are off their surface."""
+    rig = ArmorRig()
+    points, surface = rig.random_points(300, margin=0.05)
+    assert set(surface) == {1, 2, 3, 4, 5}
+    assert np.all(rig.press(points, surface).displacement[:, -1] > 0.015)
+    assert np.all(np.sum(np.abs(points[:, :2]) > 0.25, axis=1) <= 1)
+    assert np.all((points[surface > 1, 2] >= 0.05) & (points[surface > 1, 2] <= 0.5))
+
+
+def test_calibration_goes_up_and_down():
+    rig = ArmorRig()
+    made = rig.calibrate(*rig.random_points(3))
+    force = made.force[0]
+    np.testing.assert_array_equal(np.diff(made.time), 2.0)
+    assert (force.max(), force[-1]) == (20.0, 0.0)
+    assert np.sum(np.diff(np.sign(np.diff(force))) != 0) == 7
+    np.testing.assert_array_equal(force_path((0.0, 1.0, -0.5), 0.75), [0.5, 1.0, 0.25, -0.5])
+
+
+@given(st.integers(1, 5), st.integers(30, 60), st.integers(0, 2**32))
+def test_mixed_forces_load_and_unload(presses, samples, seed):
+    force = mixed_forces(presses, samples, seed=seed)
+    assert force.shape == (presses, samples)
+    assert np.all((force > 0) & (force <= 20))
+    # A fall from third to third is 6 N at least, a step 108 N / 30 at most.
+    assert np.all(np.any(np.diff(force) < 0, axis=1))
+
+
+RIG = ArmorRig()
+TOP = ArmorPoints(np.array([[0.0, 0.0, 0.55]]), np.array([1]))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda: ArmorRig(seed=-1),
+        lambda: ArmorRig(sheet=0.0),
+        lambda: ArmorRig(scatter_mm=float("nan")),
+        lambda: ForceSensor(crosstalk=-0.1),
+        lambda: ForceSensor(full_scale_n=0.0),
+        lambda: ForceSensor(hysteresis=0.1, travel=0.05),
+        lambda: RIG.press([[0.0, 0.0, 550.0]], [1]),
+        lambda: RIG.press([[0.4, 0.0, 0.55]], [1]),
+        lambda: RIG.press([[0.0, 0.0, 0.55]], [2]),
+        lambda: RIG.press([[0.0, 0.0, 0.55]], [6]),
+        lambda: RIG.press([[0.0, 0.0, float("nan")]], [1]),
+        lambda: RIG.press([0.0, 0.0, 0.55], [1]),
+        lambda: RIG.press(*TOP, [41.0]),
+        lambda: RIG.press(*TOP, [-1.0]),
+        lambda: RIG.press(*TOP, []),
+        lambda: RIG.press(*TOP, [[1.0], [2.0]]),
+        lambda: RIG.press(*TOP, dt=0.0),
+        lambda: RIG.press(*TOP, cycles_before=-1),
+        lambda: RIG.press(*TOP, direction=[[0.0, 0.0, 1.0]]),
+        lambda: RIG.random_points(0),
+        lambda: RIG.random_points(5, margin=0.3),
+        lambda: force_path(()),
+    ],
+)  # fmt: skip
+def test_bad_arguments_are_refused_with_a_remedy(bad):
+    with pytest.raises(InputError) as caught:
+        bad()
+    assert caught.value.fix
+    assert caught.value.code == "rig_argument"
