@@ -4,7 +4,6 @@ Each rig is another sensor with another cover; the foam model is fitted once, to
 that are pressed for the first time.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,34 +13,15 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Bool, Float
 
-from compensate.armor import (
-    Armor,
-    Box,
-    Bumps,
-    ContactSolver,
-    Cover,
-    Presses,
-    UncertainArmor,
-    UncertainContact,
-    WristSensor,
-    planned_presses,
-)
-from hysid import calibrate_armor, choose_presses
-from hysteresis import AbstractModel, PrandtlIshlinskii, Preisach, Record
-from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeRig, force_path, mixed_forces
-from identify import fit
+from compensate.armor import UncertainArmor, UncertainContact
+from hysid._reproduce_ours import INWARD, calibrated
+from hysteresis.rigs import ArmorPresses, ArmorRig, mixed_forces
 
 from ._measure import Row, judged, noted
 
 RIGS, FEW = 20, 3
-PRESSES, CANDIDATES = 20, 200
 LEAST = 2.0
 """N, from which on a mixed press counts."""
-
-STAGE = 5e-5
-"""m, deviation of one reading of the stage that measures d."""
-
-INWARD = np.array([[0, 0, -1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]], float)
 
 
 class Errors(NamedTuple):
@@ -90,9 +70,7 @@ def error_rows(quick: bool) -> list[Row]:
 def of_rig(seed: int) -> Errors:
     """Calibrate one rig by the chosen presses, then press it elsewhere."""
     rig = ArmorRig(seed=seed)
-    start = nominal(rig)
-    made = rig.calibrate(*chosen_points())
-    armor = calibrate_armor(start, as_presses(made, np.random.default_rng([seed, 7])), seed=seed)
+    armor = calibrated(rig)
     body = rig.press(*rig.points_of_the_body(), session=5)
     mixed = rig.press(*rig.points_of_surface_1(), mixed_forces(76, seed=seed), session=6)
     of_body, of_mixed = (found_in(armor.uncertain, presses) for presses in (body, mixed))
@@ -110,65 +88,6 @@ def of_rig(seed: int) -> Errors:
             for c, presses in ((of_body, body), (of_mixed, mixed))
         ),
     )
-
-
-def nominal(rig: ArmorRig) -> Armor:
-    """What is known before any calibration: the drawing, the foam, the sensor's data sheet."""
-    sensor, box = rig.sensor, Box(*rig.size)
-    full = np.repeat([sensor.full_scale_n, sensor.full_scale_nm], 3)
-    # 1 % of hysteresis, and twice the travel that it has.
-    plays = [PrandtlIshlinskii(np.array([0.1 * f]), np.array([0.05]), 1.0) for f in full]
-    frame = Bumps(box.centres(), 0.0, 0.05)
-    cover = Cover(foam(), factor=1.0, compliance=frame)
-    return Armor(WristSensor(hysteresis=plays), ContactSolver(box, cover))
-
-
-@cache
-def foam() -> AbstractModel:
-    """A Preisach model of the sponge's first touch, from eight blocks pressed up and down at random."""
-    random, block = np.random.default_rng(2014), SpongeRig()
-    force, depth, time, label = [], [], [], []
-    for k in range(8):
-        turns = random.uniform(0, 7, random.integers(4, 9))
-        turns[::2] += 13
-        path = force_path((0.0, 0.0, *turns), 0.5)
-        force.append(path)
-        depth.append(block.follow(path, dt=1.0) + random.normal(0, 1e3 * STAGE, len(path)))
-        time.append(np.arange(float(len(path))))
-        label += [str(k)] * len(path)
-    f, d, t = map(np.concatenate, (force, depth, time))
-    record = Record.from_arrays(f, d, t, label, input_unit="N", output_unit="mm")
-    model = fit(record, "Preisach").model
-    assert isinstance(model, Preisach)
-    return model
-
-
-@cache
-def chosen_points() -> tuple[np.ndarray, np.ndarray]:
-    """Twenty places of two hundred, after which contacts anywhere on the body are known best."""
-    rig = ArmorRig(seed=0)
-    points, surface = rig.random_points(CANDIDATES, seed=1)
-    middles = np.asarray(Box(*rig.size).centres())
-    points = np.concatenate([points, middles])
-    surface = np.append(surface, np.arange(1, 6))
-    aims, their = rig.random_points(60, seed=2)
-    turns = force_path((0.0, 20.0, 4.0, 15.0), 2.0)
-    armor = nominal(rig)
-
-    def planned(points: np.ndarray, surface: np.ndarray) -> Presses:
-        force = np.tile(turns, (len(points), 1))
-        time = 2.0 * np.arange(1, len(turns) + 1)
-        return planned_presses(armor, time, force, INWARD[surface - 1], points, surface)
-
-    choice = choose_presses(armor, planned(points, surface), planned(aims, their), PRESSES)
-    return points[choice.chosen], surface[choice.chosen]
-
-
-def as_presses(made: ArmorPresses, random: np.random.Generator) -> Presses:
-    """As a person with a gauge and a stage records them."""
-    depth = made.displacement + random.normal(0, STAGE, made.displacement.shape)
-    normal = INWARD[made.surface - 1]
-    return Presses(made.time, made.wrench, made.force, normal, made.touched, made.surface, depth)
 
 
 def found_in(armor: UncertainArmor, presses: ArmorPresses) -> UncertainContact:
@@ -191,10 +110,10 @@ def off(found: UncertainContact, presses: ArmorPresses) -> Float[np.ndarray, "pr
 def held(found: UncertainContact, presses: ArmorPresses) -> Bool[np.ndarray, "presses samples"]:
     """Whether the true contact lies in the 90 % ellipsoid."""
     e, covariance = off(found, presses), np.asarray(found.covariance)
-    known = np.isfinite(covariance).all(axis=(-2, -1))
+    known = np.isfinite(covariance[..., 0, 0])
     safe = np.where(known[..., None, None], covariance, np.eye(3))
     square = np.einsum("...i,...ij,...j->...", e, np.linalg.inv(safe), e)
-    return known & (square < float(scipy.stats.chi2.ppf(0.9, 3)))
+    return np.logical_and(known, square < scipy.stats.chi2.ppf(0.9, 3))
 
 
 def _floor(seed: int) -> float:

@@ -88,10 +88,10 @@ def calibrate_armor(
     found = identify.calibrate(armor, residuals, free)
     for _ in range(rounds - 1):
         residuals = residuals.with_noise_left(found.system)
-        found = identify.calibrate(armor, residuals, free)
+        found = identify.calibrate(armor, residuals, free, begin=found.point)
     told = residuals.with_noise_left(found.system)
     uncertain = UncertainArmor(
-        found.system, found.draws(DRAWS, seed), told.noise, told.scatter, seed
+        found.system, found.draws(DRAWS, seed), told.noise, jnp.hypot(told.scatter, told.reading), seed
     )
     return CalibratedArmor(
         found.system,

@@ -4,17 +4,23 @@ from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from compensate.armor import Box, ContactSolver
+from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
 
+from ._reproduce_ours import calibrated
+
 READING = 0.05
 """mm, standard deviation of one reading of the stage."""
+
+OURS = "ours"
 
 AGED = 1_000_000
 """Added to a rig's seed for its second record, half a year later."""
@@ -78,6 +84,11 @@ class Rig:
         }
 
     @cached_property
+    def ours(self) -> Armor:
+        """The soft armour as twenty presses at other points calibrate it."""
+        return calibrated(self.soft).armor
+
+    @cached_property
     def surface_1(self) -> ArmorPresses:
         """The 76 points."""
         return self.soft.press(*self.soft.points_of_surface_1())
@@ -126,12 +137,31 @@ def _on_acrylic(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3
     return solved(ContactSolver(Box(*rig.rigid.size)), presses)
 
 
+def _by_ours(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return np.asarray(_followed(rig.ours, presses).point)[:, -1]
+
+
+def _depth_by_ours(rig: Rig, presses: ArmorPresses) -> Errors:
+    return 1e3 * np.asarray(_followed(rig.ours, presses).displacement)[:, -1]
+
+
+def _followed(armor: Armor, presses: ArmorPresses) -> Contact:
+    """Every press a stream of readings, with the history of sensor and cover."""
+    return _follow(armor, jnp.asarray(presses.time), jnp.asarray(presses.wrench))
+
+
+@eqx.filter_jit
+def _follow(armor: Armor, time: Array, readings: Array) -> Contact:
+    return jax.vmap(lambda readings: armor.simulate(time, readings))(readings)
+
+
 METHODS = {
     "a": Method("soft, uncompensated", True, _uncompensated, 27.2),
     "b": Method("soft, approximation 2", True, _by_line, 16.3),
     "c": Method("rigid", False, _on_acrylic, 13.2),
+    OURS: Method("soft, calibrated, with memory", True, _by_ours),
 }
-"""The conditions of fig 14; a new method is one more entry."""
+"""The conditions of fig 14, and ours; a new method is one more entry."""
 
 DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
     "none": lambda rig, presses: np.zeros(len(presses.force)),
@@ -141,8 +171,10 @@ DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
         )
         for name in "123"
     },
+    OURS: _depth_by_ours,
 }
-"""How fig 12 takes the displacement from the gauge's force: in mm, for every press of a record."""
+"""How fig 12 takes the displacement from the gauge's force, and ours from the readings: in mm, for every
+press of a record."""
 
 
 def solved(solver: ContactSolver, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:

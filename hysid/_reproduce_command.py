@@ -13,6 +13,9 @@ def reproduce(
     ] = None,
     rigs: Annotated[int, typer.Option(min=2, help="Virtual rigs to take the spread from.")] = 60,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first rig.")] = 0,
+    ours: Annotated[
+        bool, typer.Option(help="Also by our method, which takes seconds a rig.")
+    ] = True,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write over results that are there.")
     ] = False,
@@ -27,5 +30,5 @@ def reproduce(
     from ._reproduce import reproduce as reproduced
     from ._reproduce import terminal
 
-    found = reproduced(folder, rigs=rigs, seed=seed, overwrite=overwrite, say=_say)
+    found = reproduced(folder, rigs=rigs, seed=seed, with_ours=ours, overwrite=overwrite, say=_say)
     _print(found, as_json, [*terminal(found), "", f"Results: {folder}"])

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from hysteresis.rigs import SpongeCycles
 
 from ._figures import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
-from ._reproduce_armor import DISPLACEMENTS, METHODS, Rig, body_errors, linear_range, surface_errors
+from ._reproduce_armor import METHODS, Rig, body_errors, linear_range, surface_errors
 
 WIDE = (9.6, 3.7)
 FORCE, DISPLACEMENT = "force (N)", "displacement (mm)"
@@ -82,8 +82,9 @@ def thickness(records: dict[float, SpongeCycles]) -> Figure:
 
 
 @styled
-def surface_1(rigs: Sequence[Rig]) -> Figure:
-    """Fig 12: errors in z at 76 points, one rig's as dots, the mean of all as lines."""
+def surface_1(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
+    """Fig 12: errors in z at 76 points by entries of `DISPLACEMENTS`, one rig's as dots, the mean of all as
+    lines."""
     figure = Figure(figsize=(9.6, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2.2))
     figure.suptitle("Fig 12. Error in z at the 76 points of surface 1, 15 N", fontsize=10)
@@ -92,7 +93,7 @@ def surface_1(rigs: Sequence[Rig]) -> Figure:
         name: (colour, f"approximation {name}, {branch}")
         for name, (colour, branch) in LINES.items()
     }
-    others = [name for name in DISPLACEMENTS if name not in styles]
+    others = [name for name in names if name not in styles]
     styles |= {
         name: (colour, name) for name, colour in zip(others, (INK, ORANGE, SKY), strict=False)
     }
@@ -123,16 +124,17 @@ def surface_1(rigs: Sequence[Rig]) -> Figure:
 
 
 @styled
-def body(rigs: Sequence[Rig]) -> Figure:
-    """Fig 14: mean errors of 45 points, dark in mm, light over the shell's size."""
-    figure = Figure(figsize=(1.9 + 1.6 * len(METHODS), SIZE[1] + 0.3), layout="constrained")
+def body(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
+    """Fig 14: mean errors of 45 points by entries of `METHODS`, dark in mm, light over the shell's size."""
+    methods = {name: METHODS[name] for name in names}
+    figure = Figure(figsize=(1.9 + 1.6 * len(methods), SIZE[1] + 0.3), layout="constrained")
     axes = figure.subplots()
     figure.suptitle("Fig 14. Error of 45 points over the body, 15 N", fontsize=10)
     beside = axes.twinx()
     beside.spines["right"].set_visible(True)
     beside.grid(False)
     size = {True: 2e3 * rigs[0].soft.size.dx, False: 2e3 * rigs[0].rigid.size.dx}
-    for n, (name, method) in enumerate(METHODS.items()):
+    for n, (name, method) in enumerate(methods.items()):
         means = np.array([body_errors(rig, name).mean() for rig in rigs])
         part = 100 / size[method.soft]
         for on, at, scale, colour in (
@@ -146,8 +148,8 @@ def body(rigs: Sequence[Rig]) -> Figure:
     axes.bar([0], [0], color=BLUE, label="mm")
     axes.bar([0], [0], color="#bcd9ea", label="% of the shell's width")
     axes.plot([], [], marker="D", ms=5, color=VERMILLION, ls="", label="published")
-    names = [f"({name}) {method.label}".replace(", ", ",\n") for name, method in METHODS.items()]
-    axes.set_xticks(range(len(METHODS)), names)
+    labels = [f"({name}) {method.label}".replace(", ", ",\n") for name, method in methods.items()]
+    axes.set_xticks(range(len(methods)), labels)
     axes.grid(axis="x", visible=False)
     top = axes.get_ylim()[1]
     axes.set(ylabel="error (mm)", ylim=(0, top))

@@ -7,6 +7,7 @@ import numpy as np
 
 from ._reproduce_armor import (
     METHODS,
+    OURS,
     Rig,
     body_errors,
     changed,
@@ -100,16 +101,23 @@ PUBLISHED = (
 MIDDLE = np.array([10, 29, 48, 67]) - 1
 """Rows of the 76 points that lie in the middle of the surface."""
 
-OURS: dict[str, Callable[[Rig], float]] = {}
-"""What methods of ours make of a number: its key -> the same number by them, of one rig."""
+BETTER: dict[str, Callable[[Rig], float]] = {
+    **{f"error_{name}": _surface(OURS) for name in "123"},
+    "error_largest": lambda rig: float(np.max(surface_errors(rig, OURS))),
+    "body_b": _body(OURS),
+    "relative_b": _relative(OURS),
+}
+"""What our method makes of a number: its key -> the same number by it, of one rig."""
 
 
-def compared(rigs: Sequence[Rig], progress: Callable[[int], None]) -> list[dict[str, Any]]:
+def compared(
+    rigs: Sequence[Rig], progress: Callable[[int], None], with_ours: bool = False
+) -> list[dict[str, Any]]:
     """One row for each published number. `within_two_sd`: |published - mean| <= 2 sd + half_digit."""
     measures = [(p.key, p.measure) for p in PUBLISHED]
-    ours = list(OURS.items())
+    ours = list(BETTER.items()) if with_ours else []
     found: dict[str, list[float]] = {p.key: [] for p in PUBLISHED}
-    better: dict[str, list[float]] = {key: [] for key in OURS}
+    better: dict[str, list[float]] = {key: [] for key, _ in ours}
     for n, rig in enumerate(rigs):
         for into, how in ((found, measures), (better, ours)):
             for key, measure in how:

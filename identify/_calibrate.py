@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from hysteresis import InputError, parameter_at, parameters
 
@@ -161,6 +161,7 @@ def calibrate(
     residuals: Callable[[System], Array],
     deviations: Mapping[str, Any],
     steps: int = 100,
+    begin: Float[np.ndarray, " unknowns"] | None = None,
     allow_float32: bool = False,
 ) -> Calibration[System]:
     """Make a system agree with measurements of the whole of it, without leaving what is known of its parts.
@@ -176,36 +177,33 @@ def calibrate(
     - `residuals`: of a system, an array of any length, each divided by its noise's deviation. Compiled.
     - `deviations`: which numbers are free: dotted name of an array in the system -> how far off it may be,
       s, one number or one for each; 0 keeps a number as it is.
-    - `steps`: of Levenberg-Marquardt, at most.
+    - `steps`: of Levenberg-Marquardt, at most. `begin`: where they begin, the `point` of a calibration with
+      the same `deviations`; x_0 by default.
 
     Raises `InputError` for a name that is not in the system, a deviation that is negative or no number,
     residuals that are not finite, and without double precision.
     """
     require_double(allow_float32)
     prior = prior_of(system, deviations)
-    start = jnp.zeros(len(prior.names))
-    if not np.isfinite(np.asarray(residuals(system))).all():
+    start = jnp.zeros(len(prior.names)) if begin is None else jnp.asarray(begin)
+    found = _search(residuals, prior, start, steps)
+    if not found.starts:
         raise InputError(
             "residuals-not-finite",
             "the residuals of the system as it is given are not all finite.",
             cause="a reading that is no number, or a start outside of what the system can be.",
             fix="leave such readings out; start from values that give numbers.",
         )
-    z, jacobian, size, done, taken = _search(residuals, prior, start, steps)
     # QR of [J; 1], whose R is a root of the precision: never singular.
-    R = np.linalg.qr(np.concatenate([np.asarray(jacobian), np.eye(len(start))]), mode="r")
+    R = np.linalg.qr(np.concatenate([found.jacobian, np.eye(len(start))]), mode="r")
     root = np.linalg.inv(R)
-    point = np.asarray(z)
-    of_values = np.asarray(jax.jacfwd(prior.values)(z)) @ root
-    spread = np.concatenate([np.asarray(s).ravel() for s in prior.deviations])
-    found = zip(
-        prior.names, np.asarray(prior.values(z)), np.linalg.norm(of_values, axis=1), spread,
-        strict=True,
-    )  # fmt: skip
+    after = np.linalg.norm(np.asarray(found.slopes) @ root, axis=1)
+    before = np.concatenate([np.asarray(s).ravel() for s in prior.deviations])
+    rows = zip(prior.names, np.asarray(found.values), after, before, strict=True)
     return Calibration(
-        system=prior.at(z), parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in found),
-        rms=float(size), converged=bool(done), steps=int(taken), prior=prior, residuals=residuals,
-        point=point, root=root,
+        system=found.system, parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in rows),
+        rms=float(found.rms), converged=bool(found.done), steps=int(found.steps), prior=prior,
+        residuals=residuals, point=np.asarray(found.z), root=root,
     )  # fmt: skip
 
 
@@ -232,24 +230,44 @@ def prior_of(system: eqx.Module, deviations: Mapping[str, Any]) -> Prior:
     return Prior(system, tuple(deviations), tuple(lows), tuple(spreads))
 
 
+class _Found(NamedTuple):
+    """The minimum z with its system, all its numbers and their slopes by z, the residuals' Jacobian and rms
+    there; whether it is a minimum, and after how many steps; whether the start had finite residuals."""
+
+    z: Float[Array, " unknowns"]
+    system: Any
+    values: Float[Array, " unknowns"]
+    slopes: Float[Array, "unknowns unknowns"]
+    jacobian: Float[Array, "residuals unknowns"]
+    rms: Float[Array, ""]
+    done: Bool[Array, ""]
+    steps: Array
+    starts: Bool[Array, ""]
+
+
 @eqx.filter_jit
-def _search(
-    residuals: Callable[[Any], Array], prior: Prior, start: Array, steps: int
-) -> tuple[Array, Array, Array, Array, Array]:
-    """The minimum, the residuals' Jacobian there, their rms, whether it is one, steps taken."""
+def _search(residuals: Callable[[Any], Array], prior: Prior, start: Array, steps: int) -> _Found:
+    def missed(z: Array, prior: Prior) -> Array:
+        return jnp.ravel(residuals(prior.at(z)))
 
     def both(z: Array, prior: Prior) -> Array:
-        return jnp.concatenate([jnp.ravel(residuals(prior.at(z))), z])
+        return jnp.concatenate([missed(z, prior), z])
+
+    def twice(z: Array) -> tuple[Array, Array]:
+        left = missed(z, prior)
+        return left, left
 
     solver = optimistix.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
     solution = optimistix.least_squares(
         both, solver, start, args=prior, max_steps=steps, throw=False
     )
     z = solution.value
-    left = jnp.ravel(residuals(prior.at(z)))
-    jacobian = jax.jacfwd(lambda z: jnp.ravel(residuals(prior.at(z))))(z)
-    done = solution.result == optimistix.RESULTS.successful
-    return z, jacobian, jnp.sqrt(jnp.mean(left**2)), done, solution.stats["num_steps"]
+    jacobian, left = jax.jacfwd(twice, has_aux=True)(z)
+    return _Found(
+        z, prior.at(z), prior.values(z), jax.jacfwd(prior.values)(z), jacobian,
+        jnp.sqrt(jnp.mean(left**2)), solution.result == optimistix.RESULTS.successful,
+        solution.stats["num_steps"], jnp.isfinite(missed(start, prior)).all(),
+    )  # fmt: skip
 
 
 def _density(

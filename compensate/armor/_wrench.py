@@ -163,9 +163,11 @@ class WristSensor(eqx.Module):
 
     def init(self) -> WristState:
         """The state before the first reading."""
-        plays = (
-            () if self.hysteresis is None else tuple(c.init() for c in map(invert, self.hysteresis))
-        )
+        plays: Any = ()
+        if self.hysteresis is not None:
+            alike = _side_by_side(self.hysteresis)
+            one_by_one = tuple(invert(model).init() for model in self.hysteresis)
+            plays = one_by_one if alike is None else jax.vmap(lambda m: invert(m).init())(alike)
         none = jnp.full((6,), jnp.nan, self.matrix.dtype)
         return WristState(none, none[0], plays)
 
@@ -180,12 +182,7 @@ class WristSensor(eqx.Module):
         t = jnp.asarray(t, reading.dtype)
         sound, channels = self._calibrated(reading), state.channels
         if self.hysteresis is not None:
-            found = [
-                invert(model).step(before, t, y)
-                for model, before, y in zip(self.hysteresis, state.channels, sound, strict=True)
-            ]
-            channels = tuple(after for after, _ in found)
-            sound = jnp.stack([estimate.value for _, estimate in found])
+            channels, sound = self._undone(state.channels, t, sound)
         now = self._wrench(reading, sound, motion)
         whole = jnp.concatenate([now.force, now.moment])
         dt = jnp.where(jnp.isnan(state.time), jnp.inf, jnp.maximum(t - state.time, 0))
@@ -252,6 +249,16 @@ class WristSensor(eqx.Module):
             )  # fmt: skip
         return readings
 
+    def _undone(self, states: Any, t: Array, sound: Array) -> tuple[Any, Array]:
+        """Each axis's hysteresis undone, side by side where the models are of one kind."""
+        assert self.hysteresis is not None
+        if (alike := _side_by_side(self.hysteresis)) is not None:
+            states, found = jax.vmap(lambda m, s, y: invert(m).step(s, t, y))(alike, states, sound)
+            return states, found.value
+        rows = zip(self.hysteresis, states, sound, strict=True)
+        after = [invert(model).step(before, t, y) for model, before, y in rows]
+        return tuple(s for s, _ in after), jnp.stack([found.value for _, found in after])
+
     def _calibrated(self, readings: Array) -> Array:
         return (readings - _along(self.bias, readings)) @ self.matrix.T
 
@@ -279,6 +286,15 @@ def _scan(sensor: WristSensor, t: Array, readings: Array) -> Wrench:
     return jax.lax.scan(lambda state, now: sensor.step(state, *now), sensor.init(), (t, readings))[
         1
     ]
+
+
+def _side_by_side(models: tuple[AbstractModel, ...]) -> AbstractModel | None:
+    """Six models as one with a leading axis, which compiles once; None where they are not alike."""
+    kinds = {
+        (jax.tree.structure(model), tuple(jnp.shape(leaf) for leaf in jax.tree.leaves(model)))
+        for model in models
+    }
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models) if len(kinds) == 1 else None
 
 
 def _filled(values: Any, count: int) -> Any:

@@ -1,0 +1,58 @@
+"""The armor: exactness and speed of the contact solver, the paper's numbers, errors after a calibration.
+
+python -m benchmarks.armor [--quick] [--json] [--only TEXT]
+
+Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), errors (after twenty presses,
+with ellipsoids: minutes).
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+
+import jax
+
+from hysid._reproduce_armor import Rig
+from hysid._reproduce_rows import compared
+
+from ._armor_errors import error_rows
+from ._contacts import contact_rows
+from ._measure import Row, options, report
+
+RIGS = 60
+
+
+def reproduced_rows(quick: bool) -> list[Row]:
+    """Every published number beside the virtual rigs': off by no more than two of their deviations."""
+    count = 10 if quick else RIGS
+    rows = []
+    for row in compared([Rig(seed) for seed in range(count)], lambda done: None):
+        sign = "<" if row["at_most"] else ""
+        what = f"{row['what']}: {sign}{row['published']:g} {row['unit']} published, {count} rigs"
+        reason = f"within 2 sd of {row['sd']:.2g}: {'yes' if row['within_two_sd'] else 'no'}"
+        rows.append(
+            Row(what, row["reproduced"], row["published"], None, row["within_two_sd"], reason)
+        )
+    return rows
+
+
+PARTS: dict[str, Callable[[bool], list[Row]]] = {
+    "contacts": contact_rows,
+    "reproduced": reproduced_rows,
+    "errors": error_rows,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run every part and print."""
+    chosen = options("benchmarks.armor", __doc__, arguments, only="parts with this in their name")
+    jax.config.update("jax_enable_x64", True)
+    rows: list[Row] = []
+    for name, part in PARTS.items():
+        if (chosen.only or "") in name:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            rows += part(chosen.quick)
+    report(rows, chosen.json)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
