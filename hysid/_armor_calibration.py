@@ -91,7 +91,11 @@ def calibrate_armor(
         found = identify.calibrate(armor, residuals, free, begin=found.point)
     told = residuals.with_noise_left(found.system)
     uncertain = UncertainArmor(
-        found.system, found.draws(DRAWS, seed), told.noise, jnp.hypot(told.scatter, told.reading), seed
+        found.system,
+        found.draws(DRAWS, seed),
+        told.noise,
+        jnp.hypot(told.scatter, told.reading),
+        seed,
     )
     return CalibratedArmor(
         found.system,

@@ -53,7 +53,7 @@ def reproduce(
     say("drawing")
     out.mkdir(parents=True, exist_ok=True)
     drawn = _draw(laboratories, out, with_ours)
-    document["touches"] = write_touches(laboratories[0], out)
+    document["touches"] = write_touches(laboratories[0], out, with_ours)
     document["files"] = {"table": "table.md", "touches": "touches.json", **drawn}
     document["seconds"] = round(time.perf_counter() - begin, 3)
     names = ("hysid", "jax", "numpy")

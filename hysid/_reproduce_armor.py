@@ -15,6 +15,7 @@ from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
 
+from ._armor_calibration import CalibratedArmor
 from ._reproduce_ours import calibrated
 
 READING = 0.05
@@ -84,9 +85,9 @@ class Rig:
         }
 
     @cached_property
-    def ours(self) -> Armor:
+    def calibrated(self) -> CalibratedArmor:
         """The soft armour as twenty presses at other points calibrate it."""
-        return calibrated(self.soft).armor
+        return calibrated(self.soft)
 
     @cached_property
     def surface_1(self) -> ArmorPresses:
@@ -138,11 +139,11 @@ def _on_acrylic(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3
 
 
 def _by_ours(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return np.asarray(_followed(rig.ours, presses).point)[:, -1]
+    return np.asarray(_followed(rig.calibrated.armor, presses).point)[:, -1]
 
 
 def _depth_by_ours(rig: Rig, presses: ArmorPresses) -> Errors:
-    return 1e3 * np.asarray(_followed(rig.ours, presses).displacement)[:, -1]
+    return 1e3 * np.asarray(_followed(rig.calibrated.armor, presses).displacement)[:, -1]
 
 
 def _followed(armor: Armor, presses: ArmorPresses) -> Contact:
