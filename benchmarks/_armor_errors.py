@@ -43,9 +43,9 @@ def error_rows(quick: bool) -> list[Row]:
     """Over rigs of the seeds 0, 1, ..."""
     count = FEW if quick else RIGS
     found = [of_rig(seed) for seed in range(count)]
-    mean = Errors(*np.mean(found, axis=0))
-    sd = Errors(*np.std(found, axis=0, ddof=1))
-    held = 100 * (mean.body_held + mean.mixed_held) / 2
+    mean = Errors(*np.mean(found, axis=0).tolist())
+    sd = Errors(*np.std(found, axis=0, ddof=1).tolist())
+    held = 50 * (mean.body_held + mean.mixed_held)
     what = f"{count} rigs"
     floor = [_floor(seed) for seed in range(count)]
     return [

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from compensate import invert as invert
     from hysid._armor_calibration import calibrate_armor as calibrate_armor
     from hysid._armor_calibration import choose_presses as choose_presses
+    from hysid._positions import fit_positions as fit_positions
     from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
     from hysteresis import DegradingBoucWen as DegradingBoucWen
@@ -76,6 +77,7 @@ _HOME = {
         "spectrum",
     ),
     "hysid._armor_calibration": ("calibrate_armor", "choose_presses"),
+    "hysid._positions": ("fit_positions",),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)

@@ -31,6 +31,8 @@ from ._identifiability import Identifiability as Identifiability
 from ._identifiability import design as design
 from ._identifiability import excited_cells as excited_cells
 from ._identifiability import identifiability as identifiability
+from ._kernel import Kernel as Kernel
+from ._kernel import fit_kernel as fit_kernel
 from ._least_squares import Starts as Starts
 from ._loo import Loo as Loo
 from ._loo import loo as loo
@@ -78,6 +80,8 @@ from ._step_fit import kind_of as kind_of
 from ._step_fit import stepped as stepped
 from ._target import Target as Target
 from ._target import target as target
+from ._train import Trained as Trained
+from ._train import train as train
 from ._trend import ChangeOverTime as ChangeOverTime
 from ._trend import ParameterTrend as ParameterTrend
 from ._trend import change_over_time as change_over_time

@@ -1,0 +1,274 @@
+"""Which place of a soft sensor is pressed, from the readings of its few channels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.stats
+from jaxtyping import Float, Int
+
+from hysteresis import InputError
+
+from ._localizer_gaussian import Clouds, train_clouds
+from ._localizer_neighbours import Neighbours
+
+LEAST_PRESSES = 3
+"""Of a place, from which its scatter can be told at all."""
+
+
+class PlaceStatus(IntEnum):
+    """What a place is worth. Only the first is to be used without a thought."""
+
+    OK = 0
+    NO_PRESS = 1
+    """All channels are within the noise: nothing is pressed, or too lightly to tell."""
+    UNKNOWN = 2
+    """Unlike the presses of any place: another place, several at once, or channels swapped."""
+    BEYOND = 3
+    """Weaker or stronger than any press seen at that place."""
+    INVALID = 4
+    """A channel was NaN or infinite."""
+
+
+class Located(NamedTuple):
+    """Of presses: the likeliest place and how sure that is."""
+
+    place: Int[np.ndarray, " presses"]
+    """index into `names`, -1 where the status is NO_PRESS, UNKNOWN or INVALID"""
+    probability: Float[np.ndarray, "presses places"]
+    """of each place, given that it is one of them; 0 with NO_PRESS and INVALID"""
+    distance: Float[np.ndarray, " presses"]
+    """squared Mahalanobis distance from the nearest place; chi-squared at a known place"""
+    status: Int[np.ndarray, " presses"]
+    """`PlaceStatus`"""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """How often presses at each place (rows) were taken for each (columns); the last is for none."""
+
+    names: tuple[Any, ...]
+    counts: Int[np.ndarray, "places estimates"]
+
+    @property
+    def accuracy(self) -> float:
+        """The part of all presses whose place was found."""
+        return float(np.trace(self.counts) / self.counts.sum())
+
+    def __str__(self) -> str:
+        """As the paper prints it: nothing for zero."""
+        width = max(5, *(len(str(name)) + 1 for name in self.names))
+        head = ["Ref\\Est.", *map(str, self.names), "none"]
+        rows = [
+            [str(name), *("" if n == 0 else str(n) for n in row)]
+            for name, row in zip(self.names, self.counts, strict=True)
+        ]
+        lines = (
+            row[0].ljust(9) + "".join(c.rjust(width) for c in row[1:]) for row in [head, *rows]
+        )
+        return "\n".join(line.rstrip() for line in lines)
+
+
+@dataclass(frozen=True)
+class Localizer:
+    """Tells from one reading of each channel which place is pressed, whatever the force.
+
+    Two kinds under one interface, made by `train`:
+
+    - "gaussian": each place a normal distribution of the channels' log ratios, in which the force drops
+      out; the probabilities are Bayes's, P(k | z) ~ prior_k N(z; m_k, W_k + N).
+    - "neighbours": the paper's k nearest neighbours; the probabilities are votes.
+
+    Both reject a press that is unlike all those seen, by its Mahalanobis distance from every place.
+    """
+
+    names: tuple[Any, ...]
+    presses: tuple[int, ...]
+    priors: Float[np.ndarray, " places"]
+    clouds: Clouds
+    neighbours: Neighbours | None
+    reject: float
+    least: float
+
+    @classmethod
+    def train(
+        cls,
+        readings: Any,
+        places: Sequence[Any] | np.ndarray,
+        *,
+        method: str = "gaussian",
+        names: Sequence[Any] | None = None,
+        noise: Any = 0.0,
+        priors: Sequence[float] | str = "equal",
+        neighbours: int = 5,
+        shared: float = 10.0,
+        reject: float = 1e-3,
+        least: float | None = None,
+    ) -> "Localizer":
+        """From presses whose places are known.
+
+        **Arguments:**
+
+        - `readings`: (presses, channels), two channels or more, in any unit; no press reads 0.
+        - `places`: (presses,), the place of each: names or numbers.
+        - `method`: "gaussian" or "neighbours".
+        - `names`: the places there are, in their order; those that occur unless given.
+        - `noise`: standard deviation of a reading, in its unit; one for all channels or one for each.
+
+        **Other arguments:**
+
+        - `priors`: of the places, for "gaussian": "equal", "counts" as in the training, or numbers. How
+          often a place was pressed in training says nothing about later, unless you say so.
+        - `neighbours`: k.
+        - `shared`: how many presses' weight the mean scatter of all places has in each; inf: all share one.
+        - `reject`: the part of presses at known places that may at most be taken for unknown.
+        - `least`: a press is one where some channel reads more; five times the noise unless given.
+
+        **Raises:** `InputError` where shapes differ, a reading is not finite, a named place has fewer
+        than 3 presses or none, a place is not named, and where scikit-learn is needed and missing.
+        """
+        if method not in ("gaussian", "neighbours"):
+            raise _fault(f"no method {method!r}.", '"gaussian" or "neighbours".')
+        readings, places = np.asarray(readings, float), np.asarray(places)
+        names = tuple(np.unique(places).tolist() if names is None else names)
+        place = _indices(readings, places, names)
+        counts = np.bincount(place, minlength=len(names))
+        _check_counts(counts, names)
+        noise = np.broadcast_to(np.asarray(noise, float), readings.shape[1:]).copy()
+        if not np.all(noise >= 0):
+            raise _fault(f"a noise of {noise}.", "0 or more, in the unit of the readings.")
+        if not (0 <= reject < 1 and shared >= 0 and 1 <= neighbours <= len(place)):
+            raise _fault(
+                f"reject = {reject}, shared = {shared}, neighbours = {neighbours}.",
+                "reject in [0, 1), shared 0 or more, neighbours from 1 to the number of presses.",
+            )
+        return cls(
+            names=names,
+            presses=tuple(counts.tolist()),
+            priors=_priors(priors, counts),
+            clouds=train_clouds(readings, place, noise, shared),
+            neighbours=(
+                Neighbours(readings, place, neighbours) if method == "neighbours" else None
+            ),
+            reject=reject,
+            least=5 * float(noise.max()) if least is None else least,
+        )
+
+    def locate(self, readings: Any) -> Located:
+        """Places of presses (presses, channels). Never raises for what the readings say."""
+        readings = np.asarray(readings, float)
+        if readings.ndim != 2 or readings.shape[1] != len(self.clouds.noise):
+            raise _fault(
+                f"readings of shape {readings.shape}.",
+                f"(presses, {len(self.clouds.noise)}); NaN for a channel that has failed.",
+            )
+        finite = np.isfinite(readings).all(axis=1)
+        pressed = finite & (np.where(finite[:, None], readings, 0.0) > self.least).any(axis=1)
+        # What is no press is looked at as some press, and overwritten below.
+        sound = np.where(pressed[:, None], readings, 1.0)
+        squared, density = self.clouds.distances(sound)
+        if self.neighbours is None:
+            with np.errstate(divide="ignore"):
+                weight = np.log(self.priors) + density
+            # A sum of densities that all underflow is no sum: their largest is taken out first.
+            probability = np.exp(weight - weight.max(axis=1, keepdims=True))
+            probability /= probability.sum(axis=1, keepdims=True)
+        else:
+            probability = self.neighbours.probabilities(sound)
+        probability = np.where(pressed[:, None], probability, 0.0)
+        place, distance = probability.argmax(axis=1), squared.min(axis=1)
+        known = distance <= scipy.stats.chi2.isf(self.reject, len(self.clouds.noise) - 1)
+        strength = np.log(np.maximum(sound, np.finfo(float).tiny)).mean(axis=1)
+        seen = (self.clouds.weakest[place] <= strength) & (strength <= self.clouds.strongest[place])
+        status = np.where(seen, PlaceStatus.OK, PlaceStatus.BEYOND)
+        status = np.where(known, status, PlaceStatus.UNKNOWN)
+        status = np.where(pressed, status, PlaceStatus.NO_PRESS)
+        status = np.where(finite, status, PlaceStatus.INVALID)
+        named = (status == PlaceStatus.OK) | (status == PlaceStatus.BEYOND)
+        return Located(
+            np.where(named, place, -1), probability, np.where(pressed, distance, np.nan), status
+        )
+
+    def confusion(self, readings: Any, places: Sequence[Any] | np.ndarray) -> Confusion:
+        """Of presses whose places are known."""
+        truth = _indices(np.asarray(readings, float), np.asarray(places), self.names)
+        counts = np.zeros((len(self.names), len(self.names) + 1), int)
+        np.add.at(counts, (truth, self.locate(readings).place), 1)  # -1 is the last column
+        return Confusion(self.names, counts)
+
+    def channel_order(self, readings: Any, places: Sequence[Any] | np.ndarray) -> tuple[int, ...]:
+        """The order of the channels in which presses at known places are likeliest, from 0.
+
+        (0, 1, ...) when all is well; anything else says which wires were swapped: `readings[:, order]`
+        puts them right. Press places that differ: a mirrored pair alone cannot tell.
+        """
+        readings = np.asarray(readings, float)
+        truth = _indices(readings, np.asarray(places), self.names)
+        rows = np.arange(len(truth))
+
+        def likelihood(order: tuple[int, ...]) -> float:
+            return float(self.clouds.distances(readings[:, order])[1][rows, truth].sum())
+
+        return max(permutations(range(readings.shape[1])), key=likelihood)
+
+    def doubts(self) -> tuple[str, ...]:
+        """What about the training speaks against trusting the places, in words; mostly nothing."""
+        counts = dict(zip(self.names, self.presses, strict=True))
+        few = [f"{name} has {n} presses only" for name, n in counts.items() if n < 20]
+        low, high = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+        if self.neighbours is not None and counts[high] > 1.5 * counts[low]:
+            few.append(
+                f"{high} has {counts[high]} presses and {low} {counts[low]}: votes lean towards {high}"
+            )
+        return tuple(few)
+
+
+def _indices(readings: np.ndarray, places: np.ndarray, names: tuple[Any, ...]) -> np.ndarray:
+    if readings.ndim != 2 or readings.shape[1] < 2 or places.shape != readings.shape[:1]:
+        raise _fault(
+            f"readings of shape {readings.shape}, places of {places.shape}.",
+            "(presses, channels) with two channels or more, and (presses,).",
+        )
+    bad = np.flatnonzero(~np.isfinite(readings).all(axis=1))
+    if bad.size:
+        raise _fault(f"press {bad[0]} reads {readings[bad[0]]}.", "leave such presses out.")
+    index = {name: k for k, name in enumerate(names)}
+    unnamed = sorted(set(places.tolist()) - set(index), key=str)
+    if unnamed:
+        raise InputError(
+            "unknown-place", f"{unnamed[0]!r} is none of the places {', '.join(map(str, names))}.",
+            place="Localizer", fix="name all places, or mend the label.",
+        )  # fmt: skip
+    return np.array([index[p] for p in places.tolist()], int)
+
+
+def _check_counts(counts: np.ndarray, names: tuple[Any, ...]) -> None:
+    if len(names) < 2:
+        raise _fault(f"{len(names)} place: there is nothing to tell apart.", "press two or more.")
+    for name, count in zip(names, counts, strict=True):
+        if count < LEAST_PRESSES:
+            raise InputError(
+                "class-missing" if count == 0 else "class-too-small",
+                f"{count} training presses at {name}.", place="Localizer",
+                cause="a file left out, or a label misspelt.",
+                fix=f"press it {LEAST_PRESSES} times or more, better 100; or leave it out of names.",
+            )  # fmt: skip
+
+
+def _priors(priors: Sequence[float] | str, counts: np.ndarray) -> Float[np.ndarray, " places"]:
+    if isinstance(priors, str):
+        if priors not in ("equal", "counts"):
+            raise _fault(f"no priors {priors!r}.", '"equal", "counts", or a number for each place.')
+        values = counts.astype(float) if priors == "counts" else np.ones(len(counts))
+    else:
+        values = np.asarray(priors, float)
+    if values.shape != counts.shape or not (np.all(values >= 0) and 0 < values.sum() < np.inf):
+        raise _fault(f"priors {priors}.", "a number of 0 or more for each place.")
+    return values / values.sum()
+
+
+def _fault(problem: str, fix: str) -> InputError:
+    return InputError("localizer-argument", problem, place="Localizer", fix=fix)

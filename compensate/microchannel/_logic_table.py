@@ -1,0 +1,236 @@
+"""Which places of a soft sensor are pressed at once, by sums of levels: no training."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.special
+import scipy.stats
+from jaxtyping import Bool, Float
+
+from hysteresis import InputError
+
+from ._logic_remedies import Remedy, apart, remedies
+
+MOST_PLACES = 10
+"""1,023 combinations; the table doubles with every further place."""
+
+_EQUAL = 1e-9  # parts by which equal sums of levels may differ in rounding
+_UNITS = 64  # press forces that are tried between the weakest and the strongest
+
+
+class LogicStatus(IntEnum):
+    """What a decision is worth. Only the first is to be used without a thought."""
+
+    OK = 0
+    COLLISION = 1
+    """Another combination makes the same levels at a possible force: no reading can tell them apart."""
+    CLOSE = 2
+    """Another combination would read differently, but not by more than presses scatter."""
+    UNKNOWN = 3
+    """No combination reads like this."""
+    NO_PRESS = 4
+    """All channels are within the noise."""
+    INVALID = 5
+    """A channel was NaN or infinite."""
+
+
+class Decision(NamedTuple):
+    """The places that are pressed, and what else it could be."""
+
+    places: frozenset[Any]
+    """empty with UNKNOWN, NO_PRESS and INVALID"""
+    alternatives: tuple[frozenset[Any], ...]
+    """likeliest first"""
+    probability: float
+    """of `places` among all combinations, each as frequent as the others before the reading"""
+    status: LogicStatus
+
+
+@dataclass(frozen=True, init=False)
+class LogicTable:
+    """Levels of serial sections add up: a press on the places s at once reads
+
+        V = f sum_{k in s} L_k p_k + e,    f_low <= f <= f_high,    Cov[V] = f^2 C_s + e^2
+        C_s = sum_{k in s} diag(L_k) (c^2 1 1' + d^2 n/(n-1) (1 - 1 1'/n)) diag(L_k)
+
+    with the levels L_k of n layers, the reading f of one level at the press's force, equal on all places,
+    and each press's placement p, common to the layers by c and different between them by d. `decide`
+    takes the combination s that makes a reading likeliest, ln f anywhere within its bounds.
+
+    Two combinations collide where their sums are equal, or parallel and f may make up for it.
+
+    **Arguments:**
+
+    - `levels`: L, (layers, places), above 0. `names`: of the places; A, B, ... unless given.
+    - `unit`: f in the unit of the readings; a pair (f_low, f_high) where the force is not known.
+    - `noise`: standard deviation of a reading. `common`, `differential`: c and d, standard deviations.
+    - `reject`: the part of true combinations that may be taken for unknown.
+    - `doubt`: another combination is told where it is at least so likely.
+
+    **Raises:** `InputError` for numbers out of range, more than 10 places.
+
+    Source: Kim and Park (2018), section III.C and table I, where f is known.
+    """
+
+    levels: Float[np.ndarray, "layers places"]
+    names: tuple[Any, ...]
+    unit: tuple[float, float]
+    noise: float
+    common: float
+    differential: float
+    reject: float
+    doubt: float
+
+    def __init__(
+        self, levels: Any, names: Sequence[Any] | None = None, *, unit: Any = 1.0,
+        noise: float = 0.0, common: float = 0.10, differential: float = 0.066,
+        reject: float = 1e-4, doubt: float = 0.05,
+    ):  # fmt: skip
+        levels = np.array(levels, float)
+        low, high = (unit, unit) if np.ndim(unit) == 0 else unit
+        if levels.ndim != 2 or not 1 <= levels.shape[1] <= MOST_PLACES:
+            raise _fault(
+                f"levels of shape {levels.shape}.",
+                f"(layers, places), at most {MOST_PLACES} places.",
+            )
+        if not (np.all(np.isfinite(levels)) and np.all(levels > 0)):
+            raise _fault("a level is not a number above 0.", "measure it: press each place alone.")
+        names = [chr(ord("A") + k) for k in range(levels.shape[1])] if names is None else names
+        if len(set(names)) != levels.shape[1]:
+            raise _fault(
+                f"{len(names)} names for {levels.shape[1]} places.", "name each, differently."
+            )
+        if not 0 < low <= high < np.inf:
+            raise _fault(f"unit = {unit}.", "the reading of one level, or its bounds; above 0.")
+        if not (noise >= 0 and common > 0 and differential > 0 and 0 <= reject < 1 and doubt > 0):
+            raise _fault("a deviation or a part is out of range.", "all above 0, noise 0 or more.")
+        values = (levels, tuple(names), (float(low), float(high)), noise, common, differential)
+        for name, value in zip(self.__dataclass_fields__, (*values, reject, doubt), strict=True):
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def combinations(self) -> tuple[frozenset[Any], ...]:
+        """All, single places first."""
+        return tuple(frozenset(self.names[k] for k in rows) for rows in self._members)
+
+    @cached_property
+    def sums(self) -> Float[np.ndarray, "combinations layers"]:
+        """The levels of each combination added up."""
+        return self._chosen.astype(float) @ self.levels.T
+
+    def collisions(self) -> tuple[tuple[frozenset[Any], ...], ...]:
+        """Groups of combinations that no reading tells apart, linked directly or through others."""
+        groups, left = [], set(range(len(self.combinations)))
+        while left:
+            group = reach = {min(left)}
+            while reach := set(np.flatnonzero(self._collides[sorted(reach)].any(axis=0))) - group:
+                group = group | reach
+            left -= group
+            groups.append(tuple(self.combinations[n] for n in sorted(group)))
+        return tuple(group for group in groups if len(group) > 1)
+
+    def remedies(self, *, most_changes: int = 3, margin: float = 0.02) -> tuple[Remedy, ...]:
+        """Changes of the sensor after which no two combinations collide, found by trying; may be none.
+
+        Of each kind the one that leaves the two closest combinations farthest apart: the fewest levels
+        changed, within the range of those there are; one layer's sections wired in another order; one
+        more layer, or as many as it takes, with the first one's sections in another order.
+
+        **Arguments:**
+
+        - `most_changes`: levels that may be changed at once.
+        - `margin`: the least distance, as a part of the reading, that counts as a remedy.
+        """
+        return remedies(
+            self.levels, self.names, self._chosen, self.unit[1] / self.unit[0], most_changes, margin
+        )
+
+    def decide(self, reading: Any) -> Decision:
+        """The places behind one reading (layers,). Never raises for what it says."""
+        reading = np.asarray(reading, float)
+        if reading.shape != self.levels.shape[:1]:
+            raise _fault(f"a reading of shape {reading.shape}.", f"({len(self.levels)},).")
+        if not np.isfinite(reading).all():
+            return _undecided(LogicStatus.INVALID)
+        if np.all(reading <= 5 * self.noise):
+            return _undecided(LogicStatus.NO_PRESS)
+        squared, density = self._distances(reading)
+        if squared.min() > scipy.stats.chi2.isf(self.reject, len(reading)):
+            return _undecided(LogicStatus.UNKNOWN)
+        probability = scipy.special.softmax(density)
+        order = np.argsort(-probability, kind="stable")
+        best = order[0]
+        others = [n for n in order[1:] if probability[n] >= self.doubt]
+        status = LogicStatus.CLOSE if others else LogicStatus.OK
+        if any(self._collides[best, n] for n in others):
+            status = LogicStatus.COLLISION
+        return Decision(
+            self.combinations[best],
+            tuple(self.combinations[n] for n in others),
+            float(probability[best]),
+            status,
+        )
+
+    def __str__(self) -> str:
+        """As the paper's table I: the levels of each combination as a sum."""
+        rows = [
+            [", ".join(str(self.names[k]) for k in members)]
+            + ["+".join(f"{level:g}" for level in layer[list(members)]) for layer in self.levels]
+            for members in self._members
+        ]
+        rows = [["Contact Locations", *(f"V{n + 1}" for n in range(len(self.levels)))], *rows]
+        widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
+        return "\n".join(
+            "".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        )
+
+    @cached_property
+    def _members(self) -> tuple[tuple[int, ...], ...]:
+        places = range(len(self.names))
+        return tuple(rows for n in places for rows in combinations(places, n + 1))
+
+    @cached_property
+    def _chosen(self) -> Bool[np.ndarray, "combinations places"]:
+        return np.array([[k in rows for k in range(len(self.names))] for rows in self._members])
+
+    @cached_property
+    def _collides(self) -> Bool[np.ndarray, "combinations combinations"]:
+        return apart(self.sums, self.unit[1] / self.unit[0]) <= _EQUAL
+
+    @cached_property
+    def _scatter(self) -> Float[np.ndarray, "combinations layers layers"]:
+        """C_s."""
+        n = len(self.levels)
+        whole = np.ones((n, n))
+        # A single layer cannot tell one kind of placement from the other.
+        between = n / (n - 1) * (np.eye(n) - whole / n) if n > 1 else whole
+        placed = self.common**2 * whole + self.differential**2 * between
+        each = self.levels.T[:, :, None] * placed * self.levels.T[:, None, :]
+        return np.tensordot(self._chosen.astype(float), each, axes=1)
+
+    def _distances(
+        self, reading: Float[np.ndarray, " layers"]
+    ) -> tuple[Float[np.ndarray, " combinations"], Float[np.ndarray, " combinations"]]:
+        """Of every combination the least squared Mahalanobis distance, and ln of the mean density."""
+        low, high = self.unit
+        f = np.geomspace(low, high, _UNITS if high > low else 1)[:, None, None, None]
+        spread = f**2 * self._scatter + self.noise**2 * np.eye(len(reading))
+        away = reading - f[..., 0] * self.sums
+        squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=-1)
+        density = -(squared + np.linalg.slogdet(spread)[1]) / 2
+        most = density.max(axis=0)
+        return squared.min(axis=0), most + np.log(np.mean(np.exp(density - most), axis=0))
+
+
+def _undecided(status: LogicStatus) -> Decision:
+    return Decision(frozenset(), (), 0.0, status)
+
+
+def _fault(problem: str, fix: str) -> InputError:
+    return InputError("logic-argument", problem, place="LogicTable", fix=fix)

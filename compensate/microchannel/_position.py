@@ -1,0 +1,126 @@
+"""Where on a soft sensor of many channels the contact is: a smooth function of their readings."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from hysteresis import InputError
+
+from ._localizer import PlaceStatus
+
+
+class Position(NamedTuple):
+    """Of readings (..., channels): where, how sure, and a `PlaceStatus`.
+
+    `deviation` is that of each coordinate: of noise, and of how far the pattern is from those learnt.
+    """
+
+    point: Float[Array, "*readings coordinates"]
+    deviation: Float[Array, "*readings"]
+    status: Int[Array, "*readings"]
+
+
+def pattern(readings: Float[Array, "*readings channels"]) -> Float[Array, "*readings features"]:
+    """What tells the place from the force: readings w as w / |w|, and log |w| beside it.
+
+    Gradients are finite where nothing is read.
+    """
+    square = jnp.sum(readings**2, axis=-1, keepdims=True)
+    size = jnp.sqrt(jnp.where(square > 0, square, 1))
+    return jnp.concatenate([readings / size, jnp.log(size)], axis=-1)
+
+
+class PositionEstimator(eqx.Module):
+    """The mean and deviation of a Gaussian process of the `pattern` x, given presses at known places:
+
+        P = mean + k(x, X) K^-1 (P_X - mean),     variance = size^2 + noise^2 - k(x, X) K^-1 k(X, x)
+
+    with k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)) on features divided by `scale`, and
+    K = k(X, X) + noise^2. Between places that were pressed it interpolates; far from all, the
+    deviation grows to that of a sensor that says nothing, and the status is UNKNOWN.
+
+    **Arguments:**
+
+    - `readings` (rows, channels), `places` (rows, coordinates): presses to learn from.
+    - `size`, `length` (channels + 1,), `noise`: of the kernel, such as `identify.fit_kernel` finds for
+      `standardised(readings)`.
+    - `least`: |w| below which nothing is pressed. `surest`: the status is UNKNOWN where the deviation is
+      more than this part of `size`.
+
+    Raises `InputError` for readings and places of unlike rows, or not finite.
+
+    Source: Rasmussen and Williams, Gaussian processes for machine learning (2006), algorithm 2.1.
+    """
+
+    centre: Float[Array, " features"]
+    scale: Float[Array, " features"]
+    mean: Float[Array, " coordinates"]
+    known: Float[Array, "rows features"]
+    weights: Float[Array, "rows coordinates"]
+    precision: Float[Array, "rows rows"]
+    size: Float[Array, ""]
+    length: Float[Array, " features"]
+    noise: Float[Array, ""]
+    least: Float[Array, ""]
+    surest: Float[Array, ""]
+
+    def __init__(
+        self, readings: Any, places: Any, size: Any, length: Any, noise: Any, *,
+        least: float = 0.0, surest: float = 0.5,
+    ):  # fmt: skip
+        readings, places = np.asarray(readings, float), np.asarray(places, float)
+        if len(readings) != len(places) or not len(places):
+            raise InputError(
+                "length-mismatch",
+                f"{len(readings)} readings and {len(places)} places.", fix="one place a reading.",
+            )  # fmt: skip
+        if not (np.isfinite(readings).all() and np.isfinite(places).all()):
+            raise InputError("not-finite", "a reading or place is no number.", fix="leave it out.")
+        self.known, self.centre, self.scale = standardised(readings)
+        self.mean = jnp.asarray(places.mean(0))
+        self.size, self.length, self.noise = (jnp.asarray(v, float) for v in (size, length, noise))
+        self.least, self.surest = jnp.asarray(least, float), jnp.asarray(surest, float)
+        K = self._covariance(self.known) + self.noise**2 * jnp.eye(len(places))
+        factor = jax.scipy.linalg.cho_factor(K, lower=True)
+        self.weights = jax.scipy.linalg.cho_solve(factor, places - self.mean[None])
+        self.precision = jax.scipy.linalg.cho_solve(factor, jnp.eye(len(places)))
+
+    @eqx.filter_jit
+    def estimate(self, readings: Any) -> Position:
+        """The positions behind readings (..., channels); one that is no number is INVALID, at the mean."""
+        readings = jnp.asarray(readings, self.mean.dtype)
+        leading = readings.shape[:-1]
+        flat = readings.reshape(-1, readings.shape[-1])
+        finite = jnp.isfinite(flat).all(-1)
+        flat = jnp.where(finite[:, None], flat, 0)
+        x = (pattern(flat) - self.centre[None]) / self.scale[None]
+        near = self._covariance(x)
+        told = jnp.sum(near * (near @ self.precision), axis=1)
+        deviation = jnp.sqrt(jnp.maximum(self.size**2 - told, 0) + self.noise**2)
+        pressed = jnp.sqrt(jnp.sum(flat**2, axis=1)) > self.least
+        codes = (PlaceStatus.INVALID, PlaceStatus.NO_PRESS, PlaceStatus.UNKNOWN)
+        unsure = deviation > self.surest * self.size
+        status = jnp.select([~finite, ~pressed, unsure], list(map(int, codes)), int(PlaceStatus.OK))
+        point = jnp.where(finite[:, None], self.mean[None] + near @ self.weights, self.mean[None])
+        return Position(
+            point.reshape(*leading, -1), deviation.reshape(leading), status.reshape(leading)
+        )
+
+    def _covariance(self, x: Float[Array, "n features"]) -> Float[Array, "n rows"]:
+        a, b = x / self.length[None], self.known / self.length[None]
+        square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
+        return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)
+
+
+def standardised(
+    readings: Any,
+) -> tuple[Float[Array, "rows features"], Float[Array, " features"], Float[Array, " features"]]:
+    """The patterns of readings (rows, channels) less their mean, over their deviation; both."""
+    x = pattern(jnp.asarray(readings, float))
+    centre, scale = x.mean(0), x.std(0)
+    scale = jnp.where(scale > 0, scale, 1)
+    return (x - centre[None]) / scale[None], centre, scale

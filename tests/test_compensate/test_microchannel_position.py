@@ -1,0 +1,79 @@
+"""Contact positions from many channels: interpolation, honest deviations, faults."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate.microchannel import PlaceStatus, PositionEstimator
+from hysid import fit_positions
+from hysteresis import InputError
+
+SENSORS = np.array([[x, y] for x in (2.0, 10.0, 18.0) for y in (2.0, 10.0, 18.0)])
+NOISE = 0.01
+
+
+def readings(places: np.ndarray, seed: int) -> np.ndarray:
+    """Nine bumps of a soft skin, pushed by 1 to 3 N."""
+    random = np.random.default_rng(seed)
+    away = np.linalg.norm(places[:, None] - SENSORS, axis=2)
+    force = random.uniform(1, 3, (len(places), 1))
+    return force * np.exp(-(away**2) / 50) + NOISE * random.normal(size=away.shape)
+
+
+def grid(step: float) -> np.ndarray:
+    return np.array([[x, y] for x in np.arange(0, 20.1, step) for y in np.arange(0, 20.1, step)])
+
+
+@cache
+def learnt() -> PositionEstimator:
+    places = np.repeat(grid(2.5), 3, axis=0)
+    return fit_positions(readings(places, 0), places, least=0.2)
+
+
+def test_places_between_those_learnt_are_found_with_true_deviations():
+    places = np.random.default_rng(1).uniform(2, 18, (400, 2))
+    found = learnt().estimate(readings(places, 2))
+    error = np.asarray(found.point) - places
+    assert (np.asarray(found.status) == PlaceStatus.OK).all()
+    # A sixth of the 2.5 mm between two places of the grid; most of it is noise.
+    assert np.linalg.norm(error, axis=1).mean() < 0.4
+    z = error / np.asarray(found.deviation)[:, None]
+    # Of 800 z; the process is a prior, not the law of these bumps.
+    assert 0.5 < z.std() < 1.5
+
+
+def test_what_is_unlike_all_and_what_is_nothing_is_said():
+    unlike = readings(np.array([[10.0, 10.0]]), 3)[0] * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
+    rows = np.stack([unlike, np.zeros(9), np.full(9, np.nan)])
+    found = learnt().estimate(rows)
+    wanted = [PlaceStatus.UNKNOWN, PlaceStatus.NO_PRESS, PlaceStatus.INVALID]
+    assert found.status.tolist() == wanted
+    assert np.isfinite(np.asarray(found.point)).all()
+
+
+def test_one_reading_is_like_many_and_has_a_slope():
+    rows = jnp.asarray(readings(grid(7.0), 4))
+    one = learnt().estimate(rows[3])
+    assert np.asarray(one.point) == pytest.approx(np.asarray(learnt().estimate(rows).point)[3])
+    J = jax.jacfwd(lambda w: learnt().estimate(w).point)(rows[3])
+    step = 1e-5
+    ahead, behind = (learnt().estimate(rows[3].at[2].add(s)).point for s in (step, -step))
+    assert np.asarray(J[:, 2]) == pytest.approx(np.asarray(ahead - behind) / (2 * step), rel=1e-5)
+    assert np.isfinite(
+        np.asarray(jax.jacfwd(lambda w: learnt().estimate(w).point)(jnp.zeros(9)))
+    ).all()
+
+
+def test_faults_say_what_to_do():
+    places = grid(4.0)
+    with pytest.raises(InputError, match="ten of both"):
+        fit_positions(readings(places[:5], 0), places[:5])
+    bad = readings(places, 0)
+    bad[3, 2] = np.nan
+    with pytest.raises(InputError, match="leave it out"):
+        fit_positions(bad, places)
+    with pytest.raises(InputError, match="one place a reading"):
+        PositionEstimator(bad, places[:4], 1.0, np.ones(10), 0.1)
