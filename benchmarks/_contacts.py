@@ -26,6 +26,9 @@ from ._measure import Row, judged, least_seconds, noted
 
 BOX = Box(0.3, 0.3, 0.55)
 SPONGE = LinearSponge(1.298, 6.186)
+EXACT = "rigid, exact wrench"
+BATCH = "batch, contacts on the box, soft"
+STREAM = "one contact, streaming, Python"
 NO_TRIMESH = "trimesh and rtree are not installed: pip install 'hysid[mesh]' rtree"
 
 Presses = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -90,9 +93,9 @@ def _exact(what: str, shape: Any, presses: Presses, count: int) -> list[Row]:
     wrong = int((np.asarray(contact.surface) != surface).sum())
     lost = int((np.asarray(contact.status) != ContactStatus.OK).sum())
     return [
-        judged(f"{what}, {count:,} rigid contacts: farthest off, m", float(away), 1e-9),
-        judged(f"{what}: on a wrong surface", wrong, 0),
-        judged(f"{what}: lost", lost, 0),
+        judged(f"{EXACT}, {count:,} on {what}: farthest off, m", float(away), 1e-9),
+        judged(f"{EXACT}, {what}: on a wrong surface", wrong, 0),
+        judged(f"{EXACT}, {what}: lost", lost, 0),
     ]
 
 
@@ -111,10 +114,14 @@ def _among(mesh: Mesh, count: int) -> list[Row]:
         listed = np.asarray(solver.candidates(force[n], moment[n]).point)
         missing += np.linalg.norm(listed - point[n], axis=1).min() > 1e-9
     return [
-        judged(f"head, {count:,} contacts: not found and not told", int((off & ~several).sum()), 0),
-        judged("head: lost", int(lost.sum()), 0),
-        judged(f"head: truth not among the candidates, of {len(looked_at)}", int(missing), 0),
-        noted("head: AMBIGUOUS, part of all", float(several.mean())),
+        judged(
+            f"{EXACT}, {count:,} on a head: not found and not told", int((off & ~several).sum()), 0
+        ),
+        judged(f"{EXACT}, head: lost", int(lost.sum()), 0),
+        judged(
+            f"{EXACT}, head: truth not among the candidates, of {len(looked_at)}", int(missing), 0
+        ),
+        noted("    AMBIGUOUS, part of all", float(several.mean())),
     ]
 
 
@@ -129,7 +136,7 @@ def _degenerate() -> list[Row]:
         contact = solver.solve(force, np.cross(middle, force))
         away = np.linalg.norm(np.asarray(contact.point) - middle, axis=1)
         wrong += int(((away > 1e-9) | (np.asarray(contact.surface) != k)).sum())
-    return [judged("box, degenerate directions: not solved, of 45", wrong, 0)]
+    return [judged(f"{EXACT}, degenerate directions: not solved, of 45", wrong, 0)]
 
 
 def _batches(quick: bool) -> list[Row]:
@@ -142,11 +149,11 @@ def _batches(quick: bool) -> list[Row]:
     calls = {str(n): lambda part=part: solver.solve(*part) for n, part in parts.items()}
     seconds = least_seconds(calls, 3 if quick else 5)
     cost = {n: 1e9 * seconds[str(n)] / n for n in sizes}
-    rows = [noted(f"box, soft, batch of {n:,}: ns a contact", cost[n]) for n in sizes]
+    rows = [noted(f"    batch of {n:,}: ns a contact", cost[n]) for n in sizes]
     flat = max(cost.values()) / cost[10**6]
     return [
-        judged("box, soft: million contacts a second", 1e3 / cost[10**6], 1.0, at_least=True),
-        judged(f"box, soft: dearest batch, 1e3 to {sizes[-1]:.0e}, over that of 1e6", flat, 2.0),
+        judged(f"{BATCH}: million contacts a second", 1e3 / cost[10**6], 1.0, at_least=True),
+        judged(f"{BATCH}: dearest batch, 1e3 to {sizes[-1]:.0e}, over that of 1e6", flat, 2.0),
         *rows,
     ]
 
@@ -204,9 +211,9 @@ def _streams(steps: int) -> list[Row]:
         for (a, _), (b, _) in zip(compiled, plain, strict=True)
     ]
     return [
-        judged("a contact in a stream, JAX: median us", _median(compiled), 100.0),
-        judged("a contact in a stream, plain Python: median us", _median(plain), 30.0),
-        judged("plain Python against JAX: farthest off, m", float(max(away)), 1e-9),
+        judged(f"{STREAM}: JAX, median us", _median(compiled), 100.0),
+        judged(f"{STREAM}: the runtime, median us", _median(plain), 30.0),
+        judged(f"{STREAM}: the runtime against JAX, farthest off, m", float(max(away)), 1e-9),
     ]
 
 

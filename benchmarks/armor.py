@@ -27,7 +27,8 @@ def reproduced_rows(quick: bool) -> list[Row]:
     rows = []
     for row in compared([Rig(seed) for seed in range(count)], lambda done: None):
         sign = "<" if row["at_most"] else ""
-        what = f"{row['what']}: {sign}{row['published']:g} {row['unit']} published, {count} rigs"
+        published = f"{sign}{row['published']:g} {row['unit']} published"
+        what = f"reproduced numbers, mean over {count} rigs: {row['what']}, {published}"
         reason = f"within 2 sd of {row['sd']:.2g}: {'yes' if row['within_two_sd'] else 'no'}"
         rows.append(
             Row(what, row["reproduced"], row["published"], None, row["within_two_sd"], reason)
