@@ -2,7 +2,8 @@
 
 python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
-Parts: places (which place, and which several), real (measured sensors, need the data).
+Parts: forces (of one contact and of two: trains networks, minutes), places (which place, and which several),
+real (measured sensors, need the data).
 """
 
 import sys
@@ -11,10 +12,15 @@ from collections.abc import Callable, Sequence
 import jax
 
 from ._measure import Row, options, report
+from ._microchannel_forces import force_rows
 from ._microchannel_places import place_rows
 from ._microchannel_real import real_rows
 
-PARTS: dict[str, Callable[[bool], list[Row]]] = {"places": place_rows, "real": real_rows}
+PARTS: dict[str, Callable[[bool], list[Row]]] = {
+    "forces": force_rows,
+    "places": place_rows,
+    "real": real_rows,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

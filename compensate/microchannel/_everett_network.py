@@ -1,0 +1,91 @@
+"""A monotone network of the Everett function, from reading to force."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series
+from hysteresis.preisach import NetworkDensity
+
+
+class EverettNetwork(AbstractModel[Any, Any]):
+    """Force from a reading by sums over the reading's extremum stack of a network that cannot go wrong:
+
+        F = R(v) - sum_k +-2 E(M_k, m_k),    v = z + sum_j c_j (z - lag_j z),    E(a, b) = mass of mu there
+
+    The network gives the density mu > 0, a softplus, of a leading Preisach model. So E(a, a) = 0, E grows
+    with a and falls with b, and R is steep enough for F to rise with v whatever came before. The c_j > 0
+    take away what creep has added to the reading, the reverse of a delay.
+
+    All parts are positive as softplus of free numbers, so that any gradient step leads to such a model.
+
+    **Arguments:** what a training changes, see `random`: `network`, `total`, `rises` of R's cells,
+    `relaxing` c_j; and what it does not: `high` of the reading, `force` to scale by, `times` of the delays.
+
+    Source: Kim and Park (2018), equation (2); Zakerzadeh (2011), a network in the place of the Everett map.
+    """
+
+    network: Float[Array, " count"]
+    total: Float[Array, ""]
+    rises: Float[Array, " cells"]
+    relaxing: Float[Array, " lags"]
+    high: float = eqx.field(static=True, converter=float)
+    force: float = eqx.field(static=True, converter=float)
+    times: tuple[float, ...] = eqx.field(static=True, converter=tuple)
+    hidden: tuple[int, ...] = eqx.field(default=(25, 12), static=True, converter=tuple)
+
+    @classmethod
+    def random(
+        cls,
+        key: PRNGKeyArray,
+        *,
+        high: float,
+        force: float,
+        times: Sequence[float] = (0.4, 4.0),
+        cells: int = 40,
+    ) -> "EverettNetwork":
+        """One to start a training from: a line from 0 to `force` at the reading `high`, few loops."""
+        hidden = (25, 12)
+        network = NetworkDensity.random(
+            0.0, high, 1.0, key, hidden=hidden, resolution=cells
+        ).network
+        line = float(np.log(np.expm1(1.0)))  # softplus of it is 1
+        return cls(
+            jnp.asarray(network), jnp.asarray(line - 1.0), jnp.full(cells, line),
+            jnp.full(len(tuple(times)), line - 1.0), 1.5 * high, 1.5 * force, tuple(times), hidden,
+        )  # fmt: skip
+
+    @property
+    def model(self) -> Series:
+        """The chain of models this is: relaxing, then a leading Preisach model."""
+        cells, dtype = len(self.rises), self.network.dtype
+        mass = 0.02 * self.force * jax.nn.softplus(self.total)
+        density = NetworkDensity(
+            0.0, self.high, mass, self.network, resolution=cells, hidden=self.hidden
+        )
+        weights = jnp.tril(density.masses())
+        # The least R with which a leading model rises along every branch; see `Preisach.least_slope`.
+        support = 2 * (weights.sum(0) + weights.sum(1))
+        rises = support + jax.nn.softplus(self.rises) * (self.force / cells)
+        relays = Preisach(density, rises, -weights.sum(), leading=True)
+        if not self.times:
+            return Series([relays])
+        c, tau = 0.05 * jax.nn.softplus(self.relaxing), jnp.array(self.times, dtype)
+        return Series([GeneralizedMaxwell(jnp.ones((), dtype), c, tau), relays])
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return self.model.init(t0, u0)
+
+    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
+        return self.model.step(state, t, u)
+
+    def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
+        return self.model.prepare(t, u, state, starts=starts)
+
+    def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
+        return self.model.evaluate(prepared)

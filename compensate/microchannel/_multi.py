@@ -1,0 +1,113 @@
+"""The forces of several contacts at once, from channels in which their readings add."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from hysteresis import InputError
+
+from .._compensator import Status
+from ._motion import AbstractSensor, Motion, MotionFilter
+
+UNLIKE = 25.0
+"""Squared surprise of a channel from which on a reading is none that these contacts make."""
+
+
+class ContactForces(NamedTuple):
+    """Forces (..., contacts) in N, their standard deviations, and a `Status` for each reading.
+
+    `late`, `late_deviation`: of the forces `delay` readings ago, which by now are known better.
+    EXTRAPOLATED says that no forces explain the reading, SATURATED that one is at the end of its range.
+    """
+
+    value: Float[Array, "*samples contacts"]
+    deviation: Float[Array, "*samples contacts"]
+    late: Float[Array, "*samples contacts"]
+    late_deviation: Float[Array, "*samples contacts"]
+    status: Int[Array, "*samples"]
+
+
+class MultiContactState(NamedTuple):
+    """What may have happened, and the last forces."""
+
+    motion: Motion
+    last: ContactForces
+
+
+class MultiContactEstimator(eqx.Module):
+    """Forces by Gauss-Newton through a sensor that can be differentiated, with its memory:
+
+        maximise  -sum_l (z_l - h_l(F))^2 / (2 sigma_l^2) + log p(F | before)      at every reading
+
+    for each of the ways in which the forces may have turned lately, see `MotionFilter`. With one contact
+    and one channel it is the force from one reading, best where the noise counts.
+
+    **Arguments:**
+
+    - `sensor`: forces -> readings, such as `ChannelSensor` of models fitted to presses of one location.
+    - `reading_sigma`: standard deviation of each channel's reading, its noise and the models' error.
+    - `motion`: how forces move.
+
+    Raises `InputError` for deviations that are not positive.
+
+    Source: the inverse that Kim and Park (2018), section III D, search for on a grid.
+    """
+
+    sensor: AbstractSensor
+    reading_sigma: Float[Array, " channels"]
+    motion: MotionFilter
+
+    def __init__(self, sensor: AbstractSensor, reading_sigma: Any, motion: MotionFilter):
+        sigma = np.atleast_1d(np.asarray(reading_sigma, float))
+        if sigma.ndim != 1 or not (np.isfinite(sigma) & (sigma > 0)).all():
+            raise InputError(
+                "reading-sigma", "reading_sigma is no standard deviation for each channel."
+            )
+        self.sensor, self.reading_sigma, self.motion = sensor, jnp.asarray(sigma), motion
+
+    def init(self) -> MultiContactState:
+        """At rest, no location pressed."""
+        none = jnp.zeros(self.sensor.contacts)
+        last = ContactForces(none, none, none, none, jnp.asarray(Status.OK, int))
+        return MultiContactState(self.motion.init(self.sensor), last)
+
+    def step(
+        self, state: MultiContactState, t: Any, reading: Any
+    ) -> tuple[MultiContactState, ContactForces]:
+        """One reading (channels,) in V at time t in s. One with a NaN is INVALID: all is held."""
+        z = jnp.asarray(reading, self.reading_sigma.dtype)
+        t = jnp.asarray(t, z.dtype)
+        valid = jnp.isfinite(z).all() & jnp.isfinite(t)
+        motion, moved = self.motion.update(self.sensor, state.motion, t, z, self.reading_sigma**2)
+        held = (moved.force >= self.motion.high).any()
+        status = jnp.where(held, Status.SATURATED, Status.OK)
+        status = jnp.where(moved.surprise > UNLIKE, Status.EXTRAPOLATED, status)
+        found = ContactForces(
+            moved.force, moved.deviation, moved.late, moved.late_deviation, status
+        )
+        after = MultiContactState(motion, found)
+        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
+        status = jnp.where(valid, status, Status.INVALID)
+        return after, after.last._replace(status=status)
+
+    def simulate(
+        self, t: Any, readings: Any, state: MultiContactState | None = None
+    ) -> ContactForces:
+        """`step` over readings (samples, channels)."""
+        z = jnp.asarray(readings, float)
+        if z.ndim != 2 or z.shape[1] != self.reading_sigma.shape[0]:
+            raise InputError(
+                "other-channels",
+                f"readings of shape {z.shape} for {self.reading_sigma.shape[0]} channels.",
+                fix="give (samples, channels).",
+            )
+        return _scan(self, jnp.asarray(t, float), z, self.init() if state is None else state)
+
+
+@eqx.filter_jit
+def _scan(estimator: Any, t: Array, z: Array, state: Any) -> Any:
+    return jax.lax.scan(lambda own, now: estimator.step(own, *now), state, (t, z))[1]

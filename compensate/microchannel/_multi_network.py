@@ -1,0 +1,166 @@
+"""The paper's way to the forces of several contacts: a recurrent network of each, and a search."""
+
+import itertools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from hysteresis import InputError
+
+SEQUENCE = 20
+PREOCCUPIED = 10
+REACH_N, RESOLUTION_N = 0.4, 0.1
+GATES = 4
+
+Network = Callable[[Array], Array]
+"""Windows of forces (windows, sequence) -> readings at their ends (windows, layers)."""
+
+
+class ForceNetwork(eqx.Module):
+    """Readings from the last 20 forces of one location: LSTM layers, a dense one, a line.
+
+        i, f, o = sigmoid(W x + U h + b),  c <- f c + i relu(W x + U h + b),  h <- o relu(c)  in each layer
+        z = V relu(D dropout(h_3) + d) + v,      of the last of the sequence
+
+    **Arguments:** the weights, see `random`; `dropout`: the part of the last layer that a training leaves
+    out; `inference`: leave out none.
+
+    Source: Kim and Park (2018), section III D: three layers of 70, dropout of 0.5 at the third, a fully
+    connected layer of 25, ReLU throughout, sequences of 20.
+    """
+
+    matrices: tuple[Float[Array, "_ gates"], ...]
+    biases: tuple[Float[Array, " gates"], ...]
+    dense: Float[Array, "hidden dense"]
+    dense_bias: Float[Array, " dense"]
+    line: Float[Array, "dense layers"]
+    line_bias: Float[Array, " layers"]
+    dropout: float = eqx.field(default=0.5, static=True)
+    inference: bool = False
+
+    @classmethod
+    def random(
+        cls,
+        key: PRNGKeyArray,
+        *,
+        layers: int = 2,
+        hidden: int = 70,
+        depth: int = 3,
+        dense: int = 25,
+    ) -> "ForceNetwork":
+        """A network to start a training from; forget gates begin open, as is usual."""
+        keys = iter(jax.random.split(key, depth + 2))
+
+        def normal(in_: int, out: int) -> Array:
+            return jax.random.normal(next(keys), (in_, out)) / np.sqrt(in_)
+
+        inputs = [1] + [hidden] * (depth - 1)
+        matrices = tuple(normal(in_ + hidden, GATES * hidden) for in_ in inputs)
+        open_ = jnp.zeros(GATES * hidden).at[hidden : 2 * hidden].set(1.0)
+        return cls(
+            matrices, (open_,) * depth, normal(hidden, dense), jnp.zeros(dense),
+            normal(dense, layers), jnp.zeros(layers),
+        )  # fmt: skip
+
+    def __call__(
+        self, force: Float[Array, "windows sequence"], key: PRNGKeyArray | None = None
+    ) -> Float[Array, "windows layers"]:
+        """Readings at the end of windows of forces; `key` for the dropout of a training."""
+        rows = jnp.swapaxes(force, 0, 1)[..., None]
+        for W, b in zip(self.matrices, self.biases, strict=True):
+            rows = _layer(W, b, rows)
+        last = rows[-1]
+        if not self.inference and key is not None:
+            kept = jax.random.bernoulli(key, 1 - self.dropout, last.shape)
+            last = jnp.where(kept, last / (1 - self.dropout), 0.0)
+        last = jax.nn.relu(last @ self.dense + self.dense_bias[None])
+        return last @ self.line + self.line_bias[None]
+
+
+def _layer(W: Array, b: Array, rows: Float[Array, "sequence windows in_"]) -> Array:
+    hidden = W.shape[1] // GATES
+    into, round_ = W[:-hidden], W[-hidden:]
+    driven = rows @ into + b[None, None]
+
+    def step(carry: tuple[Array, Array], x: Array) -> tuple[tuple[Array, Array], Array]:
+        h, c = carry
+        i, f, o, g = jnp.split(x + h @ round_, GATES, axis=1)
+        c = jax.nn.sigmoid(f) * c + jax.nn.sigmoid(i) * jax.nn.relu(g)
+        h = jax.nn.sigmoid(o) * jax.nn.relu(c)
+        return (h, c), h
+
+    none = jnp.zeros((rows.shape[1], hidden), rows.dtype)
+    return jax.lax.scan(step, (none, none), driven)[1]
+
+
+def windows(
+    force: Float[np.ndarray, " samples"], sequence: int = SEQUENCE
+) -> Float[np.ndarray, "samples sequence"]:
+    """The last `sequence` forces at every sample; before the first there was none."""
+    padded = np.concatenate([np.zeros(sequence - 1), np.asarray(force, float)])
+    return np.lib.stride_tricks.sliding_window_view(padded, sequence).copy()
+
+
+class SearchState(NamedTuple):
+    """The forces found last, (contacts, sequence - 1); those before the search began are 0."""
+
+    past: Float[Array, "contacts past"]
+
+
+class SearchEstimator(eqx.Module):
+    """The paper's inverse: of all pairs of forces within 0.4 N of the last ones, in steps of 0.1 N, the one
+    whose reading is nearest,
+
+        F_n = argmin over F in F_(n-1) + {-0.4, -0.3, ..., 0.4}^contacts of |z_n - sum_k N_k(F_k, past)|^2
+
+    81 pairs with two contacts, from two times 9 sequences. It begins with ten zeros, and forces
+    stay at 0 or above. Nothing says how sure it is, and no force may change faster than 0.4 N a sample.
+
+    **Arguments:** `networks`, one for each location: (windows, sequence) -> (windows, layers).
+
+    Source: Kim and Park (2018), section III D.
+    """
+
+    networks: tuple[Network, ...] = eqx.field(converter=tuple)
+    sequence: int = eqx.field(default=SEQUENCE, static=True)
+
+    def __check_init__(self) -> None:
+        if not self.networks or self.sequence < PREOCCUPIED:
+            raise InputError("no-networks", f"no network, or sequences shorter than {PREOCCUPIED}.")
+
+    def init(self) -> SearchState:
+        """No force in all the past: the paper's ten zeros, and those before them that fill a sequence."""
+        return SearchState(jnp.zeros((len(self.networks), self.sequence - 1)))
+
+    def step(self, state: SearchState, t: Any, reading: Any) -> tuple[SearchState, Array]:
+        """One reading (layers,) in, forces (contacts,) in N out; `t` does not matter."""
+        z = jnp.asarray(reading, state.past.dtype)
+        valid = jnp.isfinite(z).all()
+        count = round(REACH_N / RESOLUTION_N)
+        away = RESOLUTION_N * jnp.arange(-count, count + 1, dtype=z.dtype)
+        tried = jnp.maximum(state.past[:, -1:] + away[None], 0.0)
+        read = []
+        for network, past, own in zip(self.networks, state.past, tried, strict=True):
+            same = jnp.broadcast_to(past, (len(away), *past.shape))
+            read.append(network(jnp.concatenate([same, own[:, None]], 1)))
+        grid = jnp.array(list(itertools.product(range(len(away)), repeat=len(self.networks))))
+        whole = sum(r[grid[:, k]] for k, r in enumerate(read))
+        best = grid[jnp.argmin(((whole - z[None]) ** 2).sum(1))]
+        force = jnp.take_along_axis(tried, best[:, None], 1)
+        after = jnp.concatenate([state.past[:, 1:], force], 1)
+        state = SearchState(jnp.where(valid, after, state.past))
+        return state, state.past[:, -1]
+
+    def simulate(self, t: Any, readings: Any) -> Float[Array, "samples contacts"]:
+        """`step` over readings (samples, layers)."""
+        return _search(self, jnp.asarray(readings, float))
+
+
+@eqx.filter_jit
+def _search(estimator: SearchEstimator, z: Array) -> Array:
+    return jax.lax.scan(lambda s, now: estimator.step(s, None, now), estimator.init(), z)[1]

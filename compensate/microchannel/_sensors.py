@@ -1,0 +1,60 @@
+"""What the filter of a contact's force looks through: fitted channels, or nothing at all."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from hysteresis import AbstractModel, InputError
+
+from ._motion import AbstractSensor
+
+
+class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
+    """Channels in series: every contact adds its own part to every layer's reading,
+
+        z_l = sum_k G_lk M_k[F_k],
+
+    with a model M_k, force -> reading, of each location, and the layers' gains. What is fitted from
+    presses of one location at a time then says what several at once will read.
+
+    **Arguments:**
+
+    - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
+
+    Raises `InputError` where these do not fit.
+    """
+
+    models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
+    gains: Float[Array, "layers locations"]
+
+    def __init__(self, models: Any, gains: Any = None):
+        self.models = tuple(models)
+        self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
+        if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
+            raise InputError(
+                "other-gains",
+                f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
+                fix="give one row for each layer, one column for each location's model.",
+            )
+
+    @property
+    def contacts(self) -> int:  # type: ignore[override]
+        return len(self.models)
+
+    def init(self) -> tuple[Any, ...]:
+        return tuple(model.init() for model in self.models)
+
+    def look(self, state: tuple[Any, ...], t: Array, force: Array) -> tuple[Array, Array]:
+        found = [
+            jax.jvp(lambda u, m=model, s=own: m.step(s, t, u)[1], (F,), (jnp.ones_like(F),))
+            for model, own, F in zip(self.models, state, force, strict=True)
+        ]
+        y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
+        return self.gains @ y, self.gains * slope[None]
+
+    def follow(self, state: tuple[Any, ...], t: Array, force: Array) -> tuple[Any, ...]:
+        each = zip(self.models, state, force, strict=True)
+        return tuple(model.step(own, t, F)[0] for model, own, F in each)

@@ -1,0 +1,103 @@
+"""The force of one contact: networks are models like any other, and estimators never raise in a loop."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import Status
+from compensate.microchannel import EverettNetwork, ForceEstimator
+from hysteresis import InputError
+from hysteresis.networks import StaircaseNetwork
+from hysteresis.rigs import MicrochannelRig
+from identify import train
+
+RECORD = MicrochannelRig(seed=11).cnc_loops(400)
+T, F, Z = RECORD.time, RECORD.force[:, 0], RECORD.reading[:, 0]
+STAIRCASE = StaircaseNetwork.random(
+    [Z], [F], [T], jax.random.key(0), thresholds=(0.1, 0.4), lags=(0.2, 5.0), hidden=(8, 4)
+)
+EVERETT = EverettNetwork.random(jax.random.key(1), high=4.5, force=8.0, cells=10)
+networks = pytest.mark.parametrize("network", [STAIRCASE, EVERETT], ids=["staircase", "everett"])
+
+
+@networks
+def test_a_batch_is_the_stream(network):
+    """To rounding: sums over reversals of forces of 8 N, in another order."""
+    batch = network.simulate(T, Z)
+    _, stream = network.stream(T, Z)
+    np.testing.assert_allclose(stream, batch, atol=1e-10)
+
+
+@networks
+def test_a_record_split_in_two_changes_nothing(network):
+    state, _ = network.stream(T[:150], Z[:150])
+    rest = network.simulate(T[150:], Z[150:], state)
+    np.testing.assert_allclose(rest, network.simulate(T, Z)[150:], atol=1e-10)
+
+
+def test_gradients_are_those_of_differences():
+    """Central differences of 1e-6 are good to 1e-8 or so away from the corners of a ReLU."""
+
+    def off(bias: jax.Array) -> jax.Array:
+        network = eqx.tree_at(lambda n: n.biases[0], STAIRCASE, bias)
+        return jnp.mean((network.simulate(T, Z) - jnp.asarray(F)) ** 2)
+
+    at = STAIRCASE.biases[0]
+    away = 1e-6 * jnp.eye(len(at))[0]
+    difference = (off(at + away) - off(at - away)) / 2e-6
+    np.testing.assert_allclose(jax.grad(off)(at)[0], difference, rtol=1e-5)
+
+
+def test_the_staircase_is_that_of_a_preisach_memory():
+    """A loop inside a loop is wiped out: what was between two maxima leaves no trace."""
+    long = np.array([0.0, 3.0, 1.0, 2.0, 1.2, 1.8, 4.0, 2.0])
+    short = np.array([0.0, 4.0, 2.0])
+    kept = slice(0, 3)  # the input and the plays, without what depends on time
+    ends = [np.asarray(STAIRCASE.prepare(np.arange(len(u)), u))[-1, kept] for u in (long, short)]
+    np.testing.assert_array_equal(*ends)
+
+
+def test_an_everett_network_rises_with_its_reading_after_any_history():
+    last = float(Z[199])
+    rises = np.concatenate([Z[:200], np.linspace(last, last + 1.5, 51)[1:]])
+    times = 0.02 * np.arange(len(rises))
+    found = np.diff(np.asarray(EVERETT.simulate(times, rises))[200:])
+    assert (found > 0).all()
+
+
+def test_a_network_learns_the_sensor():
+    """A record of 8 s is no training; but the error must be far below the forces' deviation of 2.2 N."""
+    x = np.asarray(STAIRCASE.prepare(T, Z))
+
+    def squares(network, rows, key):
+        return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
+
+    found = train(STAIRCASE, squares, (x, F), batch=50, epochs=100, learning_rate=0.01)
+    assert np.sqrt(found.validation[found.best]) < 0.3
+
+
+@networks
+def test_an_estimate_comes_with_its_worth(network):
+    estimator = ForceEstimator(network, 0.05, 8.0, low_reading=-0.2, high_reading=5.0)
+    z = Z[:60].copy()
+    z[20], z[30], z[40] = np.nan, np.inf, 6.0
+    found = estimator.simulate(T[:60], z)
+    assert found.status[20] == found.status[30] == Status.INVALID
+    assert found.value[20] == found.value[19]
+    assert found.status[40] == Status.EXTRAPOLATED
+    assert bool(((found.value >= 0) & (found.value <= 8.0)).all())
+    # The samples that were none might as well not have been there.
+    good = np.isfinite(z)
+    without = estimator.simulate(T[:60][good], z[good])
+    np.testing.assert_allclose(found.value[good], without.value, atol=1e-10)
+
+
+def test_bad_settings_are_answered():
+    with pytest.raises(InputError, match="estimator-range"):
+        ForceEstimator(STAIRCASE, 0.0, 8.0)
+    with pytest.raises(InputError, match="no-time"):
+        STAIRCASE.prepare(None, Z)
+    with pytest.raises(InputError, match="not-positive"):
+        StaircaseNetwork.random([Z], [F], [T], jax.random.key(0), thresholds=(-1.0,))

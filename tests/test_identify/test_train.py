@@ -1,0 +1,153 @@
+"""Training: what is learnt, that it is reproducible, and that a run can be stopped and resumed."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError
+from identify import train
+from identify._shuffle import shuffled
+
+X = np.linspace(-1, 1, 200)
+DATA = (X, 0.5 + 2.0 * X)
+FAST = {"batch": 20, "epochs": 60, "learning_rate": 0.1}
+"""What tests share: a loop is compiled once for all of them."""
+
+
+class Line(eqx.Module):
+    """y = a x + b, with a noise that only a training hears."""
+
+    a: jax.Array
+    b: jax.Array
+    rough: float = 0.0
+    inference: bool = False
+
+    def __call__(self, x: jax.Array, key: jax.Array) -> jax.Array:
+        noise = 0.0 if self.inference else self.rough * jax.random.normal(key, x.shape, x.dtype)
+        return self.a * x + self.b + noise
+
+
+def line(rough: float = 0.0) -> Line:
+    return Line(jnp.asarray(0.0), jnp.asarray(0.0), rough)
+
+
+def squares(module: Line, rows: tuple[jax.Array, jax.Array], key: jax.Array) -> jax.Array:
+    return jnp.mean((module(rows[0], key) - rows[1]) ** 2)
+
+
+@given(st.sampled_from([1, 2, 3, 64, 65, 1000]), st.integers(0, 2**31 - 1))
+def test_every_row_comes_once(rows: int, seed: int):
+    order = np.asarray(shuffled(jax.random.key(seed), rows))
+    assert (np.sort(order) == np.arange(rows)).all()
+
+
+def test_the_order_is_even():
+    """Row i comes at place j once in 50 times; the sum of squares is chi-squared with 49^2 degrees."""
+    keys = jax.random.split(jax.random.key(1), 4000)
+    orders = np.asarray(jax.vmap(lambda key: shuffled(key, 50))(keys))
+    counts = np.stack([(orders == k).sum(0) for k in range(50)])
+    statistic = ((counts - 80.0) ** 2 / 80).sum()
+    assert abs(statistic - 49**2) < 5 * np.sqrt(2) * 49
+
+
+def test_a_line_is_learnt_and_the_best_kept():
+    found = train(line(), squares, DATA, **FAST)
+    # Adam's steps of 0.1 circle the minimum; the best of 60 epochs is far closer than a step.
+    assert abs(float(found.module.a) - 2) < 0.02
+    assert abs(float(found.module.b) - 0.5) < 0.02
+    assert found.stopped == "epochs"
+    assert found.best == int(found.validation.argmin())
+    assert len(found.train) == len(found.validation) == 60
+
+
+def test_single_precision_gives_back_the_precision_it_was_given():
+    found = train(line(), squares, DATA, **FAST, float32=True)
+    assert found.module.a.dtype == jnp.float64
+    assert abs(float(found.module.a) - 2) < 0.05
+
+
+def test_dropout_is_for_training_alone():
+    """Noise of deviation 3 is in the loss of batches, not in that of the validation rows."""
+    found = train(line(3.0), squares, DATA, **FAST)
+    assert found.train.min() > 5
+    assert found.validation.min() < 1
+    assert found.module.inference is False
+
+
+def test_it_stops_when_nothing_gets_better():
+    still = {**FAST, "patience": 5, "optimizer": optax.set_to_zero()}
+    found = train(line(), squares, DATA, **still)
+    assert found.stopped == "patience"
+    assert (found.best, len(found.train)) == (0, 6)
+
+
+def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path):
+    file = tmp_path / "run.npz"
+
+    def interrupt(done: int, *_: object) -> None:
+        if done >= 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(line(0.1), squares, DATA, **FAST, checkpoint=file, progress=interrupt)
+    rest = train(line(0.1), squares, DATA, **FAST, checkpoint=file, resume=True)
+    whole = train(line(0.1), squares, DATA, **FAST)
+    assert bool(eqx.tree_equal(rest.module, whole.module))
+    np.testing.assert_array_equal(rest.train, whole.train)
+    assert rest.said == ("gone on from run.npz.",)
+
+
+def test_a_checkpoint_of_another_run_is_refused(tmp_path):
+    file = tmp_path / "run.npz"
+    train(line(), squares, DATA, **FAST, checkpoint=file)
+    other = (X, DATA[1] + 1)
+    with pytest.raises(InputError, match=r"another data.*other-checkpoint"):
+        train(line(), squares, other, **FAST, checkpoint=file, resume=True)
+    with pytest.raises(InputError, match="another seed"):
+        train(line(), squares, DATA, **FAST, seed=1, checkpoint=file, resume=True)
+    file.write_bytes(file.read_bytes()[:-40])
+    with pytest.raises(InputError, match="damaged-checkpoint"):
+        train(line(), squares, DATA, **FAST, checkpoint=file, resume=True)
+
+
+def test_nothing_kept_begins_anew(tmp_path):
+    file = tmp_path / "none.npz"
+    found = train(line(), squares, DATA, **FAST, checkpoint=file, resume=True)
+    assert found.said == ("nothing was kept in none.npz: trained from the beginning.",)
+
+
+@pytest.mark.parametrize(
+    ("code", "changed"),
+    [
+        ("unlike-rows", {"data": (X, X[1:])}),
+        ("unlike-rows", {"data": (X[:0], X[:0])}),
+        ("not-finite", {"data": (X, np.where(X > 0.9, np.nan, X))}),
+        ("batch", {"batch": 0}),
+        ("epochs", {"epochs": 0}),
+        ("patience", {"patience": 0}),
+        ("learning-rate", {"learning_rate": 0.0}),
+        ("validation", {"validation": 1.0}),
+        ("other-validation", {"validation": {"x": X}}),
+        ("no-checkpoint", {"resume": True}),
+        ("diverged", {"data": (X, 1e200 * X)}),
+    ],
+)
+def test_bad_input_is_answered(code, changed):
+    given = {"data": DATA, **FAST, **changed}
+    data = given.pop("data")
+    with pytest.raises(InputError) as caught:
+        train(line(), squares, data, **given)
+    assert caught.value.code == code
+
+
+def test_a_module_without_weights_is_refused():
+    class Nothing(eqx.Module):
+        pass
+
+    with pytest.raises(InputError, match="no-weights"):
+        train(Nothing(), squares, DATA)
