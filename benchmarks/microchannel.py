@@ -2,7 +2,7 @@
 
 python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
-Parts: forces (of one contact and of two: trains networks, minutes), places (which place, and which several),
+Parts: forces (of one contact and of two: trains networks, minutes), places (which, and which several),
 real (measured sensors, need the data).
 """
 
