@@ -1,6 +1,6 @@
 """Contacts in plain Python: the solver of `compensate.armor`, wrench by wrench."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from math import exp, inf, isfinite, isnan, nan, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,7 +56,7 @@ class Armor:
         self._touching, self._surface, self._place, self._time = False, 0, _ZERO, -inf
         self._contact = ArmorContact(_ZERO, 0, 0.0, ContactStatus.NO_CONTACT, 0.0, _ZERO, 0.0, 0.0)
 
-    def step(self, t: float, reading: Sequence[float]) -> ArmorContact:
+    def step(self, t: float, reading: Collection[float]) -> ArmorContact:
         """The contact at the time `t` from a reading (Fx, Fy, Fz, Mx, My, Mz), N and N m.
 
         Without a sensor in the file the reading is the load's wrench about P_o. A reading or time that is
@@ -237,7 +237,7 @@ class _Sensor:
         self._finds = [node_of(tree).find for tree in self._trees]
         self._held, self._time = [0.0] * 6, nan
 
-    def step(self, t: float, reading: Sequence[float]) -> tuple[Sequence[float], int]:
+    def step(self, t: float, reading: Collection[float]) -> tuple[Collection[float], int]:
         """The load's wrench, and 0 or the status of a reading that is not to be trusted."""
         if not isfinite(sum(reading) + t):
             return self._held, ContactStatus.INVALID
@@ -258,7 +258,7 @@ def _rows(affine: dict[str, Any] | None) -> list[Any]:
     return list(zip(affine["matrix"], affine["constant"], strict=True)) if affine else []
 
 
-def _mapped(rows: list[Any], values: Sequence[float]) -> list[float]:
+def _mapped(rows: list[Any], values: Collection[float]) -> list[float]:
     a, b, c, d, e, f = values
     return [
         r[0] * a + r[1] * b + r[2] * c + r[3] * d + r[4] * e + r[5] * f + constant
