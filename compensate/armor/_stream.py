@@ -98,7 +98,7 @@ class ContactStream:
     contact = stream.step(t, force, moment)
 
     XLA hands the small parts of a step from thread to thread, which is most of its time: in a process that
-    is kept on one core (`taskset -c 0 python ...`) a step takes a third, some 30 microseconds.
+    is kept on one core (`taskset -c 0 python ...`) a step takes a third to two thirds of it.
     """
 
     def __init__(self, solver: "ContactSolver"):
