@@ -6,16 +6,14 @@ that are pressed for the first time.
 
 from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jaxtyping import Bool, Float
 
-from compensate.armor import UncertainArmor, UncertainContact
-from hysid._reproduce_ours import INWARD, calibrated
-from hysteresis.rigs import ArmorPresses, ArmorRig, mixed_forces
+from compensate.armor import UncertainContact
+from hysid._reproduce_ours import calibrated, covariances, followed
+from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, mixed_forces
 
 from ._measure import Row, judged, noted
 
@@ -69,7 +67,9 @@ def of_rig(seed: int) -> Errors:
     armor = calibrated(rig)
     body = rig.press(*rig.points_of_the_body(), session=5)
     mixed = rig.press(*rig.points_of_surface_1(), mixed_forces(76, seed=seed), session=6)
-    of_body, of_mixed = (found_in(armor.uncertain, presses) for presses in (body, mixed))
+    of_body, of_mixed = (
+        followed(armor.uncertain, jnp.asarray(p.time), jnp.asarray(p.wrench)) for p in (body, mixed)
+    )
     counted = mixed.force >= LEAST
     line = rig.cover.five_cycles().statistics().both
     d = 1e3 * mixed.displacement
@@ -86,18 +86,6 @@ def of_rig(seed: int) -> Errors:
     )
 
 
-def found_in(armor: UncertainArmor, presses: ArmorPresses) -> UncertainContact:
-    """Every press a stream of its own."""
-    return _found(armor, jnp.asarray(presses.time), jnp.asarray(presses.wrench))
-
-
-@eqx.filter_jit
-def _found(armor: UncertainArmor, time: jax.Array, readings: jax.Array) -> UncertainContact:
-    found = jax.lax.map(lambda r: armor.simulate(time, r), readings)
-    draws = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 1, 0), found.draws)
-    return UncertainContact(found.contact, draws)
-
-
 def off(found: UncertainContact, presses: ArmorPresses) -> Float[np.ndarray, "presses samples 3"]:
     """P^e found less the true one, m."""
     return np.asarray(found.contact.point) - presses.contact
@@ -105,7 +93,7 @@ def off(found: UncertainContact, presses: ArmorPresses) -> Float[np.ndarray, "pr
 
 def held(found: UncertainContact, presses: ArmorPresses) -> Bool[np.ndarray, "presses samples"]:
     """Whether the true contact lies in the 90 % ellipsoid."""
-    e, covariance = off(found, presses), np.asarray(found.covariance)
+    e, covariance = off(found, presses), np.asarray(covariances(found))
     known = np.isfinite(covariance[..., 0, 0])
     safe = np.where(known[..., None, None], covariance, np.eye(3))
     square = np.einsum("...i,...ij,...j->...", e, np.linalg.inv(safe), e)

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import platform
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -117,6 +118,23 @@ def _entry(row: Row) -> dict[str, Any]:
     entry |= {"at_least": True} if row.at_least else {}
     entry |= {"least": row.least} if row.least is not None else {}
     return entry | ({"reason": row.reason} if row.met is None else {})
+
+
+def run_parts(
+    module: str,
+    about: str | None,
+    parts: Mapping[str, Callable[[bool], list[Row]]],
+    arguments: Sequence[str] | None,
+) -> None:
+    """Run the parts of a benchmark, or with `--only TEXT` those with this in their name, and print."""
+    chosen = options(module, about, arguments, only="parts with this in their name")
+    jax.config.update("jax_enable_x64", True)
+    rows: list[Row] = []
+    for name, part in parts.items():
+        if (chosen.only or "") in name:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            rows += part(chosen.quick)
+    report(rows, chosen.json)
 
 
 def options(

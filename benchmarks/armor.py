@@ -9,14 +9,12 @@ with ellipsoids: minutes).
 import sys
 from collections.abc import Callable, Sequence
 
-import jax
-
 from hysid._reproduce_armor import Rig
 from hysid._reproduce_rows import compared
 
 from ._armor_errors import error_rows
 from ._contacts import contact_rows
-from ._measure import Row, options, report
+from ._measure import Row, run_parts
 
 RIGS = 60
 
@@ -45,14 +43,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
-    chosen = options("benchmarks.armor", __doc__, arguments, only="parts with this in their name")
-    jax.config.update("jax_enable_x64", True)
-    rows: list[Row] = []
-    for name, part in PARTS.items():
-        if (chosen.only or "") in name:
-            print(f"{name} ...", file=sys.stderr, flush=True)
-            rows += part(chosen.quick)
-    report(rows, chosen.json)
+    run_parts("benchmarks.armor", __doc__, PARTS, arguments)
 
 
 if __name__ == "__main__":

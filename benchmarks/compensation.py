@@ -21,7 +21,7 @@ from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
 
 from ._bands import band_rows
 from ._exported import exported_rows
-from ._measure import Row, interleaved, judged, noted, options, report
+from ._measure import Row, interleaved, judged, noted, run_parts
 from ._noise_trade import noise_rows
 from ._removed import removed_rows
 
@@ -117,16 +117,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
-    chosen = options(
-        "benchmarks.compensation", __doc__, arguments, only="parts with this in their name"
-    )
-    jax.config.update("jax_enable_x64", True)
-    rows: list[Row] = []
-    for name, part in PARTS.items():
-        if (chosen.only or "") in name:
-            print(f"{name} ...", file=sys.stderr, flush=True)
-            rows += part(chosen.quick)
-    report(rows, chosen.json)
+    run_parts("benchmarks.compensation", __doc__, PARTS, arguments)
 
 
 def _walk(samples: int) -> np.ndarray:

@@ -14,36 +14,28 @@ from importlib import import_module
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # small matrices; workers inherit it
 
-import jax  # noqa: E402
+from ._measure import Row, run_parts  # noqa: E402
 
-from ._measure import Row, options, report  # noqa: E402
+
+def _part(module: str, function: str) -> Callable[[bool], list[Row]]:
+    """Loaded when it is run."""
+    return lambda quick: getattr(import_module(f"benchmarks.{module}"), function)(quick)
+
 
 PARTS = {
-    "calibration": ("_calibration", "calibration_rows"),
-    "check": ("_cross_check", "cross_check_rows"),
-    "shown": ("_cases", "case_rows"),
-    "starts": ("_starts", "start_rows"),
-    "sampling": ("_sampling", "sampling_rows"),
-    "kill": ("_sampling", "kill_rows"),
-    "batch": ("_batches", "batch_rows"),
+    "calibration": _part("_calibration", "calibration_rows"),
+    "check": _part("_cross_check", "cross_check_rows"),
+    "shown": _part("_cases", "case_rows"),
+    "starts": _part("_starts", "start_rows"),
+    "sampling": _part("_sampling", "sampling_rows"),
+    "kill": _part("_sampling", "kill_rows"),
+    "batch": _part("_batches", "batch_rows"),
 }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run every part and print; the exit status."""
-    chosen = options(
-        "benchmarks.identification", __doc__, arguments, only="parts with this in their name"
-    )
-    jax.config.update("jax_enable_x64", True)
-    rows: list[Row] = []
-    for name, (module, function) in PARTS.items():
-        if (chosen.only or "") in name:
-            part: Callable[[bool], list[Row]] = getattr(
-                import_module(f"benchmarks.{module}"), function
-            )
-            print(f"{name} ...", file=sys.stderr, flush=True)
-            rows += part(chosen.quick)
-    report(rows, chosen.json)
+    run_parts("benchmarks.identification", __doc__, PARTS, arguments)
     return 0
 
 

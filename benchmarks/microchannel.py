@@ -9,9 +9,7 @@ real (measured sensors, need the data).
 import sys
 from collections.abc import Callable, Sequence
 
-import jax
-
-from ._measure import Row, options, report
+from ._measure import Row, run_parts
 from ._microchannel_forces import force_rows
 from ._microchannel_places import place_rows
 from ._microchannel_real import real_rows
@@ -25,16 +23,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
-    chosen = options(
-        "benchmarks.microchannel", __doc__, arguments, only="parts with this in their name"
-    )
-    jax.config.update("jax_enable_x64", True)
-    rows: list[Row] = []
-    for name, part in PARTS.items():
-        if (chosen.only or "") in name:
-            print(f"{name} ...", file=sys.stderr, flush=True)
-            rows += part(chosen.quick)
-    report(rows, chosen.json)
+    run_parts("benchmarks.microchannel", __doc__, PARTS, arguments)
 
 
 if __name__ == "__main__":

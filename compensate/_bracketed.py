@@ -1,11 +1,12 @@
 """Inverse of any model whose output rises with its input: by bisection, sample by sample."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel
 
@@ -16,6 +17,25 @@ ROUNDING = 32
 
 FLAT_WIDTH = 1e-6
 """Part of the range. After a reversal y grows with the square of u: 1e-14 in y is 1e-7 in u."""
+
+
+def inputs_between(
+    outputs: Callable[[Array], Array], ends: Float[Array, "2"], wanted: Float[Array, "2"]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The first and the last input within `ends` whose output is within `wanted`, by bisection.
+
+    `outputs`: of several inputs, none lower than that of a lower input.
+    """
+
+    def halve(_: Any, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
+        below, above = bracket
+        middle = below + (above - below) / 2
+        short = outputs(middle) < wanted
+        return jnp.where(short, middle, below), jnp.where(short, above, middle)
+
+    bracket = jnp.full_like(ends, ends[0]), jnp.full_like(ends, ends[1])
+    below, above = jax.lax.fori_loop(0, jnp.finfo(ends.dtype).nmant + 2, halve, bracket)
+    return above[0], jnp.maximum(above[0], below[1])
 
 
 class BracketedState(NamedTuple):
@@ -56,21 +76,10 @@ class BracketedCompensator(AbstractCompensator[BracketedState]):
         outputs = jax.vmap(lambda u: self.model.step(state.model, t, u)[1])
         ends = jnp.stack([jnp.full_like(y, self.low), jnp.full_like(y, self.high)])
         least, greatest = outputs(ends)
-        precision = jnp.finfo(y.dtype)
-        margin = ROUNDING * precision.eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
-
-        # The first input whose output is within the margin of y, and the first one beyond.
+        eps = jnp.finfo(y.dtype).eps
+        margin = ROUNDING * eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
         wanted = jnp.stack([y - margin, y + margin])
-
-        def halve(_: Any, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
-            below, above = bracket
-            middle = below + (above - below) / 2
-            short = outputs(middle) < wanted
-            return jnp.where(short, middle, below), jnp.where(short, above, middle)
-
-        bracket = jnp.full_like(ends, ends[0]), jnp.full_like(ends, ends[1])
-        below, above = jax.lax.fori_loop(0, precision.nmant + 2, halve, bracket)
-        first, last = above[0], jnp.maximum(above[0], below[1])
+        first, last = inputs_between(outputs, ends, wanted)
 
         valid = jnp.isfinite(y)
         value = jnp.where(valid, jnp.clip(state.value, first, last), state.value)

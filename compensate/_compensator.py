@@ -83,9 +83,7 @@ def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def scan_steps(
-    compensator: AbstractCompensator, t: Array | None, y: Array, state: Any
-) -> tuple[Any, Estimate]:
-    """`step` over all samples, compiled once per length."""
-    t = jnp.zeros_like(y) if t is None else jnp.asarray(t, y.dtype)
+def scan_steps(compensator: Any, t: Array | None, y: Array, state: Any) -> tuple[Any, Any]:
+    """`step` over all samples of anything that has one, compiled once per length: state, estimates."""
+    t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
     return jax.lax.scan(lambda carry, sample: compensator.step(carry, *sample), state, (t, y))

@@ -15,6 +15,7 @@ from ._calibrated import CalibratedCompensator
 from ._header import header
 from ._inverses import invert
 from ._program import error_tree, program_of
+from .runtime._compensator import KIND
 from .runtime._file import SCHEMA, checksum
 from .runtime._tree import node_of
 
@@ -119,7 +120,7 @@ def _document(
     value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
     start = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
     document = {
-        "schema": SCHEMA, "kind": "hysid compensator", "title": title or type(model).__name__,
+        "schema": SCHEMA, "kind": KIND, "title": title or type(model).__name__,
         "reading": reading._asdict(), "estimate": estimate._asdict(),
         "limits": [float(low), float(high)], "rates": rates, "start": float(start), "tree": tree,
         "error": error and error_tree(error),

@@ -9,8 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from hysteresis import AbstractModel
 
-_ROUNDS = 60
-"""Of bisection: beyond the last bit of a double."""
+from ._bracketed import inputs_between
 
 
 class FlatInterval(NamedTuple):
@@ -67,25 +66,15 @@ def _intervals(
         t, u, look = row
         after, y = model.step(state, t, u)
 
-        def output(v: Array) -> Array:
-            return model.step(state, t, v)[1]
-
-        span = jnp.abs(output(bounds[1]) - output(bounds[0]))
-
-        def as_far_as(bound: Array) -> Array:
-            def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-                same, other = ends
-                middle = 0.5 * (same + other)
-                alike = jnp.abs(output(middle) - y) <= tolerance * span
-                return jnp.where(alike, middle, same), jnp.where(alike, other, middle)
-
-            whole = jnp.abs(output(bound) - y) <= tolerance * span
-            return jnp.where(whole, bound, jax.lax.fori_loop(0, _ROUNDS, halve, (u, bound))[0])
-
         def search() -> FlatInterval:
-            return FlatInterval(
-                as_far_as(jnp.minimum(u, bounds[0])), as_far_as(jnp.maximum(u, bounds[1]))
-            )
+            outputs = jax.vmap(lambda v: model.step(state, t, v)[1])
+            least, greatest = outputs(bounds)
+            # Of a model that falls, what is mirrored rises.
+            way = jnp.where(greatest < least, -1.0, 1.0).astype(u.dtype)
+            margin = tolerance * jnp.abs(greatest - least)
+            wanted = jnp.stack([way * y - margin, way * y + margin])
+            first, last = inputs_between(lambda v: way * outputs(v), bounds, wanted)
+            return FlatInterval(jnp.minimum(first, u), jnp.maximum(last, u))
 
         return after, jax.lax.cond(look, search, lambda: FlatInterval(u, u))
 

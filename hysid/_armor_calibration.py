@@ -14,7 +14,6 @@ from compensate.armor import (
     Presses,
     PressResiduals,
     UncertainArmor,
-    planned_presses,
 )
 
 ARM = 0.25
@@ -132,6 +131,3 @@ def choose_presses(
 def _level(field: Any) -> str:
     """Name of the value far from a bump, or of all of them."""
     return next(name for name in ("value", "base", "values") if hasattr(field, name))
-
-
-__all__ = ["CalibratedArmor", "calibrate_armor", "choose_presses", "doubts", "planned_presses"]

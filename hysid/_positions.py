@@ -21,4 +21,4 @@ def fit_positions(
     places = np.asarray(places, float)
     x = np.asarray(standardised(readings)[0])
     kernel = identify.fit_kernel(x, places - places.mean(0), seed)
-    return PositionEstimator(readings, places, *kernel, least=least)
+    return PositionEstimator(readings, places, kernel, least=least)

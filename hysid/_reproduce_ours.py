@@ -2,8 +2,10 @@
 
 from functools import cache
 
+import equinox as eqx
+import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from compensate.armor import (
     Armor,
@@ -12,11 +14,13 @@ from compensate.armor import (
     ContactSolver,
     Cover,
     Presses,
+    UncertainArmor,
+    UncertainContact,
     WristSensor,
     planned_presses,
 )
 from hysteresis import AbstractModel, PrandtlIshlinskii, Record
-from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeRig, force_path
+from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, SpongeRig, force_path
 from identify import fit
 
 from ._armor_calibration import CalibratedArmor, calibrate_armor, choose_presses
@@ -25,8 +29,6 @@ PRESSES, CANDIDATES = 20, 200
 
 STAGE = 5e-5
 """m, deviation of one reading of the stage that measures d."""
-
-INWARD = np.array([[0, 0, -1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]], float)
 
 TURNS = (0.0, 20.0, 4.0, 15.0)
 """N, of the presses that the choice looks at: up, down and up again."""
@@ -85,6 +87,22 @@ def chosen_points() -> tuple[Float[np.ndarray, "presses 3"], np.ndarray]:
     goals = planned(*rig.random_points(60, seed=2))
     choice = choose_presses(armor, planned(points, surface), goals, PRESSES)
     return points[choice.chosen], surface[choice.chosen]
+
+
+@eqx.filter_jit
+def followed(
+    armor: UncertainArmor,
+    time: Float[Array, " samples"],
+    readings: Float[Array, "presses samples 6"],
+) -> UncertainContact:
+    """The contacts of presses, every one a stream of its own: arrays (presses, ...)."""
+    return jax.lax.map(lambda each: armor.simulate(time, each), readings)
+
+
+@jax.jit
+def covariances(found: UncertainContact) -> Float[Array, "presses samples 3 3"]:
+    """Of P^e of all of them, m^2."""
+    return jax.vmap(lambda one: one.covariance)(found)
 
 
 def as_presses(made: ArmorPresses, random: np.random.Generator) -> Presses:

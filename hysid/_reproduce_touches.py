@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from compensate.armor import Box, ContactSolver, UncertainArmor, UncertainContact
+from compensate.armor import Box, ContactSolver
 from hysteresis.rigs import force_path
 
 from ._armor_touches import save_touches, shell_of
 from ._reproduce_armor import Rig
+from ._reproduce_ours import covariances, followed
 
 STEP, SECONDS = 1.5, 0.1
 """N and s from sample to sample."""
@@ -28,10 +27,10 @@ def write_touches(rig: Rig, folder: Path, with_ours: bool) -> dict[str, Any]:
     force, moment = wrench[:, :3], wrench[:, 3:]
     solver = ContactSolver(Box(*rig.soft.size), rig.lines["2"])
     if with_ours:
-        found = _followed(
+        found = followed(
             rig.calibrated.uncertain, jnp.asarray(presses.time), jnp.asarray(presses.wrench)
         )
-        covariance = np.asarray(jax.vmap(lambda one: one.covariance)(found)).reshape(-1, 3, 3)
+        covariance = np.asarray(covariances(found)).reshape(-1, 3, 3)
         contact = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), found.contact)
         title = "calibrated by twenty presses"
     else:
@@ -43,9 +42,3 @@ def write_touches(rig: Rig, folder: Path, with_ours: bool) -> dict[str, Any]:
         title=f"Haptic armour: 45 presses of 15 N, {title}",
     )  # fmt: skip
     return {"presses": len(points), "rows": len(wrench), "rig": rig.seed}
-
-
-@eqx.filter_jit
-def _followed(armor: UncertainArmor, time: Array, readings: Array) -> UncertainContact:
-    """Every press a stream of its own."""
-    return jax.lax.map(lambda each: armor.simulate(time, each), readings)

@@ -21,6 +21,7 @@ from ._errors import InputError as InputError
 from ._extended import extended as extended
 from ._fitness import check_identifiable as check_identifiable
 from ._foam_curve import FoamCurve as FoamCurve
+from ._kernel import Kernel as Kernel
 from ._model import AbstractModel as AbstractModel
 from ._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
 from ._parameter import ParameterInfo as ParameterInfo

@@ -31,7 +31,6 @@ from ._identifiability import Identifiability as Identifiability
 from ._identifiability import design as design
 from ._identifiability import excited_cells as excited_cells
 from ._identifiability import identifiability as identifiability
-from ._kernel import Kernel as Kernel
 from ._kernel import fit_kernel as fit_kernel
 from ._least_squares import Starts as Starts
 from ._loo import Loo as Loo

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -19,8 +18,8 @@ from ._chains import Progress
 from ._checkpoint import Checkpoint
 from ._ensembles import sample_ensembles
 from ._fit import require_double
-from ._posterior import Posterior, modes_of, summary_of
-from ._sample import MOST_STEPS, first_walkers
+from ._posterior import Posterior
+from ._sample import MOST_STEPS, first_walkers, posterior_of, walkers_for
 
 System = TypeVar("System", bound=eqx.Module)
 
@@ -105,7 +104,7 @@ class Calibration(Generic[System]):
     root: Float[np.ndarray, "unknowns unknowns"]
     """of the covariance at `point`, both in the free space"""
 
-    @cached_property
+    @property
     def text(self) -> str:
         """A table for a terminal."""
         lines = [f"{'parameter':32}{'value':>12}{'deviation':>12}{'before':>12}"]
@@ -130,30 +129,17 @@ class Calibration(Generic[System]):
         Where the residuals bend little within it, `draws` says the same at once.
         """
         begin = time.perf_counter()
-        walkers = max(16, 2 * len(self.point) + len(self.point) % 2)
+        walkers = walkers_for(None, len(self.point))
         density = _density(self.residuals, self.prior)
         first = first_walkers(density, self.point, self.root, ensembles, walkers, seed)
         tell = progress or (lambda done, total, text: None)
         chains = sample_ensembles(
             density, first, self.point, self.root, seed, steps, MOST_STEPS, Checkpoint(None), tell
         )
-        thinned = chains.points[:, :: chains.thin].reshape(ensembles, -1, len(self.point))
-        values = np.asarray(jax.vmap(jax.vmap(self.prior.values))(jnp.asarray(thinned)))
-        summaries = tuple(
-            summary_of(
-                one.name, values[..., j], float(chains.ess[j]), float(chains.rhat[j]),
-                modes_of(thinned[..., j], float(chains.ess[j])),
-                float(1 - chains.points[..., j].var()),
-            )
-            for j, one in enumerate(self.parameters)
-        )  # fmt: skip
-        flat = jnp.asarray(thinned.reshape(-1, len(self.point)))
-        return Posterior(
-            self.prior.names, values, self.prior.many(flat), summaries, chains.method,
-            chains.acceptance, chains.autocorrelation, time.perf_counter() - begin, chains.notes,
-            chains.long_enough, chains.log_probability[:, :: chains.thin].reshape(ensembles, -1),
-            chains.statistics,
-        )  # fmt: skip
+        prior_variance = np.ones(len(self.point))
+        return posterior_of(
+            self.prior.names, chains, self.prior.values, self.prior.many, prior_variance, begin
+        )
 
 
 def calibrate(

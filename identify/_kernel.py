@@ -1,14 +1,12 @@
 """A smooth function of several variables from scattered values: the scales of a Gaussian process."""
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from hysteresis import InputError
+from hysteresis import InputError, Kernel
 
 from ._fit import require_double
 
@@ -16,25 +14,6 @@ MOST = 600
 """Rows by which the scales are chosen: evidence takes the cube of their number, and more say little."""
 
 STEPS = 200
-
-
-class Kernel(NamedTuple):
-    """Covariance of a function's values:
-
-    k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)),      and noise^2 where x is x'
-    """
-
-    size: Float[Array, ""]
-    length: Float[Array, " features"]
-    noise: Float[Array, ""]
-
-    def between(
-        self, x: Float[Array, "n features"], other: Float[Array, "m features"]
-    ) -> Float[Array, "n m"]:
-        """Without the noise."""
-        a, b = x / self.length[None], other / self.length[None]
-        square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
-        return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)
 
 
 def fit_kernel(

@@ -1,6 +1,8 @@
 """`sample`: draws from the posterior of a fit, by the sampler that suits it."""
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -92,7 +94,7 @@ def sample(
         notes = ("NUTS keeps no checkpoint.",) if checkpoint is not None else ()
         chains = sample_nuts(aim, steps or 1000, ensembles, seed, tell, notes)
         return _posterior(aim, chains, seed, begin)
-    walkers = _walkers(walkers, len(aim.names))
+    walkers = walkers_for(walkers, len(aim.names))
     file = None if checkpoint is None else Path(checkpoint)
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
     density = log_probability(aim)
@@ -162,7 +164,7 @@ def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str)
         raise InputError("unknown-method", f"there is no sampler {method!r}.", fix="emcee or nuts.")
 
 
-def _walkers(walkers: int | None, parameters: int) -> int:
+def walkers_for(walkers: int | None, parameters: int) -> int:
     if walkers is None:
         return max(4 * parameters, 16)
     if walkers < 2 * parameters or walkers % 2:
@@ -198,30 +200,50 @@ def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: i
 
 
 def _posterior(aim: Target, chains: Chains, seed: int, begin: float) -> Posterior:
-    """In the parameters' units, thinned, with what can be said of each."""
+    """Of a fit: with its prior, and what the draws say of each row."""
+    values, free = _prior(aim, seed)
+    found = posterior_of(aim.names, chains, aim.values, jax.vmap(aim.model), free.var(0), begin)
+    return replace(found, prior=values, per_row=per_row(aim, _thinned(chains), seed))
+
+
+def posterior_of(
+    names: tuple[str, ...],
+    chains: Chains,
+    values: Callable[[Array], Array],
+    models: Callable[[Array], Any],
+    prior_variance: Float[np.ndarray, " parameters"],
+    begin: float,
+) -> Posterior:
+    """Chains in the parameters' units, thinned, with what can be said of each.
+
+    **Arguments:** `values` and `models`: of one point of the free space, and of many; `prior_variance`: of
+    each parameter there; `begin`: when the work began, `time.perf_counter()`.
+    """
+
+    def in_units(points: np.ndarray) -> np.ndarray:
+        flat = jnp.asarray(points.reshape(-1, points.shape[-1]))
+        return np.asarray(jax.vmap(values)(flat)).reshape(points.shape)
+
     ensembles, _, _, parameters = chains.points.shape
-    values = _values(aim, chains.points)
-    thinned = chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
-    prior_values, prior_free = _prior(aim, seed)
+    every, thinned = in_units(chains.points), _thinned(chains)
     summaries = []
-    for j, name in enumerate(aim.names):
-        column, ess = values[..., j].reshape(ensembles, -1), float(chains.ess[j])
-        contraction = 1 - chains.points[..., j].var() / prior_free[:, j].var()
+    for j, name in enumerate(names):
+        column, ess = every[..., j].reshape(ensembles, -1), float(chains.ess[j])
+        contraction = 1 - chains.points[..., j].var() / prior_variance[j]
         said = {"modes": modes_of(thinned[..., j], ess), "contraction": float(contraction)}
         summaries.append(summary_of(name, column, ess, float(chains.rhat[j]), **said))
     flat = jnp.asarray(thinned.reshape(-1, parameters))
     density = chains.log_probability[:, :: chains.thin].reshape(ensembles, -1)
     return Posterior(
-        aim.names, _values(aim, thinned), jax.vmap(aim.model)(flat), tuple(summaries), chains.method,
-        chains.acceptance, chains.autocorrelation, time.perf_counter() - begin, chains.notes,
-        chains.long_enough, density, chains.statistics, prior_values, per_row(aim, thinned, seed),
+        names, in_units(thinned), models(flat), tuple(summaries), chains.method, chains.acceptance,
+        chains.autocorrelation, time.perf_counter() - begin, chains.notes, chains.long_enough,
+        density, chains.statistics,
     )  # fmt: skip
 
 
-def _values(aim: Target, points: np.ndarray) -> np.ndarray:
-    """Points of the free space (..., parameters) in the parameters' units."""
-    flat = jnp.asarray(points.reshape(-1, points.shape[-1]))
-    return np.asarray(jax.vmap(aim.values)(flat)).reshape(points.shape)
+def _thinned(chains: Chains) -> Float[np.ndarray, "ensembles draws parameters"]:
+    ensembles, _, _, parameters = chains.points.shape
+    return chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
 
 
 def _prior(aim: Target, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,9 +3,6 @@
 from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ._contact import Contact
 from ._solver import ContactSolver
@@ -27,18 +24,4 @@ class Armor(eqx.Module):
 
     def simulate(self, t: Any, readings: Any) -> Contact:
         """The contacts of a stream of readings (samples, 6), with the sensor's and the cover's history."""
-        readings = jnp.asarray(readings, float)
-        return _stream(self, jnp.asarray(t, readings.dtype), readings)
-
-
-@eqx.filter_jit
-def _stream(
-    armor: Armor, t: Float[Array, " samples"], readings: Float[Array, "samples 6"]
-) -> Contact:
-    def step(state: tuple[Any, Any], now: tuple[Array, Array]) -> tuple[tuple[Any, Any], Contact]:
-        wrist, touch = state
-        wrist, wrench = armor.sensor.step(wrist, *now)
-        touch, contact = armor.solver.step(touch, now[0], *wrench)
-        return (wrist, touch), contact
-
-    return jax.lax.scan(step, (armor.sensor.init(), armor.solver.init()), (t, readings))[1]
+        return self.solver.simulate(t, *self.sensor.simulate(t, readings))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from hysteresis import InputError, Scalar
+from hysteresis import InputError, Scalar, parameter
 
 from ._armor import Armor
 from ._faces import dots
@@ -67,10 +67,6 @@ class Presses(eqx.Module):
         self.displacement = None if displacement is None else jnp.asarray(displacement, float)
 
 
-def _number(value: Any) -> Array:
-    return jnp.asarray(value, float)
-
-
 def planned_presses(
     armor: Armor, time: Any, force: Any, direction: Any, touched: Any, surface: Any
 ) -> Presses:
@@ -117,9 +113,9 @@ class PressResiduals(eqx.Module):
 
     presses: Presses
     noise: Float[Array, "6"]
-    place: Scalar = eqx.field(default=1e-3, converter=_number)
-    scatter: Scalar = eqx.field(default=1e-3, converter=_number)
-    reading: Scalar = eqx.field(default=2e-4, converter=_number)
+    place: Scalar = parameter(1e-3, unit="m", fixed=True)
+    scatter: Scalar = parameter(1e-3, unit="m", fixed=True)
+    reading: Scalar = parameter(2e-4, unit="m", fixed=True)
 
     def __call__(self, armor: Armor) -> Float[Array, "presses residuals"]:
         def one(press: Presses) -> Array:

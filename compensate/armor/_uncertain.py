@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
-from hysteresis import Scalar
+from hysteresis import Scalar, parameter
 
 from ..runtime._contact_status import ContactStatus
 from ._armor import Armor
@@ -70,8 +70,8 @@ class UncertainArmor(eqx.Module):
 
     armor: Armor
     draws: Armor
-    noise: Float[Array, "6"] = eqx.field(converter=lambda x: jnp.asarray(x, float))
-    scatter: Scalar = eqx.field(default=0.0, converter=lambda x: jnp.asarray(x, float))
+    noise: Float[Array, "6"] = parameter(fixed=True)
+    scatter: Scalar = parameter(0.0, unit="m", fixed=True)
     seed: int = eqx.field(default=0, static=True)
 
     def solve(self, readings: Any) -> UncertainContact:

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
-from .._compensator import AbstractCompensator, Status
+from .._compensator import AbstractCompensator, Status, scan_steps
 from .._ensemble import UncertainEstimate
 
 
@@ -73,10 +73,4 @@ class ForceEstimator(AbstractCompensator[ForceState]):
 
     def simulate(self, t: Any, y: Any, state: ForceState | None = None) -> UncertainEstimate:
         y = jnp.asarray(y, float)
-        t = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
-        return _scan(self, t, y, self.init() if state is None else state)
-
-
-@eqx.filter_jit
-def _scan(estimator: Any, t: Array, y: Array, state: Any) -> Any:
-    return jax.lax.scan(lambda own, now: estimator.step(own, *now), state, (t, y))[1]
+        return scan_steps(self, t, y, self.init() if state is None else state)[1]

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import InputError
 
-from .._compensator import Status
+from .._compensator import Status, scan_steps
 from ._motion import AbstractSensor, Motion, MotionFilter
 
 UNLIKE = 25.0
@@ -105,9 +105,4 @@ class MultiContactEstimator(eqx.Module):
                 f"readings of shape {z.shape} for {self.reading_sigma.shape[0]} channels.",
                 fix="give (samples, channels).",
             )
-        return _scan(self, jnp.asarray(t, float), z, self.init() if state is None else state)
-
-
-@eqx.filter_jit
-def _scan(estimator: Any, t: Array, z: Array, state: Any) -> Any:
-    return jax.lax.scan(lambda own, now: estimator.step(own, *now), state, (t, z))[1]
+        return scan_steps(self, t, z, self.init() if state is None else state)[1]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from hysteresis import InputError
+from hysteresis import InputError, Kernel
 
 from ._localizer import PlaceStatus
 
@@ -39,14 +39,14 @@ class PositionEstimator(eqx.Module):
 
         P = mean + k(x, X) K^-1 (P_X - mean),     variance = size^2 + noise^2 - k(x, X) K^-1 k(X, x)
 
-    with k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)) on features divided by `scale`, and
-    K = k(X, X) + noise^2. Between places that were pressed it interpolates; far from all, the
-    deviation grows to that of a sensor that says nothing, and the status is UNKNOWN.
+    with the `Kernel` k of features divided by `scale`, and K = k(X, X) + noise^2. Between places that
+    were pressed it interpolates; far from all, the deviation grows to that of a sensor that says nothing,
+    and the status is UNKNOWN.
 
     **Arguments:**
 
     - `readings` (rows, channels), `places` (rows, coordinates): presses to learn from.
-    - `size`, `length` (channels + 1,), `noise`: of the kernel, such as `identify.fit_kernel` finds for
+    - `kernel`: k and noise, of channels + 1 features, as `identify.fit_kernel` finds for
       `standardised(readings)`.
     - `least`: |w| below which nothing is pressed. `surest`: the status is UNKNOWN where the deviation is
       more than this part of `size`.
@@ -62,14 +62,12 @@ class PositionEstimator(eqx.Module):
     known: Float[Array, "rows features"]
     weights: Float[Array, "rows coordinates"]
     precision: Float[Array, "rows rows"]
-    size: Float[Array, ""]
-    length: Float[Array, " features"]
-    noise: Float[Array, ""]
+    kernel: Kernel
     least: Float[Array, ""]
     surest: Float[Array, ""]
 
     def __init__(
-        self, readings: Any, places: Any, size: Any, length: Any, noise: Any, *,
+        self, readings: Any, places: Any, kernel: Kernel, *,
         least: float = 0.0, surest: float = 0.5,
     ):  # fmt: skip
         readings, places = np.asarray(readings, float), np.asarray(places, float)
@@ -82,9 +80,9 @@ class PositionEstimator(eqx.Module):
             raise InputError("not-finite", "a reading or place is no number.", fix="leave it out.")
         self.known, self.centre, self.scale = standardised(readings)
         self.mean = jnp.asarray(places.mean(0))
-        self.size, self.length, self.noise = (jnp.asarray(v, float) for v in (size, length, noise))
+        self.kernel = kernel
         self.least, self.surest = jnp.asarray(least, float), jnp.asarray(surest, float)
-        K = self._covariance(self.known) + self.noise**2 * jnp.eye(len(places))
+        K = kernel.between(self.known, self.known) + kernel.noise**2 * jnp.eye(len(places))
         factor = jax.scipy.linalg.cho_factor(K, lower=True)
         self.weights = jax.scipy.linalg.cho_solve(factor, places - self.mean[None])
         self.precision = jax.scipy.linalg.cho_solve(factor, jnp.eye(len(places)))
@@ -98,22 +96,17 @@ class PositionEstimator(eqx.Module):
         finite = jnp.isfinite(flat).all(-1)
         flat = jnp.where(finite[:, None], flat, 0)
         x = (pattern(flat) - self.centre[None]) / self.scale[None]
-        near = self._covariance(x)
+        near = self.kernel.between(x, self.known)
         told = jnp.sum(near * (near @ self.precision), axis=1)
-        deviation = jnp.sqrt(jnp.maximum(self.size**2 - told, 0) + self.noise**2)
+        deviation = jnp.sqrt(jnp.maximum(self.kernel.size**2 - told, 0) + self.kernel.noise**2)
         pressed = jnp.sqrt(jnp.sum(flat**2, axis=1)) > self.least
         codes = (PlaceStatus.INVALID, PlaceStatus.NO_PRESS, PlaceStatus.UNKNOWN)
-        unsure = deviation > self.surest * self.size
+        unsure = deviation > self.surest * self.kernel.size
         status = jnp.select([~finite, ~pressed, unsure], list(map(int, codes)), int(PlaceStatus.OK))
         point = jnp.where(finite[:, None], self.mean[None] + near @ self.weights, self.mean[None])
         return Position(
             point.reshape(*leading, -1), deviation.reshape(leading), status.reshape(leading)
         )
-
-    def _covariance(self, x: Float[Array, "n features"]) -> Float[Array, "n rows"]:
-        a, b = x / self.length[None], self.known / self.length[None]
-        square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
-        return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)
 
 
 def standardised(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ._armor_geometry import Vector, crossing, dot, field, moved, outside, square
 from ._contact_status import ContactStatus
-from ._file import FileError, read
+from ._file import replayed
 from ._tree import Node, node_of
 
 KIND = "hysid armor"
@@ -283,23 +283,19 @@ def load_armor(path: str | Path) -> Armor:
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
     """
-    document = read(path, KIND)
-    try:
-        armor, golden, worst = Armor(document), document["golden"], 0.0
-        rows = zip(
-            golden["t"], golden["reading"], golden["point"], golden["surface"], golden["status"],
-            strict=True,
-        )  # fmt: skip
-        for t, reading, point, surface, status in rows:
-            contact = armor.step(t, reading)
-            same = (contact.surface, int(contact.status)) == (surface, status)
-            off = sqrt(square(contact.point, point))
-            worst = max(worst, off if same and not isnan(off) else inf)
-    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError, ImportError) as error:
-        raise FileError(f"{path}: cannot be run ({error}). Export it again.") from None
-    if not worst <= golden["tolerance"]:
-        raise FileError(
-            f"{path}: replayed, its own contacts lie {worst:.3g} m off. Export it again."
-        )
-    armor.reset()
-    return armor
+    return replayed(path, KIND, "contacts lie {:.3g} m off", _replay)
+
+
+def _replay(document: dict[str, Any]) -> tuple[Armor, float]:
+    """How far off, m; infinitely where a surface or status differs."""
+    armor, golden, worst = Armor(document), document["golden"], 0.0
+    rows = zip(
+        golden["t"], golden["reading"], golden["point"], golden["surface"], golden["status"],
+        strict=True,
+    )  # fmt: skip
+    for t, reading, point, surface, status in rows:
+        contact = armor.step(t, reading)
+        same = (contact.surface, int(contact.status)) == (surface, status)
+        off = sqrt(square(contact.point, point))
+        worst = max(worst, off if same and not isnan(off) else inf)
+    return armor, worst

@@ -4,9 +4,11 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._file import FileError, read
+from ._file import replayed
 from ._status import Status
 from ._tree import error_of, node_of
+
+KIND = "hysid compensator"
 
 _STATUSES = tuple(Status)
 _OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
@@ -80,17 +82,10 @@ def load(path: str | Path) -> Compensator:
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
     """
-    document = read(path)
-    try:
-        compensator = Compensator(document)
-        golden = document["golden"]
-        rows = zip(golden["reading"], golden["dt"], golden["value"], strict=True)
-        worst = max(abs(compensator.step(y, dt).value - value) for y, dt, value in rows)
-    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError, ImportError) as error:
-        raise FileError(f"{path}: cannot be run ({error}). Export it again.") from None
-    if not worst <= golden["tolerance"]:
-        raise FileError(
-            f"{path}: replayed, its own readings give estimates {worst:.3g} off. Export it again."
-        )
-    compensator.reset()
-    return compensator
+    return replayed(path, KIND, "readings give estimates {:.3g} off", _replay)
+
+
+def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
+    compensator, golden = Compensator(document), document["golden"]
+    rows = zip(golden["reading"], golden["dt"], golden["value"], strict=True)
+    return compensator, max(abs(compensator.step(y, dt).value - value) for y, dt, value in rows)

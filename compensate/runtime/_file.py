@@ -1,10 +1,10 @@
-"""A compensator's file: what it is checked for before it is used."""
+"""A compensator's file, or an armor's: what it is checked for before it is used."""
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 SCHEMA = 1
 
@@ -12,6 +12,16 @@ _WRITTEN_BY = {
     "hysid compensator": "not a compensator. Write one with hysid export DIR --runtime FILE.",
     "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
 }
+
+
+class Resettable(Protocol):
+    """What is made of a file."""
+
+    def reset(self) -> None:
+        """As before the first reading."""
+
+
+Used = TypeVar("Used", bound=Resettable)
 
 
 class FileError(ValueError):
@@ -25,7 +35,27 @@ def checksum(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def read(path: str | Path, kind: str = "hysid compensator") -> dict[str, Any]:
+def replayed(
+    path: str | Path, kind: str, said: str, replay: Callable[[dict[str, Any]], tuple[Used, float]]
+) -> Used:
+    """What `replay` makes of the document of a file, once it gives its golden values again.
+
+    `replay` returns it with how far off the worst of them is, which `said` says in words: "... {:.3g} off".
+    Raises `FileError` as `read` does, and where it cannot be run or gives other values.
+    """
+    document = read(path, kind)
+    try:
+        made, worst = replay(document)
+        tolerance = document["golden"]["tolerance"]
+    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError, ImportError) as error:
+        raise FileError(f"{path}: cannot be run ({error}). Export it again.") from None
+    if not worst <= tolerance:
+        raise FileError(f"{path}: replayed, its own {said.format(worst)}. Export it again.")
+    made.reset()
+    return made
+
+
+def read(path: str | Path, kind: str) -> dict[str, Any]:
     """The document of a file. Raises `FileError` where it is of another kind, newer, cut off or changed."""
     try:
         document = json.loads(Path(path).read_bytes())

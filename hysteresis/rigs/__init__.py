@@ -1,5 +1,6 @@
 """Virtual test rigs: physics that no model of ours contains, sampled as a rig would sample it."""
 
+from ._armor import INWARD as INWARD
 from ._armor import ArmorPoints as ArmorPoints
 from ._armor import ArmorPresses as ArmorPresses
 from ._armor import ArmorRig as ArmorRig

@@ -6,7 +6,7 @@ a contact point: data made by the solver under test would prove nothing.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -14,9 +14,12 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from .._errors import InputError
+from ._arguments import fault, require
 from ._force_sensor import ForceSensor
 from ._sponge import FORCE_LIMIT, SpongeRig
+
+_fault = partial(fault, "ArmorRig")
+_require = partial(require, "ArmorRig")
 
 INWARD: Final = np.array([[0, 0, -1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]], float)
 """Inward normals of surfaces 1 to 5: the top, +y, -y, +x, -x."""
@@ -370,12 +373,3 @@ def _unit(
         "Give (presses, 3), each with a part along the inward normal.",
     )
     return direction / length
-
-
-def _require(holds: bool, problem: str, fix: str) -> None:
-    if not holds:
-        raise _fault(problem, fix)
-
-
-def _fault(problem: str, fix: str) -> InputError:
-    return InputError("rig_argument", problem, place="ArmorRig", fix=fix)

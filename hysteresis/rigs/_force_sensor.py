@@ -1,11 +1,14 @@
 """A virtual six-axis force sensor: crosstalk, hysteresis and noise."""
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import InputError
+from ._arguments import fault
+
+_fault = partial(fault, "ForceSensor")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +89,3 @@ class ForceSensor:
         lagging = load - self.hysteresis * full_scale / 2 * stops / travel
         noise = np.repeat([self.noise_n, self.noise_nm], 3)
         return lagging @ matrix.T + noise * rng.normal(size=load.shape)
-
-
-def _fault(problem: str, fix: str) -> InputError:
-    return InputError("rig_argument", problem, place="ForceSensor", fix=fix)

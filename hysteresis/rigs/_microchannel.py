@@ -6,7 +6,7 @@ plausible generator, not an identification: the paper prints no curve's numbers.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 from typing import Final, NamedTuple
 
@@ -14,8 +14,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from .._errors import InputError
+from ._arguments import require
 from ._channel_readout import CapacitiveReadout, ResistiveReadout
+
+_require = partial(require, "MicrochannelRig")
 
 FINGER_TRAINING: Final = (318, 230, 420, 200, 424)
 """Presses of A to E: unequal, and 1,592 together as in the paper."""
@@ -343,8 +345,3 @@ def _ramps(
     if samples is None:
         samples = int(np.ceil(times[-1] / dt))
     return np.interp(dt * np.arange(1, samples + 1), times, forces)
-
-
-def _require(holds: bool, problem: str, fix: str) -> None:
-    if not holds:
-        raise InputError("rig_argument", problem, place="MicrochannelRig", fix=fix)

@@ -9,13 +9,17 @@ more parameters than the paper prints statistics.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from .._errors import InputError
+from ._arguments import fault, require
+
+_fault = partial(fault, "SpongeRig")
+_require = partial(require, "SpongeRig")
 
 REFERENCE_THICKNESS: Final = 50.0
 """mm, of the paper's block, to which the parameters refer."""
@@ -372,12 +376,3 @@ def _substep(dt: float, substeps: int) -> float:
     )
     _require(substeps >= 1, f"substeps = {substeps} is less than 1.", "Give 1 or more.")
     return dt / substeps
-
-
-def _require(holds: bool, problem: str, fix: str) -> None:
-    if not holds:
-        raise _fault(problem, fix)
-
-
-def _fault(problem: str, fix: str) -> InputError:
-    return InputError("rig_argument", problem, place="SpongeRig", fix=fix)

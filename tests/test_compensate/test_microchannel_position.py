@@ -9,7 +9,7 @@ import pytest
 
 from compensate.microchannel import PlaceStatus, PositionEstimator
 from hysid import fit_positions
-from hysteresis import InputError
+from hysteresis import InputError, Kernel
 
 SENSORS = np.array([[x, y] for x in (2.0, 10.0, 18.0) for y in (2.0, 10.0, 18.0)])
 NOISE = 0.01
@@ -76,4 +76,4 @@ def test_faults_say_what_to_do():
     with pytest.raises(InputError, match="leave it out"):
         fit_positions(bad, places)
     with pytest.raises(InputError, match="one place a reading"):
-        PositionEstimator(bad, places[:4], 1.0, np.ones(10), 0.1)
+        PositionEstimator(bad, places[:4], Kernel(*map(jnp.asarray, (1.0, np.ones(10), 0.1))))

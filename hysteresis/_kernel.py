@@ -1,0 +1,25 @@
+"""How much values of a smooth function have in common."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+class Kernel(NamedTuple):
+    """Covariance of a function's values:
+
+    k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)),      and noise^2 where x is x'
+    """
+
+    size: Float[Array, ""]
+    length: Float[Array, " features"]
+    noise: Float[Array, ""]
+
+    def between(
+        self, x: Float[Array, "n features"], other: Float[Array, "m features"]
+    ) -> Float[Array, "n m"]:
+        """Without the noise."""
+        a, b = x / self.length[None], other / self.length[None]
+        square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
+        return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)
