@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 SCHEMA = 1
 
@@ -14,6 +14,7 @@ _WRITTEN_BY = {
 }
 
 
+@runtime_checkable
 class Resettable(Protocol):
     """What is made of a file."""
 
