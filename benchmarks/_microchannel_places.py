@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import Localizer, LogicStatus, LogicTable
+from hysid.reproduction._skin import LEVELS_OF_THREE, Skin, level
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 
 from ._measure import Row, judged, least_seconds, noted
@@ -18,10 +19,7 @@ PRESSES = 10_000
 PAPER_ACCURACY, PAPER_SPREAD = 93.0, 2.4
 """%, of 100 presses; what 100 presses of the virtual sensor scatter by."""
 
-LEVELS_OF_THREE = [[3, 2, 1], [1, 2, 3]]
 LEVELS_OF_FIVE = [[3, 2.5, 2, 1.5, 1], [1, 1.5, 2, 2.5, 3]]
-FINGER_FORCE = 4.0
-"""N, of the presses of several places."""
 
 
 class Places(NamedTuple):
@@ -76,12 +74,10 @@ def _single(count: int) -> list[Row]:
 
 def of_sensor(seed: int) -> Places:
     """Train one sensor and ask it."""
-    rig = MicrochannelRig(seed=seed)
-    known, few, many = (rig.finger_presses(), rig.finger_presses(20, session=1),
-                        rig.finger_presses(PRESSES // 5, session=2))  # fmt: skip
+    skin = Skin(seed)
+    rig, table = skin.rig, skin.votes
+    known, many = rig.finger_presses(), rig.finger_presses(PRESSES // 5, session=2)
     noise = rig.readout.noise
-    votes = Localizer.train(known.reading, known.location, method="neighbours", noise=noise)
-    table = votes.confusion(few.reading, few.location)
     ours = Localizer.train(known.reading, known.location, noise=noise).locate(many.reading)
     right = ours.probability.argmax(axis=1) == many.location
     return Places(
@@ -137,8 +133,7 @@ def _seconds_a_press() -> float:
 
 
 def _several(count: int) -> list[Row]:
-    unit = _level(FINGER_FORCE)
-    right = np.array([_of_21(seed, unit) for seed in range(count)])
+    right = np.array([_of_21(seed) for seed in range(count)])
     return [
         judged(
             f"(C) presses of A, C, E and together, right of 21, the median of {count} sensors",
@@ -162,33 +157,16 @@ def _several(count: int) -> list[Row]:
     ]  # fmt: skip
 
 
-def _level(force: float) -> float:
-    """V of one level: location E in layer 1 at the end of a centred press."""
-    centred = MicrochannelRig(
-        placement_common=0.0, placement_differential=0.0, readout=ResistiveReadout(noise=0.0)
-    )
-    return float(centred.press_together([[0, 0, 0, 0, force]])[0, 0])
-
-
-def _of_21(seed: int, unit: float) -> int:
+def _of_21(seed: int) -> int:
     """The paper's table III: three presses of each of seven combinations."""
-    rig = MicrochannelRig(seed=seed)
-    table = LogicTable(LEVELS_OF_THREE, "ACE", unit=unit, noise=rig.readout.noise)
-    pressed = [places for places in table.combinations for _ in range(3)]
-    readings = rig.press_together(
-        [[FINGER_FORCE * (name in places) for name in "ABCDE"] for places in pressed]
-    )
-    return sum(
-        table.decide(reading).places == places
-        for reading, places in zip(readings, pressed, strict=True)
-    )
+    return sum(places == found.places for places, found in Skin(seed).decisions)
 
 
 def _unknown() -> float:
     """Of presses of A, C and E and together, each to another force that nobody tells."""
     rig, force = MicrochannelRig(seed=0), np.random.default_rng(0).uniform(1.5, 8.0, 700)
     table = LogicTable(
-        LEVELS_OF_THREE, "ACE", unit=(_level(1.5), _level(8.0)), noise=rig.readout.noise
+        LEVELS_OF_THREE, "ACE", unit=(level(1.5), level(8.0)), noise=rig.readout.noise
     )
     pressed = [places for places in table.combinations for _ in range(100)]
     readings = rig.press_together(

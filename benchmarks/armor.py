@@ -9,8 +9,9 @@ with ellipsoids: minutes).
 import sys
 from collections.abc import Callable, Sequence
 
-from hysid._reproduce_armor import Rig
-from hysid._reproduce_rows import compared
+from hysid.reproduction._armor import Rig
+from hysid.reproduction._armor_rows import PUBLISHED
+from hysid.reproduction._published import compared
 
 from ._armor_errors import error_rows
 from ._contacts import contact_rows
@@ -23,7 +24,7 @@ def reproduced_rows(quick: bool) -> list[Row]:
     """Every published number beside the virtual rigs': off by no more than two of their deviations."""
     count = 10 if quick else RIGS
     rows = []
-    for row in compared([Rig(seed) for seed in range(count)], lambda done: None):
+    for row in compared(PUBLISHED, {}, [Rig(seed) for seed in range(count)], lambda _: None):
         sign = "<" if row["at_most"] else ""
         published = f"{sign}{row['published']:g} {row['unit']} published"
         what = f"reproduced numbers, mean over {count} rigs: {row['what']}, {published}"

@@ -2,20 +2,23 @@
 
 python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
-Parts: forces (of one contact and of two: trains networks, minutes), places (which, and which several),
-real (measured sensors, need the data).
+Parts: forces (of one contact: trains networks, minutes), pairs (of two contacts: minutes), training (how
+long it takes), places (which, and which several), real (measured sensors, need the data).
 """
 
 import sys
 from collections.abc import Callable, Sequence
 
 from ._measure import Row, run_parts
-from ._microchannel_forces import force_rows
+from ._microchannel_forces import force_rows, pair_rows
 from ._microchannel_places import place_rows
 from ._microchannel_real import real_rows
+from ._microchannel_training import training_rows
 
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "forces": force_rows,
+    "pairs": pair_rows,
+    "training": training_rows,
     "places": place_rows,
     "real": real_rows,
 }

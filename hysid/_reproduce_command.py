@@ -7,28 +7,38 @@ import typer
 
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="tsuji2014.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="tsuji2014 or kim2018.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; by default hysid-PAPER.")
     ] = None,
-    rigs: Annotated[int, typer.Option(min=2, help="Virtual rigs to take the spread from.")] = 60,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first rig.")] = 0,
-    ours: Annotated[
-        bool, typer.Option(help="Also by our method, which takes seconds a rig.")
-    ] = True,
+    rigs: Annotated[
+        int | None,
+        typer.Option(
+            min=2, help="Virtual laboratories; by default 60 of tsuji2014, 20 of kim2018."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first laboratory.")] = 0,
+    ours: Annotated[bool, typer.Option(help="Also by our methods, which takes longer.")] = True,
+    epochs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Of the networks of kim2018; by default the paper's 1,000."),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Write over results that are there.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """A paper's tables and figures beside what virtual rigs make of them."""
+    """A paper's tables and figures beside what virtual laboratories make of them."""
     from ._cli import _one_of, _print, _say, _start
 
-    _one_of("tsuji2014")(paper)
+    _one_of("tsuji2014", "kim2018")(paper)
     folder = out or Path(f"hysid-{paper}")
     _start()
-    from ._reproduce import reproduce as reproduced
-    from ._reproduce import terminal
+    from .reproduction import reproduce as reproduced
+    from .reproduction import terminal
 
-    found = reproduced(folder, rigs=rigs, seed=seed, with_ours=ours, overwrite=overwrite, say=_say)
+    found = reproduced(
+        paper, folder, rigs=rigs, seed=seed, with_ours=ours, epochs=epochs,
+        overwrite=overwrite, say=_say,
+    )  # fmt: skip
     _print(found, as_json, [*terminal(found), "", f"Results: {folder}"])

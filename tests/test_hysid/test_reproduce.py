@@ -6,8 +6,7 @@ from types import NoneType
 import numpy as np
 import pytest
 
-from hysid import _reproduce_rows
-from hysid._reproduce_armor import (
+from hysid.reproduction._armor import (
     METHODS,
     Change,
     Method,
@@ -17,7 +16,8 @@ from hysid._reproduce_armor import (
     linear_range,
     surface_errors,
 )
-from hysid._reproduce_rows import PUBLISHED, Published, _row
+from hysid.reproduction._armor_rows import PUBLISHED
+from hysid.reproduction._published import Published, compared, row_of
 from hysteresis.rigs import SpongeCycles, SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli import fits
@@ -103,7 +103,7 @@ def test_a_deviation_is_called_one():
 
     def row(published: float, found: list[float], at_most: bool = False) -> dict:
         one = Published("k", "k", "", "mm", published, 0.5, lambda rig: 0.0, "why", at_most)
-        return _row(one, found, None)
+        return row_of(one, found, None)
 
     found = [9.0, 11.0]  # mean 10, standard deviation sqrt(2)
     near, far = 10 + 2 * np.sqrt(2) + 0.49, 10 + 2 * np.sqrt(2) + 0.51
@@ -121,11 +121,9 @@ def test_a_method_of_ours_stands_beside(monkeypatch):
     known = Method("told the truth", True, lambda rig, presses: presses.contact[:, -1])
     monkeypatch.setitem(METHODS, "known", known)
     better = {"body_b": lambda rig: float(body_errors(rig, "known").mean())}
-    monkeypatch.setattr(_reproduce_rows, "BETTER", better)
     assert np.all(body_errors(rig, "known") == 0)
     only = [p for p in PUBLISHED if p.key == "body_b"]
-    monkeypatch.setattr(_reproduce_rows, "PUBLISHED", only)
-    row = _reproduce_rows.compared([rig, Rig(SEED + 1)], lambda done: None, True)[0]
+    row = compared(only, better, [rig, Rig(SEED + 1)], lambda done: None)[0]
     assert (row["ours"], row["ours_sd"]) == (0, 0)
     assert row["reproduced"] > 5
 

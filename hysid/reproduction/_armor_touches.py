@@ -10,9 +10,9 @@ import numpy as np
 from compensate.armor import Box, ContactSolver
 from hysteresis.rigs import force_path
 
-from ._armor_touches import save_touches, shell_of
-from ._reproduce_armor import Rig
-from ._reproduce_ours import covariances, followed
+from .._armor_touches import save_touches, shell_of
+from ._armor import Rig
+from ._armor_ours import covariances, followed
 
 STEP, SECONDS = 1.5, 0.1
 """N and s from sample to sample."""

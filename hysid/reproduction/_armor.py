@@ -15,8 +15,8 @@ from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
 
-from ._armor_calibration import CalibratedArmor
-from ._reproduce_ours import calibrated
+from .._armor_calibration import CalibratedArmor
+from ._armor_ours import calibrated
 
 READING = 0.05
 """mm, standard deviation of one reading of the stage."""

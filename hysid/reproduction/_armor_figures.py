@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from hysteresis.rigs import SpongeCycles
 
-from ._figures import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
-from ._reproduce_armor import METHODS, Rig, body_errors, linear_range, surface_errors
+from .._figures import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
+from ._armor import METHODS, Rig, body_errors, linear_range, surface_errors
 
 WIDE = (9.6, 3.7)
 FORCE, DISPLACEMENT = "force (N)", "displacement (mm)"

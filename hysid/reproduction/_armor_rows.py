@@ -1,11 +1,11 @@
-"""What Tsuji et al. (2014) print, how a virtual rig measures each number, and how the two compare."""
+"""What Tsuji et al. (2014) print, and how a virtual rig measures each number."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ._reproduce_armor import (
+from ._armor import (
     METHODS,
     OURS,
     Rig,
@@ -15,27 +15,7 @@ from ._reproduce_armor import (
     nonlinearity,
     surface_errors,
 )
-
-
-class Published(NamedTuple):
-    """One number of the paper.
-
-    - `half_digit`: what its printing leaves open: half of its last digit, or of the step it was read in.
-    - `measure`: the same number, of one virtual rig.
-    - `why`: of a deviation.
-    - `at_most`: the paper says no more than that it is not exceeded.
-    """
-
-    key: str
-    what: str
-    where: str
-    unit: str
-    value: float
-    half_digit: float
-    measure: Callable[[Rig], float]
-    why: str
-    at_most: bool = False
-
+from ._published import Published, finding
 
 READINGS = "Only the stage's readings differ from rig to rig, since the sponge is one: the spread is small."
 SPONGE = f"The virtual sponge was tuned to this number. {READINGS}"
@@ -110,39 +90,6 @@ BETTER: dict[str, Callable[[Rig], float]] = {
 """What our method makes of a number: its key -> the same number by it, of one rig."""
 
 
-def compared(
-    rigs: Sequence[Rig], progress: Callable[[int], None], with_ours: bool = False
-) -> list[dict[str, Any]]:
-    """One row for each published number. `within_two_sd`: |published - mean| <= 2 sd + half_digit."""
-    measures = [(p.key, p.measure) for p in PUBLISHED]
-    ours = list(BETTER.items()) if with_ours else []
-    found: dict[str, list[float]] = {p.key: [] for p in PUBLISHED}
-    better: dict[str, list[float]] = {key: [] for key, _ in ours}
-    for n, rig in enumerate(rigs):
-        for into, how in ((found, measures), (better, ours)):
-            for key, measure in how:
-                into[key].append(measure(rig))
-        progress(n + 1)
-    return [_row(p, found[p.key], better.get(p.key)) for p in PUBLISHED]
-
-
-def _row(of: Published, found: list[float], ours: list[float] | None) -> dict[str, Any]:
-    mean, sd = _spread(found)
-    off = max(mean - of.value, 0) if of.at_most else abs(mean - of.value)
-    within = off <= 2 * sd + of.half_digit
-    row: dict[str, Any] = {"key": of.key, "what": of.what, "where": of.where, "unit": of.unit}
-    row |= {"published": of.value, "at_most": of.at_most, "half_digit": of.half_digit}
-    row |= {"reproduced": mean, "sd": sd, "ours": None, "ours_sd": None, "within_two_sd": within}
-    if ours is not None:
-        row["ours"], row["ours_sd"] = _spread(ours)
-    deviates = off > max(of.half_digit, 0.5 * sd)
-    return row | {"deviation": of.why if deviates else ""}
-
-
-def _spread(values: list[float]) -> tuple[float, float]:
-    return float(np.mean(values)), float(np.std(values, ddof=1))
-
-
 def findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
     """What the paper says in words, and whether it holds here."""
     changes = [changed(rig.fresh, rig.aged) for rig in rigs]
@@ -157,40 +104,36 @@ def findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
         float(np.mean([_relative(name)(rig) for rig in rigs])) for name in "abc"
     )
     return [
-        _finding(
+        finding(
             "Six months of use did not change the sponge (fig 9).",
             f"The two records differ in {seen} of {len(rigs)} rigs at the level of 5 %, which chance "
             f"does in {0.05 * len(rigs):.2g}. A change of {K:.2g} mm/N in K or of {b:.2g} mm in b would "
             "have been seen. The virtual sponge does not age.",
             seen <= 0.05 * len(rigs) + 2 * np.sqrt(0.05 * 0.95 * len(rigs)),
         ),
-        _finding(
+        finding(
             "50 and 30 mm thick it is close to linear, 10 mm thick it is not (fig 10).",
             "The first loading leaves its line by "
             + ", ".join(f"{x:.1f} % at {h:g} mm" for h, x in means.items())
             + " of its range.",
             means[10.0] > 3 * max(means[50.0], means[30.0]),
         ),
-        _finding(
+        finding(
             "Approximation 1 errs least, since the presses only load (fig 12).",
             f"So it is in {sum(first)} of {len(rigs)} rigs.",
             np.mean(first) > 0.5,
         ),
-        _finding(
+        finding(
             "Errors peak at the middle of the surface, where the frame gives way (fig 12).",
             f"Approximation 1 errs by {middle:.1f} mm there and by {rest:.1f} mm elsewhere: a sag of "
             "1.5 mm makes up for the stiffness of the sheet. A peak would need more than 4 mm, and "
             "then the means would not be the paper's.",
             middle > rest,
         ),
-        _finding(
+        finding(
             "Compensated, soft is about as accurate as rigid, relative to size (fig 14).",
             f"(b) has {b_part:.2f} % and (c) {c_part:.2f} %, where softness had cost "
             f"{a_part - c_part:.2f} % in (a).",
             abs(b_part - c_part) < 0.25 * (a_part - c_part),
         ),
     ]
-
-
-def _finding(published: str, reproduced: str, holds: Any) -> dict[str, Any]:
-    return {"published": published, "reproduced": reproduced, "holds": bool(holds)}

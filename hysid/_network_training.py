@@ -1,0 +1,165 @@
+"""How the networks of a soft sensor are trained from records: each a recipe of a few lines."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float
+
+from compensate.microchannel import (
+    ChannelSensor,
+    EverettNetwork,
+    ForceNetwork,
+    MotionFilter,
+    MultiContactEstimator,
+    windows,
+)
+from hysteresis.networks import StaircaseNetwork
+from identify import Trained, train
+
+Tell = Callable[[int, int, str], None]
+Series = Float[np.ndarray, " _"]
+
+BATCH = 64
+
+
+class Learnt(NamedTuple):
+    """A network, its RMSE on the tenth of the rows it did not learn from, and how it learnt."""
+
+    model: Any
+    off: float
+    trained: Trained
+
+
+class PlaceRecord(NamedTuple):
+    """Presses of one location: time in s, force in N, and the readings of every layer."""
+
+    time: Series
+    force: Series
+    reading: Float[np.ndarray, "samples layers"]
+
+
+def train_staircase(
+    times: Sequence[Series],
+    inputs: Sequence[Series],
+    outputs: Sequence[Series],
+    *,
+    thresholds: Sequence[float],
+    lags: Sequence[float],
+    epochs: int = 1000,
+    rate: float = 2e-3,
+    tell: Tell | None = None,
+) -> Learnt:
+    """`StaircaseNetwork` from inputs to outputs, one array for each record."""
+    start = StaircaseNetwork.random(
+        inputs, outputs, times, jax.random.key(0), thresholds=thresholds, lags=lags
+    )
+    pairs = zip(times, inputs, strict=True)
+    x = np.concatenate([np.asarray(start.prepare(t, u)) for t, u in pairs])
+    y = np.concatenate(outputs)
+    found = train(
+        start, staircase_squares, (x, y), epochs=epochs, batch=BATCH, float32=True,
+        optimizer=_decaying(rate, epochs, len(y)), progress=tell,
+    )  # fmt: skip
+    return _learnt(found)
+
+
+def train_everett(
+    times: Sequence[Series],
+    readings: Sequence[Series],
+    forces: Sequence[Series],
+    *,
+    epochs: int = 600,
+    high_force: float,
+    tell: Tell | None = None,
+) -> Learnt:
+    """`EverettNetwork` from readings to forces, records of one length; five of them a batch."""
+    t, z, F = (jnp.asarray(np.stack(part)) for part in (times, readings, forces))
+    start = EverettNetwork.random(jax.random.key(0), high=float(z.max()), force=high_force)
+    found = train(
+        start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
+        optimizer=_decaying(2e-2, epochs, len(times), 5), progress=tell,
+    )  # fmt: skip
+    return _learnt(found)
+
+
+def train_recurrent(
+    records: Sequence[PlaceRecord], *, epochs: int = 100, seed: int = 0, tell: Tell | None = None
+) -> Learnt:
+    """The paper's `ForceNetwork` from the last forces on one location to all layers' readings."""
+    forces = np.concatenate([windows(one.force) for one in records])
+    readings = np.concatenate([one.reading for one in records])
+    found = train(
+        ForceNetwork.random(jax.random.key(seed)), _window_squares, (forces, readings),
+        epochs=epochs, batch=BATCH, float32=True, patience=10,
+        optimizer=_decaying(2e-3, epochs, len(forces)), progress=tell,
+    )  # fmt: skip
+    return _learnt(found._replace(module=eqx.nn.inference_mode(found.module)))
+
+
+def train_channels(
+    places: Sequence[Sequence[PlaceRecord]],
+    *,
+    thresholds: Sequence[float],
+    lags: Sequence[float],
+    high_force: float,
+    noise: float,
+    epochs: int = 600,
+) -> MultiContactEstimator:
+    """An estimator of several contacts at once from records of one location each.
+
+        z_l = sum_k G_lk M_k[F_k]:    M_k a `StaircaseNetwork` of the layers weighted by their gains G
+
+    `noise`: of a reading, V, where the networks are better than that.
+    """
+    models, gains, off = [], [], 0.0
+    for records in places:
+        z = np.concatenate([one.reading for one in records])
+        strongest = z[:, z.std(0).argmax()]
+        gain = z.T @ strongest / (strongest @ strongest)
+        signal = [one.reading @ gain / (gain @ gain) for one in records]
+        found = train_staircase(
+            [one.time for one in records], [one.force for one in records], signal,
+            thresholds=thresholds, lags=lags, epochs=epochs, rate=3e-3,
+        )  # fmt: skip
+        models.append(found.model)
+        gains.append(gain)
+        off = max(off, found.off * float(np.sqrt(gain @ gain)))
+    sigma = [max(off, noise)] * len(gains[0])
+    motion = MotionFilter(high_force, acceleration=10.0, turn=10.0, turns=1.0)
+    return MultiContactEstimator(ChannelSensor(models, np.stack(gains, 1)), sigma, motion)
+
+
+def _learnt(found: Trained) -> Learnt:
+    return Learnt(found.module, float(np.sqrt(found.validation[found.best])), found)
+
+
+@cache
+def _decaying(
+    rate: float, epochs: int, rows: int, batch: int = BATCH
+) -> optax.GradientTransformation:
+    """Adam whose steps shrink to nothing over the training; a tenth of the rows is held out.
+
+    The same one for the same numbers: a training is compiled for one optimiser, by identity.
+    """
+    steps = epochs * (9 * rows // (10 * batch))
+    return optax.adam(optax.cosine_decay_schedule(rate, max(1, steps)))
+
+
+def staircase_squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
+    """Mean squared error of rows (inputs x, output)."""
+    return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
+
+
+def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
+    t, reading, force = rows
+    return jnp.mean((jax.vmap(network.simulate)(t, reading) - force) ** 2)
+
+
+def _window_squares(network: ForceNetwork, rows: Any, key: Any) -> Array:
+    return jnp.mean((network(rows[0], key) - rows[1]) ** 2)

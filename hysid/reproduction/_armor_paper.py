@@ -1,0 +1,79 @@
+"""Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body."""
+
+from typing import Any
+
+import numpy as np
+
+from . import _armor_figures as figures
+from ._armor import DISPLACEMENTS, METHODS, OURS, Rig, body_errors, surface_errors
+from ._armor_rows import BETTER, PUBLISHED, findings
+from ._armor_touches import write_touches
+from ._frame import Asked, Paper
+from ._published import compared
+
+
+def carry_out(asked: Asked) -> dict[str, Any]:
+    """Every number over all rigs, with spread; pictures of the first."""
+    rigs = [Rig(asked.seed + n) for n in range(asked.rigs)]
+    if asked.with_ours:
+        asked.say("each is also calibrated by twenty presses (--no-ours leaves that out)")
+
+    def progress(done: int) -> None:
+        if done % 10 == 0 or done == asked.rigs:
+            asked.say(f"rig {done} of {asked.rigs}")
+
+    document = {
+        "rows": compared(PUBLISHED, BETTER if asked.with_ours else {}, rigs, progress),
+        "findings": findings(rigs),
+        "methods": {name: _method(rigs, name) for name in _some(METHODS, asked.with_ours)},
+        "points": _points(rigs, asked.with_ours),
+    }
+    asked.say("drawing")
+    drawn = _draw(rigs, asked)
+    document["touches"] = write_touches(rigs[0], asked.out, asked.with_ours)
+    return document | {"files": {"touches": "touches.json", **drawn}}
+
+
+def _method(rigs: list[Rig], name: str) -> dict[str, Any]:
+    """The mean error of each rig, in mm, and what they have in common."""
+    means = np.array([body_errors(rig, name).mean() for rig in rigs])
+    method = METHODS[name]
+    return {
+        "label": method.label,
+        "published": method.published,
+        "mean": means.mean(),
+        "sd": means.std(ddof=1),
+        "each": means,
+    }
+
+
+def _points(rigs: list[Rig], with_ours: bool) -> dict[str, Any]:
+    """Errors in z at the 76 points, mm: mean and standard deviation over the rigs."""
+    names = _some(DISPLACEMENTS, with_ours)
+    errors = {name: np.array([surface_errors(rig, name) for rig in rigs]) for name in names}
+    return {name: {"mean": e.mean(0), "sd": e.std(0, ddof=1)} for name, e in errors.items()}
+
+
+def _some(table: dict[str, Any], with_ours: bool) -> list[str]:
+    return [name for name in table if with_ours or name != OURS]
+
+
+def _draw(rigs: list[Rig], asked: Asked) -> dict[str, str]:
+    one = rigs[0]
+    blocks = {h: one.of_thickness(h) for h in (50.0, 30.0, 10.0)}
+    drawn = {
+        "fig6": figures.loops(one.fresh, one.lines, "Fig 6. Five tests, three approximations"),
+        "fig7": figures.force_range(one.to_40),
+        "fig9": figures.aging(one.fresh, one.aged),
+        "fig10": figures.thickness(blocks),
+        "fig12": figures.surface_1(rigs, _some(DISPLACEMENTS, asked.with_ours)),
+        "fig14": figures.body(rigs, _some(METHODS, asked.with_ours)),
+    }
+    for name, figure in drawn.items():
+        figure.savefig(asked.out / f"{name}.png", dpi=160)
+    return {name: f"{name}.png" for name in drawn}
+
+
+PAPER = Paper(
+    "Tsuji et al. (2014) on virtual rigs", 60, "a second each, by ours some more", carry_out
+)

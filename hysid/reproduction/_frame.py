@@ -1,0 +1,180 @@
+"""`hysid reproduce`: a paper's numbers beside what virtual laboratories and our methods make of them."""
+
+import math
+import platform
+import time
+from collections.abc import Callable
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import identify
+from hysteresis import InputError
+
+from .._jobs import Say, _check_writable
+
+RESULT = "reproduction.json"
+
+
+class Asked(NamedTuple):
+    """What to do: the folder, how many virtual laboratories, the seed of the first.
+
+    - `with_ours`: also by our methods. `epochs`: of a paper's networks; None for as many as it trained.
+    - `say`: tells the user where the work stands.
+    """
+
+    out: Path
+    rigs: int
+    seed: int
+    with_ours: bool
+    epochs: int | None
+    say: Say
+
+
+class Paper(NamedTuple):
+    """A paper: `carry_out` makes its experiments and pictures and returns what the document says of them.
+
+    The entries `rows`, `findings` and `files` {name: file}, and, if any, `tables` {title: text}, are shown.
+    """
+
+    title: str
+    laboratories: int
+    seconds_a_laboratory: str
+    carry_out: Callable[[Asked], dict[str, Any]]
+
+
+PAPERS = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
+"""The module of each, with its `PAPER`."""
+
+
+def reproduce(
+    paper: str, out: Path, *, rigs: int | None = None, seed: int = 0, with_ours: bool = True,
+    epochs: int | None = None, overwrite: bool = False, say: Say = lambda _: None,
+) -> dict[str, Any]:  # fmt: skip
+    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
+    begin = time.perf_counter()
+    _check_free(out, overwrite)
+    of = _paper(paper)
+    rigs = rigs or of.laboratories
+    say(f"{rigs} virtual laboratories, {of.seconds_a_laboratory}")
+    out.mkdir(parents=True, exist_ok=True)
+    document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed}
+    document |= of.carry_out(Asked(out, rigs, seed, with_ours, epochs, say))
+    document["files"] = {"table": "table.md"} | document["files"]
+    document["seconds"] = round(time.perf_counter() - begin, 3)
+    names = ("hysid", "jax", "numpy")
+    document["versions"] = {"python": platform.python_version()} | {n: version(n) for n in names}
+    (out / "table.md").write_text(_markdown(document, of.title), "utf-8")
+    identify.write_json(out / RESULT, document)
+    return document
+
+
+def _paper(name: str) -> Paper:
+    return import_module(f"{__package__}.{PAPERS[name]}").PAPER
+
+
+def terminal(document: dict[str, Any]) -> list[str]:
+    """The table, and below it what does not fit."""
+    header, *rows = _cells(document)
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if k < 2 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (header, *rows)
+    ]
+    notes = _deviations(document)
+    said = [f"{'Yes' if f['holds'] else 'No'}: {_finding(f)}" for f in document["findings"]]
+    tables = [
+        line for name, text in document.get("tables", {}).items() for line in (name, text, "")
+    ]
+    return [*lines, "", *notes, "", *said, "", *tables]
+
+
+def _check_free(out: Path, overwrite: bool) -> None:
+    if (out / RESULT).exists() and not overwrite:
+        raise InputError(
+            "would-overwrite",
+            "results are there already, and were left as they are.",
+            place=str(out),
+            fix="name another folder (--out DIR), or write over them (--overwrite).",
+        )
+    _check_writable(out)
+
+
+def _cells(document: dict[str, Any]) -> list[list[str]]:
+    with_ours = any(row["ours"] is not None for row in document["rows"])
+    header = ["quantity", "figure", "published", f"reproduced, {document['rigs']} rigs"]
+    header += ["ours"] * with_ours + ["unit", "within 2 sd"]
+    table = [header]
+    for row in document["rows"]:
+        cells = [
+            row["what"],
+            row["where"],
+            _printed(row),
+            _with_error(row["reproduced"], row["sd"]),
+        ]
+        if with_ours:
+            cells.append("" if row["ours"] is None else _with_error(row["ours"], row["ours_sd"]))
+        cells += ["" if row["unit"] == "1" else row["unit"], _yes(row["within_two_sd"])]
+        table.append(cells)
+    return table
+
+
+def _printed(row: dict[str, Any]) -> str:
+    if row["published"] is None:
+        return ""
+    return f"{'<' if row['at_most'] else ''}{row['published']:g}"
+
+
+def _with_error(mean: float, sd: float) -> str:
+    """As many decimals as leave two digits of the spread."""
+    if not sd > 0:
+        return f"{mean:.4g}"
+    decimals = min(max(1 - math.floor(math.log10(sd)), 0), 4)
+    return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"
+
+
+def _markdown(document: dict[str, Any], title: str) -> str:
+    header, *rows = (f"| {' | '.join(row)} |" for row in _cells(document))
+    columns = header.count("|") - 1
+    lines = [f"# {title}", ""]
+    lines += [header, "|" + " --- |" * columns, *rows, ""]
+    lines += [
+        "Published, and the mean and standard deviation over the virtual laboratories. Within 2 sd: the "
+        "two differ by no more than two of these standard deviations and what the printed digits leave "
+        "open.",
+        "",
+        "## Where they deviate",
+        "",
+        *(f"- {note}" for note in _deviations(document)),
+        "",
+        "## What the paper says in words",
+        "",
+        *(f"- {_yes(f['holds'])}: {_finding(f)}" for f in document["findings"]),
+        "",
+    ]
+    for name, text in document.get("tables", {}).items():
+        lines += [f"## {name}", "", "```", text, "```", ""]
+    pictures = [name for name in document["files"].values() if name.endswith(".png")]
+    lines += [f"![{Path(name).stem}]({name})\n" for name in pictures]
+    return "\n".join(lines)
+
+
+def _deviations(document: dict[str, Any]) -> list[str]:
+    """Why numbers deviate: each reason once, behind all of its numbers."""
+    reasons: dict[str, list[str]] = {}
+    for row in document["rows"]:
+        if row["deviation"]:
+            reasons.setdefault(row["deviation"], []).append(row["what"])
+    return [f"{'; '.join(what)}: {why}" for why, what in reasons.items()]
+
+
+def _finding(finding: dict[str, Any]) -> str:
+    return f"{finding['published']} {finding['reproduced']}"
+
+
+def _yes(holds: bool | None) -> str:
+    return "" if holds is None else "yes" if holds else "no"

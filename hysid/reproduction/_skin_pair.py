@@ -1,0 +1,169 @@
+"""(D) of Kim and Park (2018) on one virtual skin: the forces on B and D at once, and each one's alone."""
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import scipy.signal
+from jaxtyping import Float
+
+from compensate.microchannel import MultiContactEstimator, SearchEstimator
+from hysteresis.rigs import ChannelRecord, MicrochannelRig
+
+from .._network_training import PlaceRecord, train_channels, train_recurrent
+from ._skin import FORCE, HIGH_N, NOISE_V, rms
+
+PAIR, NAMES, SAMPLES, DT = (1, 3), "BD", (3960, 3651), 0.05
+"""Locations, their names, readings to learn from, s between readings."""
+
+PARTS = 10
+"""Records the readings come in, each with the sensor at rest first."""
+
+NEAR_S = 1.0
+"""From a peak to its estimate, at most."""
+
+Forces = Float[np.ndarray, "samples 2"]
+
+
+class Peak(NamedTuple):
+    """A true peak and its estimate: force in N, time and how late it is in s; NaN where none is."""
+
+    location: str
+    time: float
+    force: float
+    found: float
+    late: float
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A record of two locations, and the forces that both methods find in it, N."""
+
+    pair: "SkinPair"
+    record: ChannelRecord
+
+    @property
+    def truth(self) -> Forces:
+        """Of B and D."""
+        return self.record.force[:, PAIR]
+
+    @cached_property
+    def paper(self) -> Forces:
+        """By the search."""
+        return np.asarray(self.pair.paper.simulate(self.record.time, self.record.reading))
+
+    @cached_property
+    def ours(self) -> Forces:
+        """By ours, as the readings come."""
+        return np.asarray(self.pair.ours.simulate(self.record.time, self.record.reading).value)
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPair:
+    """Two locations of one virtual sensor. `epochs`: at most, of the paper's recurrent networks."""
+
+    seed: int
+    epochs: int = 100
+
+    @cached_property
+    def rig(self) -> MicrochannelRig:
+        """The sensor."""
+        return MicrochannelRig(seed=self.seed)
+
+    @cached_property
+    def taught(self) -> list[list[PlaceRecord]]:
+        """A machine's presses of B, and of D."""
+        every = []
+        for place, count in zip(PAIR, SAMPLES, strict=True):
+            made = [
+                self.rig.cnc_loops(count // PARTS, location=place, dt=DT, session=10 * place + k)
+                for k in range(PARTS)
+            ]
+            every.append([PlaceRecord(one.time, one.force[:, place], one.reading) for one in made])
+        return every
+
+    @cached_property
+    def paper(self) -> SearchEstimator:
+        """A recurrent network of each location, and the search among 81 pairs."""
+        networks = [
+            train_recurrent(found, epochs=self.epochs, seed=place).model
+            for found, place in zip(self.taught, PAIR, strict=True)
+        ]
+        return SearchEstimator(networks)
+
+    @cached_property
+    def ours(self) -> MultiContactEstimator:
+        """A small network of each location, and Gauss-Newton steps through both."""
+        return train_channels(
+            self.taught, high_force=HIGH_N, noise=NOISE_V, epochs=6 * self.epochs, **FORCE
+        )
+
+    @cached_property
+    def alone(self) -> tuple[Pressed, Pressed]:
+        """A finger on B alone, and on D alone."""
+        return (
+            self._found(locations=PAIR[:1], session=10),
+            self._found(locations=PAIR[1:], session=11),
+        )
+
+    @cached_property
+    def together(self) -> Pressed:
+        """Fig 8: a finger on each, at random times, eight presses each."""
+        return self._found(locations=PAIR, session=0)
+
+    @cached_property
+    def placed(self) -> Pressed:
+        """The same, but every press in the middle of its location, as those to learn from were."""
+        return self._found(locations=PAIR, session=0, finger=False)
+
+    @cached_property
+    def paper_us(self) -> float:
+        """Microseconds a reading by the paper's method."""
+        return _us(self.paper, self.together.record)
+
+    @cached_property
+    def ours_us(self) -> float:
+        """The same by ours."""
+        return _us(self.ours, self.together.record)
+
+    def _found(self, **presses: Any) -> Pressed:
+        return Pressed(self, self.rig.simultaneous(**presses))
+
+
+def peaks(truth: Forces, found: Forces) -> list[Peak]:
+    """True peaks, each with a peak of its own among the found: within a second, half to twice as high."""
+    every = []
+    for name, true, estimate in zip(NAMES, truth.T, found.T, strict=True):
+        free, _ = scipy.signal.find_peaks(estimate, prominence=0.7)
+        for k in scipy.signal.find_peaks(true, prominence=1.0)[0]:
+            high_enough = np.abs(np.log2(estimate[free] / true[k])) < 1
+            near = free[high_enough & (np.abs(free - k) <= NEAR_S / DT)]
+            own = near[np.argmin(np.abs(near - k))] if len(near) else None
+            free = free[free != own] if own is not None else free
+            value, late = (np.nan, np.nan) if own is None else (estimate[own], DT * (own - k))
+            every.append(Peak(name, DT * float(k + 1), float(true[k]), float(value), float(late)))
+    return every
+
+
+def found_peaks(pressed: Pressed, ours: bool = False) -> int:
+    """How many of the true peaks have an estimate."""
+    every = peaks(pressed.truth, pressed.ours if ours else pressed.paper)
+    return int(sum(np.isfinite(peak.found) for peak in every))
+
+
+def error(pressed: Pressed, ours: bool = False) -> float:
+    """Of the forces, N."""
+    return rms([(pressed.ours if ours else pressed.paper) - pressed.truth])
+
+
+def _us(estimator: SearchEstimator | MultiContactEstimator, record: ChannelRecord) -> float:
+    """Of the fastest of three calls; the first compiles it."""
+    spent = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        jax.block_until_ready(estimator.simulate(record.time, record.reading))
+        spent.append(time.perf_counter() - begin)
+    return 1e6 * min(spent) / len(record.time)

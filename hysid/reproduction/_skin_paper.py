@@ -1,0 +1,98 @@
+"""Kim and Park (2018): force, place, several places, and several forces, from a skin's few readings."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from . import _skin_figures as figures
+from ._frame import Asked, Paper
+from ._published import compared
+from ._skin import Skin
+from ._skin_pair import SkinPair
+from ._skin_rows import BETTER, PUBLISHED, Laboratory, findings, of_pair
+
+EPOCHS, PAIRS = 1000, 3
+"""Of the network of (A), a tenth of them of those of (D); sensors of which (D) is made."""
+
+
+def carry_out(asked: Asked) -> dict[str, Any]:
+    """(A) to (C) over all sensors, (D) over three; tables and pictures of the first."""
+    epochs = asked.epochs or EPOCHS
+    of_two = max(1, epochs // 10)
+    seeds = range(asked.seed, asked.seed + asked.rigs)
+    laboratories = [
+        Laboratory(Skin(seed, epochs), SkinPair(seed, of_two) if n < PAIRS else None)
+        for n, seed in enumerate(seeds)
+    ]
+
+    def progress(done: int) -> None:
+        two = " with two contacts" if done <= PAIRS else ""
+        asked.say(f"sensor {done} of {asked.rigs}{two}")
+
+    document = {
+        "epochs": epochs,
+        "rows": compared(PUBLISHED, BETTER if asked.with_ours else {}, laboratories, progress),
+        "findings": findings(laboratories, asked.with_ours),
+    }
+    asked.say("drawing")
+    one, pair = laboratories[0].skin, laboratories[0].pair
+    assert pair is not None  # the first always is
+    document["peaks"] = {
+        name: [peak._asdict() for peak in of_pair(pair.together, ours)]
+        for name, ours in (("paper", False), ("ours", True))
+        if asked.with_ours or not ours
+    }
+    document["tables"] = _tables(one, document["peaks"], asked.with_ours)
+    drawn = {
+        "fig6": figures.loops(one, asked.with_ours),
+        "fig7": figures.places(one),
+        "fig8": figures.together(pair, asked.with_ours),
+    }
+    return document | {"files": {name: _save(f, asked.out / name) for name, f in drawn.items()}}
+
+
+def _save(figure: Figure, path: Path) -> str:
+    figure.savefig(path.with_suffix(".png"), dpi=160)
+    return f"{path.name}.png"
+
+
+def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str]:
+    first = f"sensor {skin.seed}"
+    tables = {
+        "Table I. Levels of each combination": str(skin.logic),
+        f"Table II. Five nearest neighbours, {first}": str(skin.votes),
+    }
+    if with_ours:
+        tables[f"Table II by ours, {first}"] = str(skin.likeliest)
+    tables[f"Table III. Three presses of each combination, {first}"] = _logic(skin)
+    for name, peaks in found.items():
+        tables[f"Peaks of fig 8, {name}, {first}"] = _peaks(peaks)
+    return tables
+
+
+def _logic(skin: Skin) -> str:
+    named = {places: "+".join(sorted(places)) for places in skin.logic.combinations}
+    lines = [f"{'pressed':10}{'found':>10}{'other':>10}"]
+    for places, name in named.items():
+        own = [found.places == places for pressed, found in skin.decisions if pressed == places]
+        lines.append(f"{name:10}{sum(own):10d}{len(own) - sum(own):10d}")
+    return "\n".join(lines)
+
+
+def _peaks(peaks: list[dict[str, Any]]) -> str:
+    lines = [f"{'place':6}{'time, s':>9}{'force, N':>10}{'found, N':>10}{'late, ms':>10}"]
+    for one in peaks:
+        line = f"{one['location']:6}{one['time']:9.2f}{one['force']:10.2f}"
+        missed = np.isnan(one["found"])
+        lines.append(
+            line + (f"{'none':>10}" if missed else f"{one['found']:10.2f}{1e3 * one['late']:10.0f}")
+        )
+    return "\n".join(lines)
+
+
+PAPER = Paper(
+    "Kim and Park (2018) on virtual sensors", 20,
+    "a minute each, and minutes more for two contacts on three of them", carry_out,
+)  # fmt: skip
