@@ -1,8 +1,9 @@
-"""The floor of a virtual sensor: what all that can be known of its force errs by."""
+"""The floors of a virtual sensor: what an estimator that knows its law errs by."""
 
 import numpy as np
 
 from hysid.reproduction._skin import DELAY, Records, rms
+from hysid.reproduction._skin_pair import DT, PAIR, Pressed
 from hysteresis.rigs import MicrochannelRig
 
 MACHINE_FORCE, RATES_N_PER_S, TURNS_PER_S = 7.8, (2.0, 20.0), 1.5
@@ -61,3 +62,16 @@ def _particles(
         at = np.minimum(at, count - 1)
         F, rate, read, s, q, past = F[at], rate[at], read[at], s[:, at], q[:, at], past[:, at]
     return np.array(mean), np.array(then)
+
+
+def placement_floor(rig: MicrochannelRig, pressed: Pressed) -> float:
+    """RMSE of two fingers' forces where the law and the past are known and the placements are not.
+
+    The channels' signals v = G^-1 reading are off by what the placements do to the layers; the forces by
+    that times dF/dv, about F/v, and 1 near no force.
+    """
+    truth = pressed.truth
+    v = rig._closing(pressed.record.force, DT)[:, PAIR]
+    seen = np.linalg.solve(rig.readout.scale * rig.gains[:, PAIR], pressed.record.reading.T).T
+    slope = np.where(v > 0.3, truth / np.maximum(v, 0.3), 1.0)
+    return rms([np.maximum(truth + (np.maximum(seen, 0.0) - v) * slope, 0.0) - truth])

@@ -7,7 +7,7 @@ from hysid.reproduction._skin import DELAY, HIGH_N, Skin
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 
 from ._measure import Row, judged, noted
-from ._microchannel_floor import floor
+from ._microchannel_floor import floor, placement_floor
 
 FEW = 3
 """Sensors, of the seeds 0, 1, 2."""
@@ -74,6 +74,7 @@ def pair_rows(quick: bool) -> list[Row]:
         noted("    peaks of 16, ours", mean["our_peaks"]),
         noted("    RMSE, a finger's presses, ours, N", mean["finger"]),
         noted("    paper's, N", mean["finger_paper"]),
+        noted("    the sensor's law known, the finger's placement not, N", mean["finger_floor"]),
         noted("    peaks of 16, a finger's presses, paper's method", mean["finger_peaks"]),
         noted("    ours, step, us", mean["step_us"]),
     ]  # fmt: skip
@@ -89,6 +90,7 @@ def _pair(seed: int, quick: bool) -> dict[str, float]:
         "ratio": error(pair.placed, ours=True) / error(pair.placed),
         "finger": error(pair.together, ours=True),
         "finger_paper": error(pair.together),
+        "finger_floor": placement_floor(pair.rig, pair.together),
         "finger_peaks": found_peaks(pair.together),
         "speed": pair.paper_us / pair.ours_us,
         "step_us": pair.ours_us,

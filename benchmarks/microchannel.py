@@ -3,16 +3,19 @@
 python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
 Parts: forces (of one contact: trains networks, minutes), pairs (of two contacts: minutes), training (how
-long it takes), places (which, and which several), real (measured sensors, need the data).
+long it takes), places (which, and which several), separation (two places by independent components, beside
+ours), control (force loops at 1 kHz), real (measured sensors, need the data).
 """
 
 import sys
 from collections.abc import Callable, Sequence
 
 from ._measure import Row, run_parts
+from ._microchannel_control import control_rows
 from ._microchannel_forces import force_rows, pair_rows
 from ._microchannel_places import place_rows
 from ._microchannel_real import real_rows
+from ._microchannel_separation import separation_rows
 from ._microchannel_training import training_rows
 
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
@@ -20,6 +23,8 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "pairs": pair_rows,
     "training": training_rows,
     "places": place_rows,
+    "separation": separation_rows,
+    "control": control_rows,
     "real": real_rows,
 }
 

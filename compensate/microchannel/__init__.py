@@ -2,6 +2,7 @@
 
 from ._everett_network import EverettNetwork as EverettNetwork
 from ._force import ForceEstimator as ForceEstimator
+from ._gains import gains_in_use as gains_in_use
 from ._localizer import Confusion as Confusion
 from ._localizer import Localizer as Localizer
 from ._localizer import Located as Located

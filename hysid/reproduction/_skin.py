@@ -33,9 +33,9 @@ FORCE: Final = {
 }
 """What each network sees: half widths of plays in V or N, delays in s; chosen on another seed's sensor."""
 
-HIGH_N, NOISE_V, DELAY = 8.5, 0.0205, 5
-STEADY: Final = {"acceleration": 2.0, "turn": 10.0, "turns": 1.5, "delay": DELAY}
-"""How a machine's forces move, for the filter."""
+HIGH_N, NOISE_V, DELAY = 8.5, 0.0205, 10
+STEADY: Final = {"acceleration": 0.3, "turn": 10.0, "turns": 0.8, "delay": DELAY, "ways": 16}
+"""How a machine's forces move, for the filter; chosen on another seed's sensor."""
 
 PLACES = "ABCDE"
 LEVELS_OF_THREE = ((3.0, 2.0, 1.0), (1.0, 2.0, 3.0))

@@ -1,0 +1,102 @@
+"""The soft sensor force by force, and the machine that presses it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from hysteresis._errors import InputError
+from hysteresis.rigs import ChannelStream, ForceLoopRig, MicrochannelRig
+
+RIG = MicrochannelRig(seed=3, fabrication=0.1)
+STILL = ForceLoopRig(sensor=RIG, sway_mm=0.0, stiffness_error=0.0)
+
+
+@given(
+    arrays(float, 25, elements=st.floats(0, 30)),
+    st.floats(1e-4, 1.0),
+    st.integers(0, 4),
+    st.tuples(st.floats(0.5, 2), st.floats(0.5, 2)),
+)
+def test_a_stream_reads_what_the_whole_record_does(force, dt, location, placement):
+    everywhere = np.zeros((25, 5))
+    everywhere[:, location] = force
+    placed = np.broadcast_to(np.array(placement)[:, None], (2, 5))
+    whole = RIG.follow(everywhere, dt, placed)
+    stream = ChannelStream(RIG, location=location, dt=dt, placement=placement)
+    found = np.array([stream.step(F) for F in force.tolist()])
+    # exp of two libraries and sums in another order: some roundings of at most 200 V.
+    np.testing.assert_allclose(found, whole, rtol=1e-12, atol=1e-12)
+
+
+def test_noise_is_the_readout_s_and_the_session_s_own():
+    def noise(session: int) -> np.ndarray:
+        noisy, clean = ChannelStream(RIG, session=session), ChannelStream(RIG)
+        return np.array([np.subtract(noisy.step(3.0), clean.step(3.0)) for _ in range(2500)])
+
+    first = noise(0)
+    np.testing.assert_array_equal(first, noise(0))
+    assert np.abs(np.corrcoef(first.ravel(), noise(1).ravel())[0, 1]) < 0.06  # 4 / sqrt(5000)
+    assert first.std() == pytest.approx(RIG.readout.noise, rel=0.04)  # 4 / sqrt(2 * 5000)
+    assert np.abs(np.corrcoef(first.T)[0, 1]) < 0.08
+
+
+def follow(rig: ForceLoopRig, commands: np.ndarray, session: int = 0) -> np.ndarray:
+    loop = rig.start(session)
+    return np.array([loop.step(c).force for c in commands.tolist()])
+
+
+def test_the_machine_goes_where_it_is_sent():
+    """By then exp(-zeta w t) is 1e-13; the object yields by its law."""
+    force = follow(STILL, np.full(200, 1.5))
+    assert force[-1] == pytest.approx(2.0 * 1.5 * 1.15, rel=1e-9)
+    # Of second order: it overshoots by exp(-pi zeta/sqrt(1 - zeta^2)), 1.5 % of the way.
+    assert 1.01 < force.max() / force[-1] < 1.03
+
+
+def test_the_machine_does_not_depend_on_the_step():
+    commands = np.repeat(np.random.default_rng(0).uniform(0.5, 3, 10), 20)
+    fine = ForceLoopRig(sensor=RIG, sway_mm=0.0, stiffness_error=0.0, dt=0.0005)
+    coarse = follow(STILL, commands)
+    np.testing.assert_allclose(follow(fine, np.repeat(commands, 2))[1::2], coarse, rtol=1e-9)
+
+
+def test_forces_push_and_stop():
+    assert (follow(STILL, np.full(50, -1.0)) == 0).all()
+    assert follow(STILL, np.full(200, 20.0))[-1] == STILL.highest_n
+
+
+def test_the_object_sways_and_its_stiffness_is_its_own():
+    still = follow(STILL, np.full(4000, 2.0))[500:]
+    swaying = ForceLoopRig(sensor=RIG, stiffness_error=0.0)
+    ones = [follow(swaying, np.full(4000, 2.0), session)[500:] for session in (0, 1)]
+    assert np.ptp(still) < 1e-6
+    assert all(0.5 < np.ptp(one) < 1.5 for one in ones)  # 2 N/mm of 0.4 mm
+    assert not np.array_equal(*ones)
+    stiff = [
+        follow(ForceLoopRig(sensor=MicrochannelRig(seed=seed), sway_mm=0.0), np.full(200, 1.5))[-1]
+        for seed in range(3)
+    ]
+    assert len(set(stiff)) == 3
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: ChannelStream(RIG, location=5),
+        lambda: ChannelStream(RIG, dt=0.0),
+        lambda: ChannelStream(RIG, placement=(1.0,)),
+        lambda: ChannelStream(RIG, placement=(1.0, -1.0)),
+        lambda: ChannelStream(RIG).step(-1.0),
+        lambda: ChannelStream(RIG).step(float("nan")),
+        lambda: ChannelStream(RIG).step(41.8),
+        lambda: ForceLoopRig(sensor=RIG, damping=1.0),
+        lambda: ForceLoopRig(sensor=RIG, bandwidth_hz=0.0),
+        lambda: ForceLoopRig(sensor=RIG, highest_n=50.0),
+        lambda: ForceLoopRig(sensor=RIG, location=5).start(),
+    ],
+)
+def test_bad_arguments_are_refused(call):
+    with pytest.raises(InputError, match="rig_argument"):
+        call()
