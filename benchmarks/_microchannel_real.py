@@ -1,7 +1,7 @@
-"""Measured soft sensors: where an eFlesh lattice of five magnetometers is touched.
+"""Measured soft sensors: forces, see `_microchannel_learnt`, and where an eFlesh lattice is touched.
 
-The grid has a touch every millimetre, each of a depth of its own; every second row and column is learnt
-from, all other places are estimated, one reading at a time.
+The lattice has five magnetometers. The grid has a touch every millimetre, each of a depth of its own; every
+second row and column is learnt from, all other places are estimated, one reading at a time.
 """
 
 from pathlib import Path
@@ -13,6 +13,7 @@ from hysid import fit_positions
 from hysteresis import read_table
 
 from ._measure import Row, judged, noted
+from ._microchannel_learnt import learnt_rows
 from .accuracy import data_folder
 
 BAR = 0.8
@@ -21,6 +22,11 @@ FILE = "eflesh-magnetic-tactile/tidy_contact_position.csv"
 
 
 def real_rows(quick: bool) -> list[Row]:
+    """Contact position and forces of sensors that were measured."""
+    return [*_position_rows(), *learnt_rows(quick)]
+
+
+def _position_rows() -> list[Row]:
     """Contact position on places left out, and what the nearest neighbours make of it."""
     what = "eFlesh, contact position on places left out, mean error, mm"
     file = data_folder() / FILE

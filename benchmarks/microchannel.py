@@ -4,7 +4,8 @@ python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
 Parts: forces (of one contact: trains networks, minutes), pairs (of two contacts: minutes), training (how
 long it takes), places (which, and which several), separation (two places by independent components, beside
-ours), control (force loops at 1 kHz), real (measured sensors, need the data).
+ours), control (force loops at 1 kHz), real (measured sensors, need the data), runtime (force estimators
+without JAX).
 """
 
 import sys
@@ -15,6 +16,7 @@ from ._microchannel_control import control_rows
 from ._microchannel_forces import force_rows, pair_rows
 from ._microchannel_places import place_rows
 from ._microchannel_real import real_rows
+from ._microchannel_runtime import runtime_rows
 from ._microchannel_separation import separation_rows
 from ._microchannel_training import training_rows
 
@@ -26,6 +28,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "separation": separation_rows,
     "control": control_rows,
     "real": real_rows,
+    "runtime": runtime_rows,
 }
 
 

@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from compensate import invert as invert
     from hysid._armor_calibration import calibrate_armor as calibrate_armor
     from hysid._armor_calibration import choose_presses as choose_presses
+    from hysid._force_records import ForceRecord as ForceRecord
+    from hysid._force_training import train_force as train_force
     from hysid._positions import fit_positions as fit_positions
+    from hysid._soft_sensor_file import load_sensor as load_sensor
     from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
     from hysteresis import DegradingBoucWen as DegradingBoucWen
@@ -77,7 +80,10 @@ _HOME = {
         "spectrum",
     ),
     "hysid._armor_calibration": ("calibrate_armor", "choose_presses"),
+    "hysid._force_records": ("ForceRecord",),
+    "hysid._force_training": ("train_force",),
     "hysid._positions": ("fit_positions",),
+    "hysid._soft_sensor_file": ("load_sensor",),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)

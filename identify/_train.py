@@ -144,13 +144,13 @@ def train(
     settings = (loss, optimizer, batch, epochs if patience is None else patience)
 
     tell, chunk, saved = progress or (lambda *_: None), 1, time.monotonic()
+    pending = run
     try:
         while not _is_over(run, epochs, settings[-1]):
             begin = time.perf_counter()
             before = int(run.epoch)
-            run = jax.block_until_ready(
-                _epochs(run, jnp.asarray(before + chunk), problem, settings)
-            )
+            pending = _epochs(run, jnp.asarray(before + chunk), problem, settings)
+            run = jax.block_until_ready(pending)
             spent = time.perf_counter() - begin
             # The first chunk is compiled too: its time says nothing, and the second is one epoch again.
             chunk = chunk if before == 0 else max(1, int(chunk * min(10, CHUNK_S / spent)))
@@ -159,7 +159,8 @@ def train(
                 saved = time.monotonic()
             tell(int(run.epoch), epochs, _words(run))
     except KeyboardInterrupt:
-        file.write(run)
+        # A process that ends before the chunk does crashes.
+        file.write(jax.block_until_ready(pending))
         raise
     file.write(run)
     return _finished(run, template, rest, weights, epochs, file, since)

@@ -1,6 +1,8 @@
 """Force and place from the hysteretic voltages of soft microchannel sensors."""
 
 from ._everett_network import EverettNetwork as EverettNetwork
+from ._export import export_force as export_force
+from ._force import BackwardsModel as BackwardsModel
 from ._force import ForceEstimator as ForceEstimator
 from ._gains import gains_in_use as gains_in_use
 from ._localizer import Confusion as Confusion

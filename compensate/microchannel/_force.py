@@ -5,12 +5,67 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
 from .._compensator import AbstractCompensator, Status, scan_steps
 from .._ensemble import UncertainEstimate
+
+Limit = float | tuple[float, ...]
+"""Of the reading, or of each channel's."""
+
+
+def _limit(value: Any) -> Limit:
+    return tuple(map(float, value)) if np.ndim(value) else float(value)
+
+
+class BackwardsInput(NamedTuple):
+    """Times and readings, the state they begin in, and where sequences start."""
+
+    t: Array
+    u: Array
+    state: Any
+    start: Array
+
+
+class BackwardsModel(AbstractModel[Any, BackwardsInput]):
+    """A compensator as a model from reading to force, without its status: y = compensator[u].value.
+
+    **Arguments:** `compensator`, such as `invert` gives.
+    """
+
+    compensator: AbstractCompensator
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return self.compensator.init()
+
+    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
+        state, found = self.compensator.step(state, t, u)
+        return state, found.value
+
+    def prepare(
+        self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)
+    ) -> BackwardsInput:
+        u = jnp.asarray(u, float)
+        t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
+        start = jnp.zeros(len(u), bool).at[jnp.array(starts)].set(True)
+        return BackwardsInput(t, u, self.init() if state is None else state, start)
+
+    def evaluate(self, prepared: BackwardsInput) -> Float[Array, " samples"]:
+        return _by_steps(self, prepared)
+
+
+@eqx.filter_jit
+def _by_steps(model: BackwardsModel, prepared: BackwardsInput) -> Array:
+    def step(state: Any, row: tuple[Array, Array, Array]) -> tuple[Any, Array]:
+        t, u, start = row
+        begin = jax.tree.map(lambda first, now: jnp.where(start, first, now), prepared.state, state)
+        return model.step(begin, t, u)
+
+    rows = prepared.t, prepared.u, prepared.start
+    return jax.lax.scan(step, prepared.state, rows)[1]
 
 
 class ForceState(NamedTuple):
@@ -32,7 +87,8 @@ class ForceEstimator(AbstractCompensator[ForceState]):
     **Arguments:**
 
     - `model`: reading -> force in N. `deviation`: N. `high`: the largest force it was taught, N.
-    - `low_reading`, `high_reading`: the readings it was taught; others are EXTRAPOLATED.
+    - `low_reading`, `high_reading`: the readings it was taught, a number, or (channels,) where the model
+      takes several; a sample with any other reading is EXTRAPOLATED, one without a reading INVALID.
 
     Raises `InputError` for a deviation or range that is not positive.
 
@@ -42,16 +98,18 @@ class ForceEstimator(AbstractCompensator[ForceState]):
     model: AbstractModel
     deviation: Float[Array, ""] = eqx.field(converter=lambda x: jnp.asarray(x, float))
     high: float = eqx.field(static=True, converter=float)
-    low_reading: float = eqx.field(default=-jnp.inf, static=True, converter=float)
-    high_reading: float = eqx.field(default=jnp.inf, static=True, converter=float)
+    low_reading: Limit = eqx.field(default=-jnp.inf, static=True, converter=_limit)
+    high_reading: Limit = eqx.field(default=jnp.inf, static=True, converter=_limit)
 
     def __check_init__(self) -> None:
         deviation = float(self.deviation) if is_concrete(self.deviation) else 1.0
-        if not (0 < deviation < jnp.inf and self.high > 0 and self.low_reading < self.high_reading):
+        low, high = np.asarray(self.low_reading), np.asarray(self.high_reading)
+        ordered = low.shape == high.shape and bool((low < high).all())
+        if not (0 < deviation < jnp.inf and self.high > 0 and ordered):
             raise InputError(
                 "estimator-range",
                 f"deviation {deviation:g} N, forces to {self.high:g} N, readings from "
-                f"{self.low_reading:g} to {self.high_reading:g}: none of them may be empty.",
+                f"{self.low_reading} to {self.high_reading}: none of them may be empty.",
             )
 
     def init(self) -> ForceState:
@@ -60,17 +118,19 @@ class ForceEstimator(AbstractCompensator[ForceState]):
     def step(self, state: ForceState, t: Any, y: Any) -> tuple[ForceState, UncertainEstimate]:
         y = jnp.asarray(y, self.deviation.dtype)
         t = jnp.asarray(0.0 if t is None else t, y.dtype)
-        valid = jnp.isfinite(y) & jnp.isfinite(t)
+        valid = jnp.isfinite(y).all() & jnp.isfinite(t)
         model, found = self.model.step(state.model, t, y)
         value = jnp.clip(found, 0.0, self.high)
         after = ForceState(model, value)
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
-        beyond = (y < self.low_reading) | (y > self.high_reading)
+        low, high = (jnp.array(end, y.dtype) for end in (self.low_reading, self.high_reading))
+        beyond = ((y < low) | (y > high)).any()
         status = jnp.where(found > self.high, Status.SATURATED, Status.OK)
         status = jnp.where(beyond, Status.EXTRAPOLATED, status)
         status = jnp.where(valid, status, Status.INVALID)
         return after, UncertainEstimate(after.value, status, self.deviation)
 
     def simulate(self, t: Any, y: Any, state: ForceState | None = None) -> UncertainEstimate:
+        """`step` over all samples; readings (samples,), of several channels (samples, channels)."""
         y = jnp.asarray(y, float)
         return scan_steps(self, t, y, self.init() if state is None else state)[1]

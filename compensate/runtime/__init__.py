@@ -9,7 +9,9 @@ from ._armor import ArmorContact as ArmorContact
 from ._armor import load_armor as load_armor
 from ._compensator import Compensator as Compensator
 from ._compensator import Estimate as Estimate
-from ._compensator import load as load
 from ._contact_status import ContactStatus as ContactStatus
 from ._file import FileError as FileError
+from ._load import load as load
+from ._network import ForceEstimator as ForceEstimator
+from ._network import load_force as load_force
 from ._status import Status as Status

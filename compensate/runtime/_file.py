@@ -10,6 +10,9 @@ SCHEMA = 1
 
 _WRITTEN_BY = {
     "hysid compensator": "not a compensator. Write one with hysid export DIR --runtime FILE.",
+    "hysid force estimator": (
+        "not a force estimator. Write one with compensate.microchannel.export_force."
+    ),
     "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
 }
 

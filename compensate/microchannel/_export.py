@@ -1,0 +1,168 @@
+"""A force estimator as a file that runs without JAX."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import AbstractModel, InputError, Scaled, Series
+from hysteresis.networks import StaircaseNetwork
+
+from .._compose import ScaledCompensator, SeriesCompensator
+from .._export import DEEP, Quantity, _has_rates, _nodes
+from .._program import _tree, program_of
+from .._viscoelastic import ViscoelasticCompensator
+from ..runtime._file import SCHEMA, checksum
+from ..runtime._network import KIND
+from ..runtime._tree import node_of
+from ._everett_network import EverettNetwork
+from ._force import BackwardsModel, ForceEstimator
+
+GOLDEN = 200
+"""Samples that a file is checked with when it is loaded."""
+
+EPS = float(np.finfo(float).eps)
+
+READING, FORCE = Quantity("reading"), Quantity("force", "N")
+
+
+def export_force(
+    estimator: ForceEstimator, path: str | Path, readings: Any, *, times: Any = None,
+    channels: Sequence[Quantity] = (READING,), estimate: Quantity = FORCE, title: str = "",
+) -> Path:  # fmt: skip
+    """Write an estimator as JSON for `compensate.runtime.load`, with readings that it replays on loading.
+
+    **Arguments:**
+
+    - `estimator`: of a `StaircaseNetwork`, an `EverettNetwork`, or a chain of models that `invert` takes.
+    - `readings`: (samples,), or (samples, channels), as it will get them: the first of them are its golden
+      pair, and the Preisach memory is made as deep as they need.
+
+    **Other arguments:** `times` (samples,) of the readings, s; `channels`: names and units of the readings,
+    one for each; `estimate`: of the force; `title`: in a line.
+
+    Raises `InputError` for a model that cannot be exported, less than two finite readings, times that are
+    needed and missing, and as many names as there are no channels.
+    """
+    y = np.asarray(readings, float)
+    count = 1 if y.ndim == 1 else y.shape[1]
+    if len(channels) != count:
+        raise InputError(
+            "other-channels", f"readings of {count} channels and {len(channels)} names.",
+            fix="channels=[Quantity(name, unit), ...], one for each.",
+        )  # fmt: skip
+    sound = np.isfinite(y.reshape(len(y), -1)).all(1)
+    if sound.sum() < 2:
+        raise InputError("no-readings", "there are no readings to export for.")
+    y, t = y[sound], None if times is None else np.asarray(times, float)[sound]
+    model, rates = _program(estimator.model, t, y)
+    if rates and t is None:
+        raise InputError(
+            "no-time", "this model depends on the rate, and no times were given.",
+            fix="give the times of the readings.",
+        )  # fmt: skip
+    t, y = (np.zeros(len(y)) if t is None else t)[:GOLDEN], y[:GOLDEN]
+    found = estimator.simulate(t, y)
+    ends = (estimator.low_reading, estimator.high_reading)
+    limits = zip(*(np.broadcast_to(np.asarray(end, float), (count,)) for end in ends), strict=True)
+    document = {
+        "schema": SCHEMA, "kind": KIND, "title": title or type(estimator.model).__name__,
+        "channels": [channel._asdict() for channel in channels], "estimate": estimate._asdict(),
+        "limits": [[_number(low), _number(high)] for low, high in limits],
+        "high": estimator.high, "deviation": float(estimator.deviation), "rates": rates,
+        "model": model,
+        "golden": {
+            "dt": np.diff(t, prepend=t[0]).tolist(), "reading": y.tolist(),
+            "value": np.asarray(found.value).tolist(), "status": np.asarray(found.status).tolist(),
+            "tolerance": 1e-9 * estimator.high,
+        },
+    }  # fmt: skip
+    path = Path(path)
+    path.write_text(json.dumps(document | {"checksum": checksum(document)}) + "\n", "utf-8")
+    return path
+
+
+def _number(value: Any) -> float | None:
+    """None for infinity, which JSON does not have."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _program(
+    model: AbstractModel, t: np.ndarray | None, y: np.ndarray
+) -> tuple[dict[str, Any], bool]:
+    """The model as plain numbers, and whether it needs times."""
+    if isinstance(model, StaircaseNetwork):
+        return _network(model), bool(model.times)
+    if y.ndim > 1:
+        raise InputError(
+            "no-element", f"a {type(model).__name__} of several channels cannot be exported.",
+            fix="train a network.",
+        )  # fmt: skip
+    backwards = isinstance(model, BackwardsModel)
+    chain = _behind(model.compensator) if backwards else _unfolded(model)
+    dt = np.zeros(len(y)) if t is None else np.diff(t, prepend=t[0])
+    way = "find" if backwards else "move"
+
+    def program(depth: int) -> dict[str, Any]:
+        # Forwards nothing is inverted: a reading may well fall with the force.
+        return program_of(chain, depth=depth) if backwards else _tree(chain, EPS, depth)
+
+    depth = _depth(program(DEEP), way, dt.tolist(), y.tolist())
+    # A quarter more than these readings needed, and never less than compensators have.
+    tree = program(max(64, depth + depth // 4))
+    return {"kind": "tree", "way": way, "tree": tree}, any(map(_has_rates, _nodes(tree)))
+
+
+def _unfolded(model: AbstractModel) -> AbstractModel:
+    """The chain of models a network is, also within a chain."""
+    if isinstance(model, EverettNetwork):
+        return model.model
+    return Series([_unfolded(part) for part in model.parts]) if isinstance(model, Series) else model
+
+
+def _behind(compensator: Any) -> AbstractModel:
+    """The model that a compensator is the inverse of."""
+    if isinstance(compensator, SeriesCompensator):
+        return Series([_behind(part) for part in reversed(compensator.inverses)])
+    if isinstance(compensator, ScaledCompensator):
+        return Scaled(_behind(compensator.inner), compensator.factor, compensator.offset)
+    if isinstance(compensator, ViscoelasticCompensator):
+        turned = compensator.element
+        return replace(turned, leading=not turned.leading, offset=compensator.offset)
+    if not isinstance(getattr(compensator, "model", None), AbstractModel):
+        raise InputError(
+            "no-element", f"a {type(compensator).__name__} cannot be exported.",
+            fix="use the estimator itself, or train a network.",
+        )  # fmt: skip
+    return compensator.model
+
+
+def _depth(tree: dict[str, Any], way: str, dt: list[float], y: list[float]) -> int:
+    """Reversals that are open at once, at most, over some readings."""
+    states: list[Any] = []
+    node = node_of(tree, states)
+    stacks = [s for s in states if hasattr(s, "forgotten")]
+    most = 0
+    for step, reading in zip(dt, y, strict=True):
+        getattr(node, way)(step, reading)
+        most = max([most, *(s.depth for s in stacks)])
+    return most
+
+
+def _network(model: StaircaseNetwork) -> dict[str, Any]:
+    """Layers that take x as it is and give y: what scales them is put into the first and the last."""
+    W = [np.asarray(matrix, float) for matrix in model.matrices]
+    b = [np.asarray(bias, float) for bias in model.biases]
+    centre, spread = np.asarray(model.centre), np.asarray(model.spread)
+    W[0] = W[0] / spread[:-1]
+    b[0] = b[0] - W[0] @ centre[:-1]
+    W[-1], b[-1] = spread[-1] * W[-1], centre[-1] + spread[-1] * b[-1]
+    return {
+        "kind": "network", "matrices": [matrix.tolist() for matrix in W],
+        "biases": [bias.tolist() for bias in b],
+        "thresholds": list(model.thresholds), "times": list(model.times),
+        "rest": list(model.rest), "scale": list(model.scale),
+    }  # fmt: skip

@@ -1,0 +1,228 @@
+"""Networks from reading to force: every one of several leaves another part of the records out."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float
+
+from compensate.microchannel import EverettNetwork
+from hysteresis import AbstractModel, InputError, Series
+from hysteresis.curves import PolynomialCurve
+from hysteresis.networks import StaircaseNetwork
+from identify import Trained, train
+
+from ._force_records import ForceData
+
+Tell = Callable[[int, int, str], None]
+
+THRESHOLDS = (0.05, 0.1, 0.2, 0.4)
+"""Half widths of the plays, in parts of a channel's range."""
+LAGS, REPEATS = 6, 20
+"""Delays of a channel: from a sampling step to the longest that was seen this often."""
+DECAYS = (0.0, 0.2)
+"""Weight decays tried: many channels of one press need some, thousands of presses none."""
+HIDDEN, BATCH, RATE = (64, 32), 64, 3e-3
+RECORDS = 5
+"""Records a step of the Everett network's training takes."""
+
+
+class Settings(NamedTuple):
+    """What a training is asked for; see `train_force`."""
+
+    members: int
+    updates: int
+    seed: int
+    checkpoint: Path | None
+    resume: bool
+    tell: Tell
+
+
+class Found(NamedTuple):
+    """A model from reading to force, and what it made of rows it had not seen.
+
+    `held_out` (rows,): NaN where nothing was held out. `curves`: of every training. `words`: settings.
+    """
+
+    model: AbstractModel
+    held_out: Float[np.ndarray, " rows"]
+    curves: tuple[Trained, ...]
+    words: dict[str, Any]
+
+
+def lags_of(data: ForceData) -> tuple[float, ...]:
+    """Delays in s that records of this length and sampling can tell of."""
+    steps = np.concatenate([np.diff(data.time[rows]) for rows in data.sequences()])
+    lengths = np.array([np.ptp(data.time[rows]) for rows in data.sequences()])
+    least = float(np.median(steps))
+    most = max(3 * least, min(float(lengths.max()), float(lengths.sum()) / REPEATS))
+    return tuple(float(tau) for tau in np.geomspace(least, most, LAGS))
+
+
+def rest_of(data: ForceData) -> np.ndarray:
+    """The reading at rest, (channels,): the middle one of the records' first."""
+    first = data.reading[np.array(data.starts)].reshape(len(data.starts), -1)
+    return np.median(first, 0)
+
+
+def train_networks(
+    data: ForceData,
+    part: np.ndarray,
+    settings: Settings,
+    *,
+    only: Sequence[int] | None = None,
+    decays: Sequence[float] = DECAYS,
+) -> Found:
+    """The mean of `StaircaseNetwork`s, each without one part of the records, which stops its training.
+
+    `only`: the parts left out in turn, all by default. `decays`: of the weights, tried on two of them.
+    """
+    known = data.known & (part >= 0)
+    left_out = tuple(range(int(part.max()) + 1)) if only is None else tuple(only)
+    own = {
+        "thresholds": THRESHOLDS, "lags": lags_of(data), "rest": rest_of(data).tolist(), "hidden": HIDDEN,
+        "scale": np.ptp(data.reading.reshape(len(data.time), -1), axis=0).tolist(),
+    }  # fmt: skip
+    cut = data.starts[1:]
+    times, readings = np.split(data.time, cut), np.split(data.reading, cut)
+    forces = [data.force[known]]
+    keys = jax.random.split(jax.random.key(settings.seed), max(left_out) + 1)
+    starts = {k: StaircaseNetwork.random(readings, forces, times, keys[k], **own) for k in left_out}
+    # A run may begin at any rest: presses are learnt as they came, and once more as if they were first.
+    plain = starts[left_out[0]]
+    fresh, x = (
+        np.asarray(plain.prepare(data.time, data.reading, starts=begin))
+        for begin in (data.rests, data.starts)
+    )
+    both = [x] if data.rests == data.starts else [x, fresh]
+    first = left_out[:2]
+    done = {"of": len(decays) * len(first) + len(left_out) - len(first), "now": 0}
+
+    def one(k: int, decay: float) -> Trained:
+        held = part == k
+        pairs = [
+            (np.concatenate([x[at] for x in both]), np.tile(data.force[at], len(both)))
+            for at in (known & ~held, known & held)
+        ]
+        rows = len(pairs[0][1])
+        batch = min(BATCH, rows)
+        epochs = max(1, settings.updates * batch // rows)
+        found = train(
+            starts[k], _squares, pairs[0], validation=pairs[1], epochs=epochs, batch=batch,
+            float32=True, seed=settings.seed, progress=_told(settings, done, f"network {k + 1}"),
+            optimizer=_decaying(epochs * (rows // batch), decay),
+            **_kept(settings, f"network-{k}-decay-{decay:g}"),
+        )  # fmt: skip
+        done["now"] += 1
+        return found
+
+    tried = {decay: [one(k, decay) for k in first] for decay in decays}
+    decay = min(tried, key=lambda d: sum(float(f.validation[f.best]) for f in tried[d]))
+    trained = [*tried[decay], *(one(k, decay) for k in left_out[len(first) :])]
+    held_out = np.full(len(part), np.nan)
+    for k, found in zip(left_out, trained, strict=True):
+        at = part == k
+        held_out[at] = np.asarray(found.module.evaluate(jnp.asarray(fresh[at])))
+    model = StaircaseNetwork.mean([found.module for found in trained])
+    words = {"thresholds": THRESHOLDS, "lags": own["lags"], "hidden": HIDDEN, "decay": decay}
+    return Found(model, held_out, tuple(trained), words)
+
+
+def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
+    """A monotone `EverettNetwork` of one channel, the last part left out and stopping its training."""
+    if data.channels > 1:
+        raise InputError(
+            "several-channels",
+            f"a monotone network is of one reading, and there are {data.channels}.",
+            fix='kind="network", or give the channel that moves most.',
+        )
+    rest = float(rest_of(data)[0])
+    away = data.reading - rest
+    # The reading with the larger force, where it falls with it.
+    sign = 1.0 if np.cov(away[data.known], data.force[data.known])[0, 1] >= 0 else -1.0
+    lag = lags_of(data)
+    held = part == part.max()
+    start = EverettNetwork.random(
+        jax.random.key(settings.seed), high=float((sign * away).max()),
+        force=float(data.force[data.known].max()), times=(lag[2], lag[4]),
+    )  # fmt: skip
+    learnt = data.known & (part >= 0)
+    stacked = [_stacked(data, column) for column in (data.time, sign * away, data.force)]
+    weights = [_stacked(data, 1.0 * (learnt & at), 0.0) for at in (~held, held)]
+    both = []
+    for weight in weights:
+        used = weight.sum(1) > 0
+        # The mean over records of a batch is that over rows.
+        scale = used.sum() / weight.sum()
+        both.append(tuple(a[used] for a in (*stacked, scale * weight)))
+    batch = min(RECORDS, len(both[0][0]))
+    steps = len(both[0][0]) // batch
+    epochs = max(1, settings.updates // (40 * steps))
+    found = train(
+        start, _sequence_squares, both[0], validation=both[1], epochs=epochs, batch=batch,
+        seed=settings.seed, progress=_told(settings, {"of": 1, "now": 0}, "Everett"),
+        optimizer=_decaying(epochs * steps, 0.0, 2e-2), **_kept(settings, "everett"),
+    )  # fmt: skip
+    line = PolynomialCurve([-sign * rest, sign], -1.0, 1.0)
+    model = Series([line, found.module.model])
+    held_out = np.full(len(part), np.nan)
+    held_out[held] = predicted(model, data)[held]
+    words = {"times": found.module.times, "rest": rest, "falls": sign < 0}
+    return Found(model, held_out, (found,), words)
+
+
+def predicted(model: AbstractModel, data: ForceData) -> Float[np.ndarray, " rows"]:
+    """The model's force at every row, each record from rest."""
+    prepared = model.prepare(data.time, data.reading, starts=data.starts)
+    return np.asarray(model.evaluate(prepared))
+
+
+def _stacked(
+    data: ForceData, column: np.ndarray, fill: float | None = None
+) -> Float[np.ndarray, "records samples"]:
+    """Records of one length, the last sample repeated, or `fill`, after the end."""
+    sequences = data.sequences()
+    length = max(rows.stop - rows.start for rows in sequences)
+    out = np.empty((len(sequences), length))
+    for row, rows in zip(out, sequences, strict=True):
+        count = rows.stop - rows.start
+        row[:count] = np.nan_to_num(column[rows])
+        row[count:] = row[count - 1] if fill is None else fill
+    return out
+
+
+def _squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
+    return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
+
+
+def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
+    t, reading, force, weight = rows
+    off = jax.vmap(network.simulate)(t, reading) - force
+    return jnp.mean((weight * off**2).sum(1))
+
+
+@cache
+def _decaying(steps: int, decay: float, rate: float = RATE) -> optax.GradientTransformation:
+    """Adam whose steps shrink to nothing over the training; the same one is compiled once."""
+    schedule = optax.cosine_decay_schedule(rate, max(1, steps))
+    return optax.adamw(schedule, weight_decay=decay) if decay else optax.adam(schedule)
+
+
+def _kept(settings: Settings, name: str) -> dict[str, Any]:
+    if settings.checkpoint is None:
+        return {"resume": settings.resume}
+    settings.checkpoint.mkdir(parents=True, exist_ok=True)
+    return {"checkpoint": settings.checkpoint / f"{name}.npz", "resume": settings.resume}
+
+
+def _told(settings: Settings, done: dict[str, int], name: str) -> Tell:
+    def tell(epoch: int, epochs: int, words: str) -> None:
+        share = (done["now"] + epoch / epochs) / done["of"]
+        settings.tell(round(1000 * share), 1000, f"{name}: {words}")
+
+    return tell

@@ -1,0 +1,244 @@
+"""Records of a soft sensor under known forces: checked, set one behind the other, and cut into parts."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from hysteresis import InputError
+
+LEAST_ROWS, LEAST_PRESSES = 100, 3
+
+
+class ForceRecord(NamedTuple):
+    """One sequence of a sensor under a known force, from rest.
+
+    `time` in s (samples,); `reading` (samples,) or (samples, channels), in any unit; `force` in N
+    (samples,), NaN where it was not read and the records are taken with `nan="omit"`.
+    """
+
+    time: Float[np.ndarray, " samples"]
+    reading: Float[np.ndarray, "samples *channels"]
+    force: Float[np.ndarray, " samples"]
+
+
+class ForceData(NamedTuple):
+    """All records one behind the other.
+
+    - `time`, `force` (rows,), `reading` (rows,) or (rows, channels). `starts`: first row of each record.
+    - `known`: rows with a force. `rests`: rows between two presses of a record where the force is least,
+      and all `starts`: a run might begin at any of them. `presses`: how often the force rises, in all.
+    """
+
+    time: Float[np.ndarray, " rows"]
+    reading: Float[np.ndarray, "rows *channels"]
+    force: Float[np.ndarray, " rows"]
+    starts: tuple[int, ...]
+    known: Bool[np.ndarray, " rows"]
+    rests: tuple[int, ...]
+    presses: int
+
+    @property
+    def channels(self) -> int:
+        return 1 if self.reading.ndim == 1 else self.reading.shape[1]
+
+    @property
+    def span(self) -> float:
+        """Largest less smallest force."""
+        return float(np.ptp(self.force[self.known]))
+
+    def sequences(self) -> list[slice]:
+        """The rows of each record."""
+        return _slices(self.starts, len(self.time))
+
+
+def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
+    """The records as one, checked.
+
+    Raises `InputError` for records that are no `ForceRecord`, of unlike lengths or channels; times that do
+    not rise; readings that are not finite, or do not move; forces that are not finite (but with
+    `nan="omit"`), pull, or do not move; less than 100 rows with a force, or 3 presses.
+    """
+    if nan not in ("raise", "omit"):
+        raise InputError("nan", f"nan={nan!r}: no such choice.", fix='nan="raise" or nan="omit".')
+    if not len(records):
+        raise InputError("no-records", "there are no records to learn from.")
+    checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
+    counts = {record.reading.shape[1:] for record in checked}
+    if len(counts) > 1:
+        shapes = ", ".join(str(shape[0] if shape else 1) for shape in sorted(counts))
+        raise InputError(
+            "channels-differ",
+            f"records have {shapes} channels.",
+            fix="give every record the same columns of readings.",
+        )
+    time, reading, force = (np.concatenate(part) for part in zip(*checked, strict=True))
+    lengths = [len(record.time) for record in checked]
+    starts = tuple(int(k) for k in np.cumsum([0, *lengths])[:-1])
+    known = np.isfinite(force)
+    if known.sum() < LEAST_ROWS:
+        raise InputError(
+            "too-few-rows",
+            f"{int(known.sum())} rows with a force, and at least {LEAST_ROWS} are needed.",
+            cause="a short record, or forces that were hardly ever read.",
+            fix="record more presses.",
+        )
+    _check_moves(reading, force[known])
+    sequences = _slices(starts, len(time))
+    low, span = force[known].min(), np.ptp(force[known])
+    presses = max(len(checked), sum(_rises(force[rows], low, span) for rows in sequences))
+    if presses < LEAST_PRESSES:
+        raise InputError(
+            "too-few-presses",
+            f"{len(checked)} sequence{'s' * (len(checked) > 1)} with {presses} presses: "
+            "no part of it can be held out to judge on.",
+            cause="one loading, or one hold.",
+            fix=f"give at least {LEAST_PRESSES} presses, in one record or several.",
+        )
+    rests = [rows.start + at for rows in sequences for at in _rests(force[rows], low, span)]
+    rests = tuple(sorted({*starts, *rests}))
+    return ForceData(time, reading, force, starts, known, rests, presses)
+
+
+def held_out_parts(
+    data: ForceData,
+    parts: int,
+    skip: float = 0.0,
+    seed: int = 0,
+    groups: Sequence[Any] | None = None,
+) -> Int[np.ndarray, " rows"]:
+    """For every row the part, 0 to parts - 1, it is held out with: never single rows.
+
+    Whole `groups` of records where they are given; else whole records, drawn by `seed`, where there are at
+    least two for each part; else whole presses, one after the other; else as many stretches of every
+    record. The first part `skip` of records is -1.
+
+    Raises `InputError` for groups that are not one for each record, or less than two.
+    """
+    part = np.full(len(data.time), -1)
+    sequences, presses = data.sequences(), _slices(data.rests, len(data.time))
+    if groups is not None:
+        names = list(dict.fromkeys(groups))
+        if len(groups) != len(sequences) or len(names) < 2:
+            raise InputError(
+                "groups",
+                f"{len(groups)} groups, {len(names)} of them different, for {len(sequences)} records.",
+                fix="give one for each record, and at least two different ones.",
+            )
+        for group, rows in zip(groups, sequences, strict=True):
+            part[rows] = names.index(group) % parts
+    elif len(sequences) >= 2 * parts:
+        own = np.random.default_rng(seed).permutation(np.arange(len(sequences)) % parts)
+        for k, rows in zip(own, sequences, strict=True):
+            part[rows] = k
+    elif (kept := [rows for rows in presses if _is_kept(rows, sequences, skip)])[parts - 1 :]:
+        for k, rows in enumerate(kept):
+            part[rows] = k * parts // len(kept)
+    else:
+        for rows in sequences:
+            first = rows.start + int(skip * (rows.stop - rows.start))
+            count = rows.stop - first
+            part[first : rows.stop] = np.arange(count) * parts // count
+    for rows in sequences:
+        part[rows.start : rows.start + int(skip * (rows.stop - rows.start))] = -1
+    return part
+
+
+def _is_kept(press: slice, sequences: Sequence[slice], skip: float) -> bool:
+    """Whether most of a press comes after what is skipped of its record."""
+    record = next(rows for rows in sequences if rows.start <= press.start < rows.stop)
+    middle = (press.start + press.stop) / 2
+    return middle >= record.start + skip * (record.stop - record.start)
+
+
+def _slices(starts: Sequence[int], rows: int) -> list[slice]:
+    return [slice(*pair) for pair in pairwise((*starts, rows))]
+
+
+def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceRecord:
+    place = f"record {k}"
+    t, y, F = (np.asarray(x, float) for x in (time, reading, force))
+    y = y[:, 0] if y.ndim == 2 and y.shape[1] == 1 else y
+    if y.ndim not in (1, 2) or t.ndim != 1 or F.ndim != 1 or not len(t) == len(y) == len(F) > 0:
+        raise InputError(
+            "length-mismatch",
+            f"times {t.shape}, readings {y.shape}, forces {F.shape}.",
+            place=place,
+            cause="columns of different files, or a header taken for a row.",
+            fix="give (samples,) each; of several channels (samples, channels) readings.",
+        )
+    step = np.diff(t)
+    if not np.isfinite(t).all() or (step <= 0).any():
+        row = int(np.argmax(~np.isfinite(t))) if len(step) == 0 else int(np.argmin(step > 0)) + 1
+        raise InputError(
+            "time-backwards",
+            "times are missing or do not rise.",
+            place=f"{place}, row {row}",
+            cause="two runs one behind the other, or a row written twice.",
+            fix="make each run a record of its own, and leave rows that repeat a time out.",
+        )
+    bad = ~np.isfinite(y.reshape(len(y), -1)).all(1)
+    if bad.any():
+        raise InputError(
+            "nan-reading",
+            f"{int(bad.sum())} rows without a finite reading.",
+            place=f"{place}, row {int(np.argmax(bad))}",
+            cause="a channel that dropped out.",
+            fix="hysteresis needs complete readings: interpolate them, or cut the record there.",
+        )
+    bad = ~np.isfinite(F)
+    if np.isinf(F).any() or (nan == "raise" and bad.any()):
+        raise InputError(
+            "nan-force",
+            f"{int(bad.sum())} rows without a finite force.",
+            place=f"{place}, row {int(np.argmax(bad))}",
+            cause="a load cell that is read less often than the sensor, or dropped out.",
+            fix='nan="omit" learns from the other rows; the readings of all of them still count.',
+        )
+    return ForceRecord(t, y, F)
+
+
+def _check_moves(reading: np.ndarray, force: np.ndarray) -> None:
+    spread = np.ptp(reading.reshape(len(reading), -1), axis=0)
+    if (still := np.flatnonzero(spread == 0)).size:
+        named = ", ".join(map(str, still.tolist()))
+        raise InputError(
+            "constant-channel",
+            f"the reading of channel {named} (from 0) never changes.",
+            cause="a wire that is not connected, or the wrong column.",
+            fix="leave that channel out.",
+        )
+    if force.max() <= 0 or np.ptp(force) == 0 or force.min() < -0.2 * force.max():
+        raise InputError(
+            "no-press",
+            f"forces lie between {force.min():g} and {force.max():g} N.",
+            cause="compression counted as negative, a load cell that was not set to zero, or no press.",
+            fix="give forces that rise from about 0 when the sensor is pressed.",
+        )
+
+
+def _sides(force: np.ndarray, low: float, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """1 where the force is in the upper part of its range, -1 in the lower, and the rows of both."""
+    side = np.where(force > low + 0.4 * span, 1, np.where(force < low + 0.2 * span, -1, 0))
+    rows = np.flatnonzero(side)
+    return side[rows], rows
+
+
+def _rises(force: np.ndarray, low: float, span: float) -> int:
+    """How often the force goes from the lower part of its range to the upper."""
+    return int((np.diff(_sides(force, low, span)[0]) > 0).sum())
+
+
+def _rests(force: np.ndarray, low: float, span: float) -> list[int]:
+    """The middle of where the force is least, between two presses."""
+    side, rows = _sides(force, low, span)
+    turns = np.flatnonzero(np.diff(side))
+    found = []
+    for down, up in pairwise(turns):
+        if side[down] > 0:
+            between = force[rows[down + 1] : rows[up] + 1]
+            least = np.flatnonzero(between <= np.nanmin(between) + 0.02 * span)
+            found.append(int(rows[down + 1] + least[len(least) // 2]))
+    return found

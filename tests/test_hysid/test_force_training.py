@@ -1,0 +1,164 @@
+"""Learning force from a soft sensor's records: what is held out, what is found, what is refused."""
+
+import jax
+import numpy as np
+import pytest
+
+from compensate import Status
+from compensate.microchannel import BackwardsModel
+from hysid._force_records import ForceRecord, gather, held_out_parts
+from hysid._force_training import train_force
+from hysteresis import InputError, PrandtlIshlinskii
+
+FAST = {"updates": 150, "members": 2, "skip": 0.0}
+
+
+def sensor(seed: int, channels: int = 1, count: int = 80, offset: float = 0.3) -> ForceRecord:
+    """A press of a sensor that lags its force by a play of half a newton."""
+    random = np.random.default_rng(seed)
+    t = 0.05 * np.arange(count)
+    F = random.uniform(3, 6) * np.sin(np.pi * np.arange(count) / count) ** 2
+    z, play = 0.0, []
+    for force in F:
+        z = float(np.clip(z, force - 0.5, force + 0.5))
+        play.append(z)
+    y = offset + 0.1 * np.array(play) + 1e-3 * random.standard_normal(count)
+    if channels > 1:
+        y = np.column_stack([y * (1 - 0.3 * k) for k in range(channels)])
+    return ForceRecord(t, y, F)
+
+
+RECORDS = [sensor(k) for k in range(6)]
+
+
+@pytest.mark.parametrize("kind", ["network", "everett"])
+def test_it_learns_far_better_than_a_mean(kind):
+    told = []
+    found = train_force(RECORDS, kind=kind, tell=lambda *now: told.append(now[:2]), **FAST)
+    forces = np.concatenate([record.force for record in RECORDS])
+    assert found.rmse < 0.5 * forces.std()
+    t, y, F = sensor(10)
+    estimate = found.estimator.simulate(t, y)
+    assert np.sqrt(np.mean((np.asarray(estimate.value) - F) ** 2)) < 0.5 * F.std()
+    assert told[-1] == (1000, 1000)
+    assert len(found.curves[0].validation) > 1
+
+
+def test_the_deviation_is_of_rows_that_were_held_out():
+    found = train_force(RECORDS, **FAST)
+    seen = np.isfinite(found.held_out)
+    assert seen.all()  # every record was held out from one network
+    held = np.clip(found.held_out, 0, found.estimator.high)
+    inside = np.abs(held - found.force) < 1.645 * float(found.estimator.deviation)
+    assert abs(inside.mean() - 0.9) < 0.01
+
+
+def test_several_channels_are_learnt_and_watched():
+    found = train_force([sensor(k, 2) for k in range(4)], **FAST)
+    t, y, _ = sensor(9, 2)
+    y = y.copy()
+    y[10, 1], y[20, 0] = np.nan, 99.0
+    estimate = found.estimator.simulate(t, y)
+    assert estimate.status[10] == Status.INVALID
+    assert estimate.status[20] == Status.EXTRAPOLATED
+    assert np.isfinite(np.asarray(estimate.value)).all()
+
+
+def test_the_seed_is_all_the_chance_there_is():
+    one, again = (train_force(RECORDS, seed=3, **FAST) for _ in range(2))
+    np.testing.assert_array_equal(one.held_out, again.held_out)
+
+
+def test_rows_without_a_force_still_drive_the_memory():
+    sparse = [ForceRecord(t, y, np.where(np.arange(len(F)) % 2, np.nan, F)) for t, y, F in RECORDS]
+    with pytest.raises(InputError, match="nan-force"):
+        train_force(sparse, **FAST)
+    found = train_force(sparse, nan="omit", **FAST)
+    assert np.isfinite(found.held_out).sum() == sum(len(r.force) for r in RECORDS) // 2
+
+
+def test_an_interrupted_training_goes_on(tmp_path):
+    whole = train_force(RECORDS, checkpoint=tmp_path, **FAST)
+    rest = train_force(RECORDS, checkpoint=tmp_path, resume=True, **FAST)
+    np.testing.assert_array_equal(whole.held_out, rest.held_out)
+    assert "gone on from" in rest.curves[0].said[0]
+
+
+def test_what_is_held_out_is_whole():
+    data = gather(RECORDS)
+    part = held_out_parts(data, 3)
+    assert all(len(set(part[rows])) == 1 for rows in data.sequences())
+    assert set(part) == {0, 1, 2}
+    own = held_out_parts(data, 2, groups=list("aabbaa"))
+    assert [int(own[rows.start]) for rows in data.sequences()] == [0, 0, 1, 1, 0, 0]
+    one = gather([long_record()])
+    assert one.presses == 6
+    assert len(one.rests) == 6
+    part = held_out_parts(one, 3, 0.34)
+    assert (part[: int(0.34 * len(part))] == -1).all()
+    for k in range(3):
+        assert (np.diff(np.flatnonzero(part == k)) == 1).all()
+
+
+def long_record() -> ForceRecord:
+    t, y, F = (np.concatenate(part) for part in zip(*RECORDS, strict=True))
+    return ForceRecord(0.05 * np.arange(len(t)), y, F)
+
+
+def test_one_long_record_is_cut_at_its_rests():
+    found = train_force([long_record()], **FAST)
+    assert found.rmse < 0.5 * found.force.std()
+
+
+def test_a_model_run_backwards_is_a_model():
+    from compensate import invert
+
+    inner = PrandtlIshlinskii([0.2, 0.6], [0.3, 0.2], 1.0)
+    model = BackwardsModel(invert(inner))
+    u = 3 * np.sin(np.linspace(0, 9, 60))
+    y = np.asarray(inner.simulate(None, u))
+    found = np.asarray(model.simulate(None, y))
+    np.testing.assert_allclose(found, u, atol=1e-9)
+    state, first = model.stream(None, y[:25])
+    np.testing.assert_allclose(first, found[:25], atol=1e-12)
+    np.testing.assert_allclose(model.simulate(None, y[25:], state), found[25:], atol=1e-12)
+    prepared = model.prepare(None, np.tile(y, 2), starts=(0, 60))
+    np.testing.assert_allclose(model.evaluate(prepared)[60:], found, atol=1e-12)
+    slope = jax.grad(lambda x: model.simulate(None, x).sum())(jax.numpy.asarray(y))
+    assert np.isfinite(np.asarray(slope)).all()
+
+
+def changed(**columns: object) -> list[ForceRecord]:
+    return [RECORDS[0]._replace(**columns), *RECORDS[1:]]
+
+
+T, Y, F = RECORDS[0]
+
+
+@pytest.mark.parametrize(
+    ("code", "records", "options"),
+    [
+        ("no-records", [], {}),
+        ("too-few-rows", [sensor(0, count=30)], {}),
+        ("too-few-presses", [sensor(0, count=200)], {}),
+        ("nan-reading", changed(reading=np.where(np.arange(80) == 7, np.nan, Y)), {}),
+        ("nan-force", changed(force=np.where(np.arange(80) == 7, np.nan, F)), {}),
+        ("length-mismatch", changed(force=F[1:]), {}),
+        ("time-backwards", changed(time=T[::-1]), {}),
+        ("channels-differ", [sensor(0, 2), *RECORDS[1:]], {}),
+        ("constant-channel", [r._replace(reading=0 * r.reading + 1) for r in RECORDS], {}),
+        ("no-press", [r._replace(force=-r.force) for r in RECORDS], {}),
+        ("unknown-kind", RECORDS, {"kind": "tree"}),
+        ("members", RECORDS, {"members": 1}),
+        ("skip", RECORDS, {"skip": 1.0}),
+        ("nan", RECORDS, {"nan": "interpolate"}),
+        ("groups", RECORDS, {"groups": ["one"] * 6}),
+        ("several-channels", [sensor(k, 2) for k in range(6)], {"kind": "everett"}),
+        ("several-channels", [sensor(k, 2) for k in range(6)], {"kind": "structured"}),
+    ],
+)
+def test_bad_records_are_answered(code, records, options):
+    with pytest.raises(InputError) as caught:
+        train_force(records, **(FAST | options))
+    assert caught.value.code == code
+    assert caught.value.problem
