@@ -21,6 +21,7 @@ else:
 SELECTION = (
     "input", "step", "output", "time", "dt", "group", "each", "where", "test_where", "test_cycles",
     "test_tail", "nan", "segments", "decimal", "units_row", "na_values", "input_unit", "output_unit",
+    "input_time",
 )  # fmt: skip
 """Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
 
@@ -45,6 +46,8 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
         [parameters]
         E1 = {start = 2.0, bounds = [0.1, 100.0]}
 
+    What selects rows and means nothing to the command, a hold-out for one that only looks, is left out.
+
     Raises `InputError` for a file that is not there or no TOML, and for a table, a key or a kind of value
     that the command does not know.
     """
@@ -61,9 +64,11 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
             raise _unknown(file, f"[{table}]", table, [*tables, "parameters"], tables)
         if not isinstance(values, Mapping):
             raise _unknown(file, table, table, [], tables)
-        if table == "parameters":
+        if table == "parameters" or not tables[table]:  # a command that only looks fits nothing
             continue
         for key, value in values.items():
+            if key in SELECTION and key not in known and table == "selection":
+                continue
             if key not in tables[table]:
                 raise _unknown(file, f"{key} in [{table}]", key, tables[table], tables)
             found[key] = _of_kind(file, key, value, known[key])

@@ -41,6 +41,7 @@ class Selection:
     test_cycles: int | None = None
     test_tail: float | None = None
     step: float | None = None
+    input_time: str | None = None
 
     def __post_init__(self) -> None:
         if (self.input is None) == (self.step is None):
@@ -62,6 +63,12 @@ class Selection:
             )
         if self.time is not None and self.dt is not None:
             raise InputError("two-clocks", "give --time COL or --dt SECONDS, not both.")
+        if self.input_time is not None and (self.time is None or self.step is not None):
+            raise InputError(
+                "no-clock",
+                "--input-time COL is the input's own clock beside that of the output.",
+                fix="give --time COL too, the output's.",
+            )
 
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> "Selection":
@@ -145,6 +152,7 @@ class Selection:
             output_unit=self.output_unit,
             keep=tuple(sorted(held_out_by)),
             segments=self.segments,  # type: ignore[arg-type]
+            input_time=self.input_time,
         )
 
     def _split(self, record: Record) -> Pair:
@@ -161,6 +169,11 @@ class Selection:
         if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
             return record.split_groups([label for label, part in share.items() if part])
         return record.split_rows(held)
+
+
+def selection_of(options: Mapping[str, Any]) -> Selection:
+    """The selection that these keys of a configuration file give."""
+    return Selection.from_json({"input": None, **options})
 
 
 def all_of(faults: Mapping[str, InputError]) -> InputError:

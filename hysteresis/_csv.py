@@ -14,7 +14,9 @@ import numpy as np
 
 from ._errors import InputError
 from ._record import Record
+from ._two_clocks import on_one_clock
 from ._units import are_units, bare_unit, column_unit
+from .importers import Sheet, arranged, decode, fault, file_bytes, labview, tdms, workbook
 
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
@@ -97,11 +99,12 @@ def read_table(
     units_row: int | None = None,
     na_values: Collection[str] = (),
 ) -> Table:
-    """Columns of a CSV file with one header.
+    """Columns of a CSV file with one header, or of a file that a machine wrote (`hysteresis.importers`).
 
     Reads UTF-8, UTF-16 and Latin-1, with or without a byte-order mark, any line end, quoted
     cells, trailing separators, comment lines (#), separators `, ; tab |` found by themselves, and
-    a row of units under the header.
+    a row of units under the header. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill, testXpert and texture
+    analyser files, and of others with notes above, the longest table.
 
     **Arguments:**
 
@@ -112,21 +115,29 @@ def read_table(
 
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
     `binary-file`, `no-data`, `duplicate-column`, `ragged-line`, `decimal-comma`,
-    `bad-units-row`, `bad-option`.
+    `bad-units-row`, `bad-option`, `needs-extra`, `bad-labview`, `bad-tdms`.
     """
     path = Path(path)
     if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
         problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
-    data = _bytes(path)
-    text, notes = _decode(path, data)
+    data = file_bytes(path)
+    read_with = decimal, tuple(na_values)
+    if sheet := tdms(path, data) or workbook(path, data):
+        return _table(path, data, sheet, *read_with)
+    text, notes = decode(path, data)
+    if sheet := labview(path, text):
+        return _table(path, data, sheet, *read_with)
     numbered = [
         (k, s)
         for k, s in enumerate(re.split(r"\r\n|\r|\n", text), 1)
         if s and not s.isspace() and s[0] != "#"
     ]
     if not numbered:
-        raise _file("empty-file", path, "nothing but blank or comment lines.")
+        raise fault("empty-file", path, "nothing but blank or comment lines.")
+    plain = separator is not None or units_row is not None
+    if sheet := None if plain else arranged(numbered, decimal):
+        return _table(path, data, sheet, *read_with, notes)
     lines = [s for _, s in numbered]
     sep = separator or _sniff(lines[:30])
     rows, line, start = [], [], 0
@@ -151,16 +162,29 @@ def read_table(
         body, line = body[:full], line[: full + 1]
         notes.append(f"Left out {blank} empty rows at the end.")
     if not body:
-        raise _file("no-data", path, "a header and no rows.")
+        raise fault("no-data", path, "a header and no rows.")
     line = np.array(line[1:])
     _square(path, body, line, len(header), sep)
-    text = {
-        name: np.char.strip(np.array(cells))
-        for name, cells in zip(header, zip(*body, strict=True), strict=False)
-    }
+    columns = dict(zip(header, zip(*body, strict=True), strict=False))
+    return _table(path, data, Sheet(columns, line, units, tuple(notes), decimal), *read_with)
+
+
+def _table(
+    path: Path,
+    data: bytes,
+    sheet: Sheet,
+    decimal: str,
+    na_values: tuple[str, ...],
+    notes: Sequence[str] = (),
+) -> Table:
+    decimal = sheet.decimal if decimal == "." else decimal
+    text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
     columns = {name: _parsed(cells, decimal, na_values) for name, cells in text.items()}
-    digest, read_with = hashlib.sha256(data).hexdigest(), (decimal, tuple(na_values))
-    return Table(columns, text, line, units, str(path), digest, tuple(notes), *read_with)
+    notes = (*notes, *sheet.notes)
+    digest = hashlib.sha256(data).hexdigest()
+    return Table(
+        columns, text, sheet.line, sheet.units, str(path), digest, notes, decimal, na_values
+    )
 
 
 def read_csv(
@@ -181,6 +205,7 @@ def read_csv(
     time_unit: str | None = None,
     keep: Sequence[str] = (),
     segments: Literal["auto"] | None = None,
+    input_time: str | None = None,
 ) -> Record:
     """A `Record` from a CSV file, or from a `Table` already read.
 
@@ -196,6 +221,8 @@ def read_csv(
         "interpolate" fills input and output linearly.
     - `keep`: further columns to carry along in `Record.columns`.
     - `segments`: "auto" starts a new sequence wherever time goes back.
+    - `input_time`: the clock of the input(s), where it is another than that of the output, which is
+        then `time`: the input is interpolated linearly to the output's times.
     - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
 
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
@@ -245,8 +272,16 @@ def read_csv(
         parts = [table.text[name][rows] for name in names]
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
     t = None if time is None else table.number(time)[rows]
+    moved = {name: table.number(name)[rows] for name in inputs}
+    if input_time is not None:
+        if t is None:
+            problem = f"The input's clock is {input_time!r}, and the output's is not given."
+            raise InputError("bad-option", problem, fix="--time COL, the clock of the output.")
+        own = table.number(input_time)[rows]
+        moved, note = on_one_clock(moved, own, t, groups, input_time, time or "")
+        notes.append(note)
     return Record.from_arrays(
-        table.number(inputs[0])[rows] if named else None,
+        moved[inputs[0]] if named else None,
         table.number(output)[rows],
         t,
         groups,
@@ -256,7 +291,7 @@ def read_csv(
         nan=nan,
         history=(f"Read {rows.sum()} rows: {said} -> {output!r}.", *notes),
         columns={name: table.columns[name][rows] for name in keep}
-        | {name: table.number(name)[rows] for name in channels},
+        | {name: moved[name] for name in channels},
         channels=channels,
         output_name=output,
         time_name=time or "time",
@@ -302,42 +337,6 @@ def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.nda
             raise InputError("no-match", problem, place=place)
         found |= hit
     return found[inverse]
-
-
-def _file(code: str, path: Path, problem: str, fix: str = "") -> InputError:
-    return InputError(code, problem, place=str(path), fix=fix)
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        data = path.read_bytes()
-    except IsADirectoryError:
-        raise _file("is-directory", path, "this is a folder, not a file.") from None
-    except (FileNotFoundError, NotADirectoryError):
-        folder = path.parent
-        names = [p.name for p in folder.iterdir()] if folder.is_dir() else []
-        near = ", ".join(get_close_matches(path.name, names, 3, 0.3)) or "nothing alike"
-        where = f"nearest: {near}." if folder.is_dir() else "its folder does not exist."
-        raise _file("file-not-found", path, f"not found; {where}") from None
-    except PermissionError:
-        raise _file("permission-denied", path, "you may not read it.", "chmod +r FILE.") from None
-    except OSError as error:
-        raise _file("unreadable-file", path, f"cannot be read: {error.strerror}.") from None
-    if not data.strip():
-        raise _file("empty-file", path, "the file is empty.")
-    return data
-
-
-def _decode(path: Path, data: bytes) -> tuple[str, list[str]]:
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", "replace"), ["Decoded as UTF-16."]
-    if b"\0" in data or data[:4] in (b"PK\x03\x04", b"\x1f\x8b\x08\x00"):
-        mend = "export the sheet as CSV." if data[:2] == b"PK" else "export it as text."
-        raise _file("binary-file", path, "this is no text but binary data.", mend)
-    try:
-        return data.decode("utf-8-sig"), []
-    except UnicodeDecodeError:
-        return data.decode("latin-1"), ["Decoded as Latin-1: it is not UTF-8."]
 
 
 def _sniff(lines: list[str]) -> str:

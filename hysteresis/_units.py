@@ -13,6 +13,11 @@ RIG_UNITS = tuple(_UNITS.split())
 FORCES = ("N", "mN", "uN", "kN", "gf", "kgf")
 LENGTHS = ("mm", "um", "cm", "m")
 _SPELLING = {"": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm"}
+_IN_WORDS = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
+    "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
+    "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "inches": "inch",
+}  # fmt: skip
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 
 
@@ -21,10 +26,22 @@ def bare_unit(cell: str) -> str:
     return cell.strip().strip("[]()").strip()
 
 
+def spelled(unit: str) -> str:
+    """A unit as this package spells it: "Sec" is s, "Volts" is V, "-" is 1."""
+    bare = bare_unit(unit)
+    return _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+
+
+def is_unit(text: str) -> bool:
+    """Whether this is a unit, in the spelling of rigs or of pint."""
+    text = spelled(text)
+    return text == "1" or text in RIG_UNITS or (not text[:1].isdigit() and _known(text))
+
+
 def are_units(cells: list[str]) -> bool:
     """No number among them, and at least two units that rigs use: a sample may be called A."""
     bare = [bare_unit(c) for c in cells]
-    return sum(c in RIG_UNITS for c in bare) > 1 and not any(
+    return sum(spelled(c) in RIG_UNITS for c in bare) > 1 and not any(
         re.match("[+-]?[.,]?[0-9]", c) for c in bare
     )
 
@@ -49,7 +66,7 @@ def column_unit(
         unit = suffix
     else:
         unit, notes = "1", [f"Column {name!r} names no unit: taken as 1."]
-    unit = _SPELLING.get(unit, unit)
+    unit = spelled(unit)
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
     if unit != "1" and unit not in RIG_UNITS and not _known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."

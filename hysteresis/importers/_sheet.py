@@ -1,0 +1,66 @@
+"""What an importer hands on: named columns of cells, and what there is to say about them."""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._units import bare_unit, is_unit, spelled
+
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The columns of a file before anything is made of them.
+
+    **Arguments:**
+
+    - `columns`: the cells of each, by name, all of one length n.
+    - `line`: (n,) the line of each row, from 1.
+    - `units`: by column, where the file says them beside the header.
+    - `notes`: a sentence for each thing that was done.
+    - `decimal`: the sign its numbers are written with.
+    """
+
+    columns: Mapping[str, Sequence[str]]
+    line: np.ndarray
+    units: Mapping[str, str]
+    notes: tuple[str, ...]
+    decimal: str = "."
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with either decimal sign."""
+    return _NUMBER.fullmatch(cell.strip()) is not None
+
+
+def units_of(cells: Sequence[str]) -> list[str] | None:
+    """A row of units, one for each cell and "" for none, or None where it is no such row."""
+    bare = [spelled(cell) if bare_unit(cell) else "" for cell in cells]
+    named = [unit for unit in bare if unit not in ("", "1")]
+    if not named or any(is_number(unit) for unit in named):
+        return None
+    known = sum(is_unit(unit) for unit in named)
+    bracketed = all(cell.strip()[:1] in "([" for cell in cells if cell.strip())
+    return bare if known == len(named) or (bracketed and 2 * known >= len(named)) else None
+
+
+def distinct(names: Sequence[str], taken: Collection[str] = ()) -> list[str]:
+    """Names of columns: numbered where empty, with a number behind where there twice."""
+    found: list[str] = []
+    for k, name in enumerate(names, 1):
+        stem = " ".join(name.split()) or f"column {k}"
+        other, n = stem, 1
+        while other in found or other in taken:
+            n += 1
+            other = f"{stem} {n}"
+        found.append(other)
+    return found
+
+
+def decimal_of(cells: Sequence[str]) -> str:
+    """The decimal sign of these cells: a comma where some have one and none has a point."""
+    commas = sum("," in cell for cell in cells if is_number(cell))
+    return "," if commas and not any("." in cell for cell in cells if is_number(cell)) else "."

@@ -1,0 +1,348 @@
+"""`hysid init`: what it makes of a file, and that `hysid fit` takes it as it is."""
+
+import json
+import tempfile
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysid._cli import app
+from hysid._config import options_of
+from hysid._hold_out import hold_out
+from hysid._init_job import init
+from hysid._kinds import kind_of, words_of
+from hysid._roles import leftover, rank_correlation
+from hysteresis import InputError, read_table
+from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
+
+ROWS = sponge()
+CLEAN = text(ROWS)
+LOOP = np.concatenate([np.linspace(0, 1, 12), np.linspace(1, 0, 12)[1:]])
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def guessed(content: str | bytes, *options: str, name: str = "run.csv") -> dict:
+    return run("init", put(content, name), *options, "--json").json()
+
+
+def usable(found: dict) -> bool:
+    """The other commands take what was written."""
+    return run("check", found["source"], "--config", found["file"]).code == 0
+
+
+def columns(found: dict) -> tuple:
+    selection = found["selection"]
+    return selection.get("time"), selection.get("input"), selection["output"]
+
+
+def renamed(time: str, force: str, x: str, separator: str = ",", comma: bool = False) -> str:
+    content = text([row[:3] for row in ROWS], (time, force, x), separator)
+    head, body = content.split("\n", 1)
+    return f"{head}\n{body.replace('.', ',') if comma else body}"
+
+
+def test_fit_takes_what_init_wrote():
+    said = run("init", put(CLEAN))
+    assert said.code == 0
+    document = tomllib.loads(Path("run.toml").read_text("utf-8"))
+    assert document["selection"] == {"input": F, "output": X, "time": T, "test_cycles": 1}
+    command = said.out.splitlines()[-1].split()
+    assert command == ["hysid", "fit", "run.csv", "--config", "run.toml", "--out", "run"]
+    fitted = run(*command[1:], "--model", "LinearSponge", "--json").json()
+    assert fitted["selection"]["test_cycles"] == 1
+    assert fitted["metrics"]["test"]["nrmse_percent"] < 10
+    looked = run("check", "run.csv", "--config", "run.toml")
+    assert looked.code == 0
+    assert "5 complete cycles" in looked.out
+
+
+def test_what_was_seen_is_said_with_how_sure_and_why():
+    found = guessed(CLEAN)
+    seen = {f["what"]: f for f in found["found"]}
+    assert {"time", "input", "output", "held out"} <= set(seen)
+    assert {f["sure"] for f in found["found"]} <= {"sure", "likely", "guess"}
+    assert "lags" in seen["output"]["why"]
+    assert any(F in other and X in other for other in found["alternatives"])
+    page = Path(found["file"]).read_text("utf-8")
+    assert all(line.isprintable() for line in page.splitlines())
+    assert seen["output"]["why"] in page
+
+
+def test_a_configuration_that_is_there_is_kept():
+    put("mine", "run.toml")
+    refused(run("init", put(CLEAN)), "run.toml", "--overwrite", "[exists]")
+    assert Path("run.toml").read_text() == "mine"
+    assert run("init", "run.csv", "--out", "new/other.toml").code == 0
+    assert Path("new/other.toml").exists()
+    assert run("init", "run.csv", "--overwrite").code == 0
+    assert Path("run.toml").read_text() != "mine"
+
+
+@pytest.mark.parametrize(
+    ("time", "force", "x"),
+    [
+        ("time_s", "force_N", "displacement_mm"),
+        ("Zeit", "Kraft", "Weg"),
+        ("Prüfzeit (s)", "Standardkraft (N)", "Standardweg (mm)"),
+        ("Temps", "Charge [kN]", "Déplacement [mm]"),
+        ("t", "F", "x (um)"),
+        ("elapsed (s)", "Load", "Extension"),
+        ("Time (s)", "Stress (kPa)", "Strain (%)"),
+        ("time", "loadCell_N", "sensorVoltage_V"),
+        ("clock", "field (Oe)", "moment (emu)"),
+        ("%time", "field.wrench.force.z", "field.pose.position.z"),
+    ],
+)
+def test_columns_are_known_by_their_names(time, force, x):
+    assert columns(guessed(renamed(time, force, x))) == (time, force, x)
+
+
+def test_the_order_of_the_columns_says_nothing():
+    turned = text([[x, t, f] for t, f, x, _ in ROWS], (X, T, F))
+    assert columns(guessed(turned)) == (T, F, X)
+
+
+def test_names_that_say_nothing_leave_it_to_the_loop():
+    found = guessed(renamed("tick", "alpha", "beta"))
+    assert columns(found) == ("tick", "alpha", "beta")
+    assert {f["sure"] for f in found["found"] if f["what"] == "input"} == {"guess"}
+    rows = [[t, f, x, f"{np.sin(k):.3f}"] for k, (t, f, x, _) in enumerate(ROWS)]
+    many = put(text(rows, ("tick", "alpha", "beta", "gammy")), "many.csv")
+    refused(run("init", many), "'beta'", "--input", "--output", "[cannot-decide]")
+    asked = run("init", many, "--input", "alpha", "--output", "beta", "--json").json()
+    assert columns(asked) == ("tick", "alpha", "beta")
+    refused(run("init", many, "--overwrite", "--input", "delta"), "'delta'", "'alpha'")
+
+
+def test_what_was_commanded_is_not_what_was_measured():
+    rows = [[t, f"{float(x) + 0.01:.3f}", f, x] for t, f, x, _ in ROWS]
+    content = text(rows, (T, "position setpoint (mm)", F, "position (mm)"))
+    assert columns(guessed(content)) == (T, F, "position (mm)")
+
+
+def test_a_decimal_comma_and_units_below_the_header():
+    content = renamed("Zeit", "Kraft", "Weg", ";", comma=True)
+    found = guessed(content)
+    assert columns(found) == ("Zeit", "Kraft", "Weg")
+    assert found["selection"]["decimal"] == ","
+    head, body = content.split("\n", 1)
+    plain = guessed(f"{head}\nSek;Newton;mm\n{body}", name="plain.csv")
+    assert any("Row 2 is units" in f["value"] for f in plain["found"])
+    assert usable(plain)
+    odd = guessed(f"{head}\nticks;N;Striche\n{body}", name="odd.csv")
+    assert (odd["selection"]["units_row"], odd["selection"]["output_unit"]) == (2, "1")
+    assert odd["selection"]["dt"] == 6  # a clock in an unknown unit
+    assert usable(odd)
+
+
+def test_gaps_and_words_among_numbers():
+    rows = [list(row) for row in ROWS]
+    rows[40][2] = rows[41][2] = "OVLD"
+    found = guessed(text(rows))
+    assert found["selection"]["na_values"] == ["OVLD"]
+    assert found["selection"]["nan"] == "omit"
+    rows[40][1] = ""
+    assert guessed(text(rows), "--overwrite")["selection"]["nan"] == "interpolate"
+
+
+def test_dates_and_times_give_a_step():
+    stamped = [
+        [f"2024-05-01 12:{k // 60:02d}:{k % 60:02d}.5", f, x] for k, (_, f, x, _) in enumerate(ROWS)
+    ]
+    found = guessed(text(stamped, ("timestamp", F, X)))
+    assert found["selection"]["dt"] == 1
+    assert "time" not in found["selection"]
+
+
+def test_a_force_in_grams_is_a_weight():
+    found = guessed(renamed("Time (sec)", "Force (g)", "Distance (mm)"))
+    assert found["selection"]["input_unit"] == "gf"
+    inside = guessed(renamed("t", "force_N_raw", "x_mm"), "--overwrite")
+    assert inside["selection"]["input_unit"] == "N"
+
+
+def specimens(name: str, values: list[str], restart: bool = True) -> str:
+    rows = []
+    for k, value in enumerate(values):
+        for t, f, x, _ in ROWS:
+            rows.append([value, f"{float(t) + (0 if restart else 606 * k):g}", f, x])
+    return text(rows, (name, T, F, X))
+
+
+def test_runs_are_sequences_and_specimens_get_a_fit_each():
+    runs = guessed(specimens("run", ["1", "2", "3"]))["selection"]
+    assert runs["group"] == ["run"]
+    assert "each" not in runs
+    each = guessed(specimens("specimen", ["a", "b"]), "--overwrite")["selection"]
+    assert each["each"] == "specimen"
+    assert each["test_cycles"] == 1
+    # One clock through all of them: nothing starts anew.
+    assert "group" not in guessed(specimens("run", ["1", "2"], False), "--overwrite")["selection"]
+    # A cycle's number is no sequence: its memory goes on.
+    assert "group" not in guessed(CLEAN, "--overwrite")["selection"]
+
+
+def test_two_runs_without_a_name_are_cut_where_time_goes_back():
+    assert guessed(text([*ROWS, *ROWS]))["selection"]["segments"] == "auto"
+
+
+def test_whole_sequences_of_middling_range_are_held_out():
+    lines = ["trial,t (s),f (N),x (mm)"]
+    for trial, depth in enumerate((4, 2, 3, 1, 2.5), 1):
+        lines += [f"{trial},{k},{depth * u:.4f},{depth * u * u:.4f}" for k, u in enumerate(LOOP)]
+    found = guessed("\n".join(lines))
+    (held,) = found["selection"]["test_where"]
+    name, _, values = held.partition("=")
+    assert name == "trial"
+    assert "1" not in values.split(",")  # the widest stays: nothing is foretold beyond the range
+
+
+def test_a_split_in_the_file_is_taken():
+    rows = [[*row[:3], "test" if int(row[3]) > 4 else "train"] for row in ROWS]
+    found = guessed(text(rows, (T, F, X, "split")))
+    assert found["selection"]["test_where"] == ["split=test"]
+
+
+def test_one_loop_holds_nothing_out():
+    found = guessed(text(ROWS[:21]))
+    assert not any(key.startswith("test_") for key in found["selection"])
+    page = Path(found["file"]).read_text("utf-8")
+    assert "one loop" in page
+    tomllib.loads(page)
+    table = read_table("run.csv")
+    options = {"input": F, "output": X}
+    assert hold_out(table, options, ("cycle", "7"))[0] == {}
+
+
+def test_creep_has_a_step():
+    t = np.geomspace(0.01, 100, 60)
+    strain = 0.1 + 0.05 * (1 - np.exp(-t))
+    rows = [[f"{a:.5g}", f"{b:.6g}", "10"] for a, b in zip(t, strain, strict=True)]
+    found = guessed(text(rows, ("t (s)", "strain", "stress (Pa)")))
+    assert found["selection"] | {"time": "t (s)", "output": "strain"} == found["selection"]
+    assert (found["selection"]["step"], found["selection"]["input_unit"]) == (10.0, "Pa")
+    assert usable(found)
+    alone = put(text([row[:2] for row in rows], ("t (s)", "strain")), "alone.csv")
+    refused(run("init", alone), "'strain'", "--step VALUE", "[cannot-decide]")
+    assert run("init", alone, "--step", "10").code == 0
+
+
+def test_each_quantity_with_its_own_clock():
+    rows = [[t, x, f"{float(t) + 0.5:g}", f] for t, f, x, _ in ROWS]
+    found = guessed(text(rows, ("t_position_s", "position_mm", "t_force_s", "force_N")))
+    assert columns(found) == ("t_position_s", "force_N", "position_mm")
+    assert found["selection"]["input_time"] == "t_force_s"
+    assert usable(found)
+
+
+def test_what_a_machine_exported_needs_no_options():
+    body = "".join(f"{t}\t{x}\t{f}\n" for t, f, x, _ in ROWS)
+    note = "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t4\tSec\n"
+    found = guessed(
+        f"{note}Time\tAxial Displacement\tAxial Force\ns\tmm\tN\n{body}", name="run.dat"
+    )
+    assert columns(found) == ("Time", "Axial Force", "Axial Displacement")
+    assert usable(found)
+
+
+BAD: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
+    "empty": ("", ("the file is empty",)),
+    "header only": (f"{T},{F},{X}\n", ("a header and no rows",)),
+    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ("binary data",)),
+    "no header": ("0,1.5,2\n1,2.5,3\n2,3.5,5\n", ("first line is numbers", "write a line above")),
+    "no header, twice a number": ("0,0\n1,2\n2,3\n", ("first line is numbers",)),
+    "one column": ("force (N)\n1\n2\n3\n", ("force (N)", "side by side")),
+    "words": ("a,b\nx,y\nz,w\nu,v\n", ("none", "side by side")),
+    "nothing moves": (
+        f"{T},{F},{X}\n" + "".join(f"{k},1,2\n" for k in range(9)),
+        ("side by side",),
+    ),
+    "prose": ("Dear colleague,\nplease find the data\nin the other file.\n", ("[",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(name):
+    content, words = BAD[name]
+    refused(run("init", put(content)), "run.csv", *words)
+    assert not Path("run.toml").exists()
+
+
+@given(
+    st.lists(st.sampled_from(["time", "force (N)", "x", "run", "s1", ""]), min_size=1, max_size=4),
+    st.lists(
+        st.lists(st.sampled_from(["1", "2.5", "-3e2", "0,5", "nan", "", "inf", "a"]), max_size=5),
+        max_size=24,
+    ),
+    st.sampled_from(",;\t| "),
+)
+def test_any_table_gives_a_configuration_or_a_fault(header, rows, separator):
+    lines = [separator.join(cells) for cells in (header, *rows)]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "any.csv"
+        file.write_text("\n".join(lines))
+        try:
+            found = init(file, None, {})
+        except InputError:
+            return
+        options_of(Path(found["file"]), typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
+
+
+def test_a_missing_file_names_the_nearest():
+    put(CLEAN, "run_07.csv")
+    refused(run("init", "run_7.csv"), "nearest: run_07.csv")
+
+
+def test_odd_names_survive_the_file():
+    name = 'Kraft "α\\" (N)'
+    quoted = '"' + name.replace('"', '""') + '"'
+    found = guessed(text([row[:3] for row in ROWS], (T, quoted, X)))
+    document = tomllib.loads(Path(found["file"]).read_text("utf-8"))
+    assert document["selection"]["input"] == name
+    assert json.loads(json.dumps(found))["selection"]["input"] == name
+
+
+def test_words_and_kinds():
+    assert words_of("Prüfzeit_Kanal1 (s)") == ["pruefzeit", "kanal", "1"]
+    assert words_of("loadCell") == ["load", "cell"]
+    assert kind_of("force (N)", "N").sure == 1.0
+    assert kind_of("sigma_current_A", "A").name == "aside"
+    assert kind_of("Sigma_true", "1").name == "stress"
+    assert kind_of("target force (N)", "N").commanded
+    assert kind_of("s07", "1").name == "sensor"
+
+
+def test_how_far_one_follows_the_other():
+    x = np.linspace(-1, 1, 200)
+    assert rank_correlation(x, x**3) == pytest.approx(1)
+    assert rank_correlation(x, np.zeros(200)) == 0
+    # A curve with a flat part is a function one way, and none the other.
+    y = np.maximum(x, 0)
+    up = np.ones(200)
+    assert leftover(x, y, up) < 0.01 < leftover(y, x, up)
+
+
+@pytest.mark.parametrize(
+    ("file", "pair"),
+    [
+        ("foam-midsole-compression/tidy.csv", {"compression_mm", "force_N"}),
+        ("forc-magnetic/tidy_feco_nanowires.csv", {"field_Oe", "moment_emu"}),
+        ("eflesh-magnetic-tactile/tidy_normal.csv", {"z_mm", "load_reading"}),
+        ("slac-quadrupole-minor-loops/tidy.csv", {"current_A", "integrated_gradient_T"}),
+        ("structural-cyclic/RESSPyLab_example_1.csv", {"e_true", "Sigma_true"}),
+        ("velostat-press-hold/tidy.csv", {"force_N_interp", "velostat_raw"}),
+    ],
+)
+def test_the_columns_of_measured_files(measured_data, file, pair):
+    found: Result = run("init", measured_data / file, "--out", "guess.toml", "--json")
+    selection = found.json()["selection"]
+    assert {selection["input"], selection["output"]} == pair

@@ -1,0 +1,290 @@
+"""Files as machines write them: the table is found, its units, its pieces, its decimal sign."""
+
+import io
+import sys
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError, read_csv, read_table
+
+N = 12
+T = 0.5 * np.arange(N)
+X = np.abs((np.arange(N) % 8) - 4.0) / 4
+F = 3 * X**2 + 0.125
+
+
+def rows(*columns: np.ndarray, sep: str = ",", comma: bool = False, quote: str = "") -> str:
+    lines = (sep.join(f"{quote}{v:.4f}{quote}" for v in row) for row in zip(*columns, strict=True))
+    text = "\n".join(lines) + "\n"
+    return text.replace(".", ",") if comma else text
+
+
+BLUEHILL = (
+    '"Test method","Loops.im_tens"\n"Width : 10.5 mm"\n\n"Results Table 1"\n'
+    '"","Maximum Load","Energy"\n"","(N)","(mJ)"\n"1","3.12","0.4"\n"2","3.10","0.5"\n\n'
+    '"Results Table 2"\n"Time","Extension","Load"\n"(s)","(mm)","(N)"\n' + rows(T, X, F, quote='"')
+)
+TESTXPERT = (
+    "Prüfer;Meier\nProbendicke;10,5;mm\n\nPrüfzeit;Standardweg;Standardkraft\ns;mm;N\n"
+    + rows(T, X, F, sep=";", comma=True)
+)
+MTS_HEAD = "Running Time\tAxial Displacement\tAxial Load\nSec\tmm\tN\n"
+MTS = (
+    "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t4\tSec\n"
+    + MTS_HEAD
+    + rows(T[:5], X[:5], F[:5], sep="\t")
+    + "\nData Acquisition\t\t\tTime:\t8\tSec\n"
+    + MTS_HEAD
+    + rows(T[5:], X[5:], F[5:], sep="\t")
+)
+TESTWORKS = (
+    "Sample ID:\tsponge 3\nTest Date:\t11/3/2019\n\nCrosshead\tLoad\tTime\nmm\tN\tsec\n"
+    + rows(X, F, T, sep="\t")
+)
+TRIOS = (
+    "Filename\trun.tri\nInstrument name\tRSA-G2\n\n[step]\nAxial - 1\nStep time\tGap\tAxial force\n"
+    "s\tmm\tN\n"
+    + rows(T[:6], X[:6], F[:6], sep="\t")
+    + "\n[step]\nAxial - 2\nStep time\tGap\tAxial force\ns\tmm\tN\n"
+    + rows(T[6:], X[6:], F[6:], sep="\t")
+)
+TEXTURE = (
+    "\tgel 1\t\t\tgel 2\n"
+    "Force (g)\tDistance (mm)\tTime (sec)\tForce (g)\tDistance (mm)\tTime (sec)\n"
+    + rows(F, X, T, 2 * F, X, T, sep="\t")
+)
+FIXED = (
+    "Station: press 3\n\nTime      Axial Force  Axial Displacement\ns         N            mm\n"
+    + "".join(f"{t:<10.2f}{f:<13.4f}{x:.4f}\n" for t, f, x in zip(T, F, X, strict=True))
+)  # fmt: skip
+CREEP = "chem=PE;label=M3;T=150;stress=10;\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n" + rows(
+    T + 1, F, np.full(N, 10.0), np.full(N, 150.0), sep="\t"
+)
+LVM = "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\n"
+LVM += "Decimal_Separator\t{d}\nMulti_Headings\t{m}\nX_Columns\t{x}\nTime_Pref\tRelative\n"
+LVM += "***End_of_Header***\t\n\t\n"
+SEGMENT = (
+    "Channels\t2\t\t\nSamples\t6\t6\t\nY_Unit_Label\tmm\tNewton\t\nX_Dimension\tTime\tTime\t\n"
+    "X0\t0.0000000E+0\t0.0\t\nDelta_X\t0.500000\t0.500000\t\n***End_of_Header***\t\t\t\n"
+)
+
+
+def lvm(kind: str, body: str, decimal: str = ".", multi: str = "No") -> str:
+    return LVM.format(d=decimal, m=multi, x=kind) + body
+
+
+@pytest.fixture
+def table(tmp_path):
+    def _read(content: str | bytes, name: str = "run.txt", **options):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_table(path, **options)
+
+    return _read
+
+
+@pytest.mark.parametrize(
+    ("content", "time", "x", "force"),
+    [
+        (BLUEHILL, "Time", "Extension", "Load"),
+        (TESTXPERT, "Prüfzeit", "Standardweg", "Standardkraft"),
+        (MTS, "Running Time", "Axial Displacement", "Axial Load"),
+        (TESTWORKS, "Time", "Crosshead", "Load"),
+        (TRIOS, "Step time", "Gap", "Axial force"),
+        (FIXED, "Time", "Axial Displacement", "Axial Force"),
+    ],
+    ids=["Bluehill", "testXpert", "MTS", "TestWorks", "TRIOS", "fixed columns"],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_the_table_of_a_machine_is_found(table, content, time, x, force, encoding):
+    found = table(content.encode(encoding))
+    for name, values, unit in ((time, T, "s"), (x, X, "mm"), (force, F, "N")):
+        np.testing.assert_allclose(found.columns[name], values, atol=1e-4)
+        assert found.units[name] == unit
+    record = read_csv(found, input=force, output=x)
+    assert (record.input_unit, record.output_unit) == ("N", "mm")
+    # Every row knows its line: an error in it can be found.
+    lines = content.split("\n")
+    for k in (0, N - 1):
+        assert f"{F[k]:.4f}".replace(".", found.decimal) in lines[found.line[k] - 1]
+
+
+def test_the_pieces_of_a_file_are_told_apart(table):
+    blocks, steps = table(MTS), table(TRIOS)
+    assert blocks.text["block"].tolist() == ["1"] * 5 + ["2"] * 7
+    assert steps.text["step"].tolist() == ["Axial - 1"] * 6 + ["Axial - 2"] * 6
+    assert any("2 tables under one another" in note for note in steps.notes)
+    results = table(BLUEHILL)
+    assert "Maximum Load" not in results.columns
+    assert any("Left out 2 rows of other tables" in note for note in results.notes)
+
+
+def test_tables_side_by_side_come_under_one_another(table):
+    found = table(TEXTURE)
+    assert list(found.columns) == ["curve", "Force (g)", "Distance (mm)", "Time (sec)"]
+    assert found.text["curve"].tolist() == ["gel 1"] * N + ["gel 2"] * N
+    np.testing.assert_allclose(found.columns["Force (g)"], np.append(F, 2 * F), atol=1e-4)
+    bare = TEXTURE.split("\n", 1)[1]
+    assert table(bare).text["curve"].tolist() == ["1"] * N + ["2"] * N
+    uneven = TEXTURE.replace("\n", "\n", 1).rstrip("\n") + "\n\t\t\t9\t9\t9\n"
+    assert len(table(uneven).line) == 2 * N + 1
+    record = read_csv(table(TEXTURE), "Force (g)", "Distance (mm)", group="curve", input_unit="gf")
+    assert record.labels == ("gel 1", "gel 2")
+
+
+def test_a_line_that_is_no_row_does_not_end_the_table(table):
+    lines = TESTWORKS.splitlines(keepends=True)
+    broken = table("".join([*lines[:9], "operator went for lunch\n", *lines[9:]]))
+    assert len(broken.line) == N
+    assert any("Left out 1 lines that are no row, first line 10" in n for n in broken.notes)
+    assert broken.line[-1] == len(lines) + 1
+
+
+def test_a_note_and_columns_that_do_not_move(table):
+    found = table(CREEP)
+    assert found.units == {"t": "s", "strain": "1", "stress": "Pa", "T": "C"}
+    assert set(found.columns["stress"]) == {10.0}
+    # A header wider than its rows: the columns without a cell are not there.
+    short = "a=1;\nt\tstrain\tstress\ns\t-\tPa\n" + rows(T, F, sep="\t")
+    assert list(table(short).columns) == ["t", "strain"]
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_labview_with_one_clock(table, decimal):
+    body = "X_Value\tweg\tkraft\tComment\n" + rows(T, X, F, sep="\t", comma=decimal == ",")
+    found = table(lvm("One", SEGMENT + body, decimal), "run.lvm")
+    assert list(found.columns) == ["X_Value", "weg", "kraft"]
+    assert found.units == {"X_Value": "s", "weg": "mm", "kraft": "N"}
+    np.testing.assert_allclose(found.columns["kraft"], F, atol=1e-4)
+    assert found.decimal == decimal
+
+
+def test_labview_without_a_clock_counts_its_steps(table):
+    lines = rows(X, F, sep="\t").splitlines()
+    body = "X_Value\tweg\tkraft\tComment\n" + "".join(f"\t{line}\n" for line in lines)
+    found = table(lvm("No", SEGMENT + body), "run.lvm")
+    np.testing.assert_allclose(found.columns["X_Value"], T)
+
+
+def test_labview_with_a_clock_for_each_channel(table):
+    body = "X_Value\tweg\tX_Value\tkraft\tComment\n"
+    found = table(lvm("Multi", SEGMENT + body + rows(T, X, T + 0.1, F, sep="\t")), "run.lvm")
+    assert list(found.columns) == ["X_Value weg", "weg", "X_Value kraft", "kraft"]
+    same = table(lvm("Multi", SEGMENT + body + rows(T, X, T, F, sep="\t")), "run.lvm")
+    assert list(same.columns) == ["X_Value", "weg", "kraft"]
+    np.testing.assert_allclose(same.columns["kraft"], F, atol=1e-4)
+
+
+def test_labview_segments_are_told_apart(table):
+    part = SEGMENT + "X_Value\tweg\tkraft\tComment\n" + rows(T[:6], X[:6], F[:6], sep="\t") + "\t\n"
+    found = table(lvm("One", part + part, multi="Yes"), "run.lvm")
+    assert found.text["segment"].tolist() == ["1"] * 6 + ["2"] * 6
+    np.testing.assert_allclose(found.columns["X_Value"], np.tile(T[:6], 2))
+    bare = part + part.split("Comment\n")[1]  # one heading for all
+    assert len(table(lvm("One", bare), "run.lvm").line) == 12
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        ("LabVIEW Measurement\t\nSeparator\tTab\n", "bad-labview"),
+        (lvm("One", SEGMENT), "no-data"),
+        (b"PK\x03\x04workbook", "binary-file"),
+        (b"\xd0\xcf\x11\xe0" + bytes(64), "binary-file"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(64), "binary-file"),
+    ],
+)
+def test_what_cannot_be_read_is_said(table, content, code):
+    with pytest.raises(InputError) as caught:
+        table(content, "run.lvm")
+    assert caught.value.code == code
+    assert "run.lvm" in caught.value.place
+
+
+@pytest.mark.parametrize(("module", "head"), [("nptdms", b"TDSm"), ("openpyxl", None)])
+def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, head):
+    content = head or _empty_workbook()
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError, match=r"pip install 'hysid\[rigs\]'") as caught:
+        table(content)
+    assert caught.value.code == "needs-extra"
+
+
+def _empty_workbook() -> bytes:
+    import zipfile
+
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    return packed.getvalue()
+
+
+def test_a_workbook(table):
+    openpyxl = pytest.importorskip("openpyxl", reason="openpyxl is an extra")
+    book = openpyxl.Workbook()
+    results = book.active
+    results.title = "results"
+    for row in (["specimen", "peak", "work"], [1, 3.1, 0.4], [2, 3.2, 0.5]):
+        results.append(row)
+    for name in ("probe 1", "probe 2"):
+        sheet = book.create_sheet(name)
+        for row in ([name], ["Zeit", "Weg", "Kraft"], ["s", "mm", "N"]):
+            sheet.append(row)
+        for row in zip(T, X, F, strict=True):
+            sheet.append([float(v) for v in row])
+    packed = io.BytesIO()
+    book.save(packed)
+    found = table(packed.getvalue(), "run.xlsx")
+    assert found.text["sheet"].tolist() == ["probe 1"] * N + ["probe 2"] * N
+    np.testing.assert_array_equal(found.columns["Kraft"], np.tile(F, 2))
+    assert found.units == {"Zeit": "s", "Weg": "mm", "Kraft": "N"}
+
+
+def test_tdms(table):
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is an extra")
+    packed = io.BytesIO()
+    step = {"wf_increment": 0.5, "wf_start_offset": 0.0}
+    with nptdms.TdmsWriter(packed) as writer:
+        for group in ("run 1", "run 2"):
+            writer.write_segment(
+                [
+                    nptdms.ChannelObject(group, "force", F, {"unit_string": "N", **step}),
+                    nptdms.ChannelObject(group, "position", X, {"unit_string": "mm", **step}),
+                ]
+            )
+    found = table(packed.getvalue(), "run.tdms")
+    assert list(found.columns) == ["group", "time", "force", "position"]
+    assert found.units == {"time": "s", "force": "N", "position": "mm"}
+    np.testing.assert_array_equal(found.columns["force"], np.tile(F, 2))
+    np.testing.assert_allclose(found.columns["time"], np.tile(T, 2))
+    whole = packed.getvalue()
+    for damaged in (whole[:4] + b"\xff" * 40, whole[:60]):
+        with pytest.raises(InputError) as caught:
+            table(damaged, "cut.tdms")
+        assert caught.value.code in ("bad-tdms", "no-data")
+
+
+def test_plain_files_are_read_as_before(table):
+    plain = "Time (s),Disp (mm),Force (N)\n" + rows(T, X, F)
+    for content in (plain, f"# rig 3\n{plain}", plain.replace("\n", "\ns,mm,N\n", 1)):
+        found = table(content)
+        assert list(found.columns) == ["Time (s)", "Disp (mm)", "Force (N)"]
+        assert not any("Read as" in note for note in found.notes)
+
+
+def test_an_input_on_its_own_clock_is_moved_to_the_output(table):
+    late = T + 0.2
+    text = "run,t_u,u,t_y,y\n" + "".join(
+        f"{r},{a:.3f},{2 * a:.4f},{b:.3f},{b:.4f}\n" for r in "ab" for a, b in zip(T, late, strict=True)
+    )  # fmt: skip
+    found = table(text)
+    record = read_csv(found, "u", "y", time="t_y", input_time="t_u", group="run")
+    inner = np.tile(late <= T[-1], 2)
+    np.testing.assert_allclose(record.input[inner], np.tile(2 * late, 2)[inner], atol=1e-9)
+    np.testing.assert_allclose(record.input[~inner], 2 * T[-1])
+    assert any("clock" in note for note in record.history)
+    with pytest.raises(InputError, match="--time COL"):
+        read_csv(found, "u", "y", input_time="t_u")
+    with pytest.raises(InputError, match="go back at different rows"):
+        read_csv(table(text.replace("b,0.000", "b,9.000")), "u", "y", time="t_y", input_time="t_u")
