@@ -1,17 +1,20 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
 # make lint    formatting, style, import directions, types
-# make docs    the pages of docs/ with the figures their code draws
+# make docs    the documentation, its code run: out/docs/index.html
 # make datasets   rewrites datasets/
+# make package    a wheel and an sdist in build/, tried on the oldest and newest Python found
+# make minimum    some tests with the lowest versions that pyproject.toml allows
 # make clean   everything git does not hold, the environment included
 
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.installed
+DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test lint docs datasets clean
+.PHONY: demo test lint docs datasets package minimum clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
@@ -27,12 +30,22 @@ lint: $(READY)
 	@if $(BIN)/pyright --version >/dev/null 2>&1; then $(BIN)/pyright; \
 	else echo "lint: pyright cannot be had offline, types NOT checked" >&2; fi
 
-docs: $(READY)
-	$(BIN)/python docs/build.py
-	$(BIN)/python -m benchmarks._growth_picture out/docs/growth.svg
+docs: $(DOCS_READY) out/growth.svg
+	$(BIN)/python -m sphinx -n -W --keep-going -q -j $(WORKERS) -b html -d out/.doctrees docs out/docs
+
+# Peers are timed for it, so it is made once; `make clean` takes it away.
+out/growth.svg: | $(READY)
+	mkdir -p out
+	$(BIN)/python -m benchmarks._growth_picture out/growth.svg
 
 datasets: $(READY)
 	$(BIN)/python -m benchmarks.datasets
+
+package:
+	.ci/packaging
+
+minimum:
+	.ci/packaging minimum
 
 # Again only when pyproject.toml changes: a second run needs no network.
 $(READY): pyproject.toml
@@ -44,6 +57,14 @@ $(READY): pyproject.toml
 		set -ex; \
 		test -x $(BIN)/python || '$(PYTHON)' -m venv $(VENV); \
 		$(BIN)/python -m pip install --quiet --editable '.[dev]'; \
+	fi
+	@touch $@
+
+$(DOCS_READY): $(READY)
+	@if command -v uv >/dev/null 2>&1; then \
+		set -ex; uv pip install --python $(BIN)/python --editable '.[dev,docs]'; \
+	else \
+		set -ex; $(BIN)/python -m pip install --quiet --editable '.[dev,docs]'; \
 	fi
 	@touch $@
 

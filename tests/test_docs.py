@@ -1,21 +1,145 @@
-"""The pages of docs/ run: their code does what their text says."""
+"""The pages of docs/: their code does what their text says, their lists are whole, their links lead on."""
 
 import importlib.util
+import inspect
+import re
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from matplotlib.figure import Figure
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGES = sorted(DOCS.glob("*.md"))
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+# The Python of five-minutes.md is that of the README, and a fit by everything there is takes a minute.
+RUN = [page for page in sorted(DOCS.glob("*.md")) if page.stem != "five-minutes"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def tool(name: str) -> ModuleType:
+    """A module of docs/tools/, which is on no path."""
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, DOCS / "tools" / f"{name}.py")
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def python_of(page: Path) -> list:
+    found = tool("cells").blocks(page.read_text("utf-8"))
+    return [block for block in found if block.kind == "python"]
+
+
+@pytest.mark.parametrize("page", [p for p in RUN if python_of(p)], ids=lambda p: p.stem)
 def test_a_page_runs_and_draws(page: Path) -> None:
-    spec = importlib.util.spec_from_file_location("docs_build", DOCS / "build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    build = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(build)
-    html = build.build(page)
-    drawn = html.count("<figure>")
+    names: dict = {}
+    left = [
+        tool("cells").run(block.code, names, f"{page.name}:{block.line}")
+        for block in python_of(page)
+    ]
+    drawn = sum(isinstance(value, Figure) for value in left)
     assert drawn == sum(map(page.read_text("utf-8").count, ("plots.", "\nfigure\n"))) > 0
+
+
+def test_five_minutes_runs_what_the_readme_shows():
+    shown = python_of(ROOT / "README.md")
+    assert [b.code for b in shown] == [b.code for b in python_of(DOCS / "five-minutes.md")]
+
+
+def test_a_page_becomes_a_notebook_of_its_blocks():
+    text = "# Title\n\n```python\nx = 1\n```\n\n    math\n\n```console\n$ true\n```\n"
+    made = tool("cells").as_notebook(text)
+    assert made.startswith("---\nfile_format: mystnb\n")
+    assert made.count("```{code-cell} python\n") == 3  # the first one is not shown
+    assert "```python" not in made
+    assert tool("cells").as_notebook("# Title\n\nWords.\n") == "# Title\n\nWords.\n"
+
+
+def test_a_command_is_shown_with_its_answer(capsys: pytest.CaptureFixture[str]):
+    tool("cells").console(
+        "$ python -c 'print(6 * 7)'\nnot run\n$ ls \\\n  datasets/catalogue.toml\n"
+    )
+    assert capsys.readouterr().out == (
+        "$ python -c 'print(6 * 7)'\n42\n\n$ ls \\\n  datasets/catalogue.toml\ndatasets/catalogue.toml\n\n"
+    )
+
+
+def test_every_public_name_is_documented_once():
+    listed = [
+        f"{package}.{name}"
+        for page in PAGES
+        for package, names in tool("cells").NAMES.findall(page.read_text("utf-8"))
+        for name in names.split()
+    ]
+    assert len(listed) == len(set(listed))
+    public = set(tool("public").public_names())
+    missing, gone = sorted(public - set(listed)), sorted(set(listed) - public)
+    assert missing == [], "to be listed in a page of docs/api/"
+    assert gone == [], "listed in docs/api/ and no longer there"
+
+
+def test_every_docstring_becomes_restructured_text():
+    for value in tool("public").public_names().values():
+        text = inspect.getdoc(value)
+        assert text
+        assert tool("docstrings").restructured(text, {})
+    text = "See `fit`, `x` * y_.\n\n    y = x * 2\n\n- a\n- `b`"
+    made = tool("docstrings").restructured(text, {"fit": "identify.fit"})
+    assert ":py:obj:`fit <identify.fit>`" in made
+    assert r"``x``\  \* y\_." in made
+    assert ".. code-block:: none\n\n   y = x * 2\n" in made
+    assert "- a" in made
+
+
+def test_every_code_of_the_source_is_listed():
+    raised = {
+        code
+        for package in ("hysteresis", "identify", "compensate", "hysid")
+        for file in (ROOT / package).rglob("*.py")
+        for code in re.findall(r'InputError\(\s*"([\w-]+)"', file.read_text("utf-8"))
+    }
+    found = tool("error_codes").faults(ROOT)
+    assert raised <= {fault.code for fault in found}
+    known = {fault.code: fault for fault in found}["two-clocks"]
+    assert known.problem == "give --time COL or --dt SECONDS, not both."
+    assert all(line.count(" | ") == 3 for line in tool("error_codes").table(ROOT).splitlines()[2:])
+
+
+def test_the_parts_of_a_message_are_followed_to_where_they_are_made(tmp_path: Path):
+    package = tmp_path / "hysid"
+    package.mkdir()
+    (package / "_fault.py").write_text(
+        "def fault(place, code, problem, fix=''):\n"
+        "    return InputError(code, f'{place}: {problem}', fix=fix)\n"
+    )
+    (package / "_use.py").write_text(
+        "from functools import partial\nfrom ._fault import fault\n_fault = partial(fault, 'rig')\n\n"
+        "def check(x):\n    raise _fault('odd-size', f'{x} is too ' + 'big', fix='mend it.')\n"
+    )
+    told = tool("error_codes").faults(tmp_path)
+    assert [f[:4] for f in told if f.code == "odd-size"] == [
+        ("odd-size", "rig: … is too big", "", "mend it.")
+    ]
+
+
+def test_figures_beside_peers_stand_on_the_pages_named():
+    rows = re.findall(
+        r"^\|[^|]+\|([^|]+)\|([^|]*)\|[^|]*`python -m [^|]+\|[^|(]+\(([^)#]+)\)",
+        (DOCS / "peers.md").read_text("utf-8"),
+        re.MULTILINE,
+    )
+    assert len(rows) > 15
+    for figure, beside, page in rows:
+        text = (DOCS / page).read_text("utf-8")
+        for number in re.findall(r"(?<![\w.])\d[\d.,]*(?:e-\d+)?", f"{figure} {beside}"):
+            assert number.rstrip(",.") in text, (number, page)
+
+
+def test_links_between_pages_lead_somewhere():
+    for page in (*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+        for link in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
+            made = link.endswith("out/growth.svg")  # by `make docs`
+            assert made or (page.parent / link).exists(), (page.name, link)
