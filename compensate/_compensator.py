@@ -2,18 +2,19 @@
 
 import abc
 from functools import singledispatch
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+from typing_extensions import TypeVar
 
-from hysteresis import AbstractModel, InputError, parameters
+from hysteresis import AbstractModel, InputError, html_of, parameters
 
 from .runtime._status import Status as Status
 
-State = TypeVar("State")
+State = TypeVar("State", default=Any)
 
 
 class Estimate(NamedTuple):
@@ -42,6 +43,9 @@ class AbstractCompensator(eqx.Module, Generic[State]):
     @abc.abstractmethod
     def simulate(self, t: Any, y: Any, state: State | None = None) -> Estimate:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
 
 
 def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> AbstractCompensator:

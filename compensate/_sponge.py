@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from hysteresis import InputError, LinearSponge
+from hysteresis import InputError, LinearSponge, is_concrete
 
 from ._compensator import AbstractCompensator, Estimate, Status, inverse_of, last_valid
 
@@ -49,7 +49,7 @@ class LinearSpongeCompensator(AbstractCompensator[Array]):
 
 @inverse_of.register
 def _(model: LinearSponge) -> LinearSpongeCompensator:
-    if not np.all(np.asarray(model.K) != 0):
+    if is_concrete(model.K) and not np.all(np.asarray(model.K) != 0):
         raise InputError(
             "not-invertible",
             "the line's slope K is 0, so the output says nothing about the input.",

@@ -35,7 +35,7 @@ class CalibratedArmor(NamedTuple):
 
     armor: Armor
     uncertain: UncertainArmor
-    calibration: identify.Calibration
+    calibration: identify.Calibration[Armor]
     noise: np.ndarray
     scatter: float
     reading: float

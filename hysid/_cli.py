@@ -12,15 +12,11 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from ._armor_command import armor
+from ._commands import register
 from ._config import SELECTION, Config, options_of, parameters_said, selection_options
-from ._export_command import export
-from ._qualify_command import qualify
-from ._reproduce_command import reproduce
 
 app = typer.Typer(
     help="Hysteresis: from a test rig's CSV to a compensator that can be trusted.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -47,6 +43,7 @@ Step = Annotated[
 ]
 Output = Annotated[str, typer.Option("--output", help="Output column, by its exact header.")]
 Time = Annotated[str | None, typer.Option(help="Time column.")]
+InputTime = Annotated[str | None, typer.Option(help="The input's own clock, if not --time.")]
 Dt = Annotated[float | None, typer.Option(help="Sampling step in seconds, without a time column.")]
 Group = Annotated[str, typer.Option(help="COL[,COL]: independent sequences of one model.")]
 Each = Annotated[str | None, typer.Option(help="COL: one fit for each of its values.")]
@@ -108,6 +105,7 @@ def demo(out: Out = Path("hysid-demo"), as_json: AsJson = False) -> None:
 def check(
     file: File,
     output: Output,
+    config: Config = None,
     input: Input = None,
     step: Step = None,
     time: Time = None,
@@ -122,6 +120,7 @@ def check(
     na_values: NaValues = "",
     input_unit: InputUnit = None,
     output_unit: OutputUnit = None,
+    input_time: InputTime = None,
     as_json: AsJson = False,
 ) -> None:
     """Look at a record: rows, cycles, noise, and what stands against identifying a model."""
@@ -196,6 +195,7 @@ def fit(
     na_values: NaValues = "",
     input_unit: InputUnit = None,
     output_unit: OutputUnit = None,
+    input_time: InputTime = None,
     seed: Seed = 0,
     allow_float32: Annotated[
         bool,
@@ -345,10 +345,7 @@ def report(folder: Folder, as_json: AsJson = False) -> None:
     _print(found, as_json, [found["file"]])
 
 
-app.command()(export)
-app.command()(qualify)
-app.command()(reproduce)
-app.add_typer(armor, name="armor")
+register(app)
 
 
 def main() -> None:

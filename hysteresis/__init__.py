@@ -21,6 +21,8 @@ from ._errors import InputError as InputError
 from ._extended import extended as extended
 from ._fitness import check_identifiable as check_identifiable
 from ._foam_curve import FoamCurve as FoamCurve
+from ._html import draw_with as draw_with
+from ._html import html_of as html_of
 from ._kernel import Kernel as Kernel
 from ._model import AbstractModel as AbstractModel
 from ._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell

@@ -15,6 +15,12 @@ class InputError(ValueError):
     `str(error)` is one paragraph: `place: problem Cause: ... Fix: ... [code]`.
     """
 
+    code: str
+    problem: str
+    place: str
+    cause: str
+    fix: str
+
     def __init__(self, code: str, problem: str, *, place: str = "", cause: str = "", fix: str = ""):
         self.code, self.problem, self.place, self.cause, self.fix = code, problem, place, cause, fix
         super().__init__(self._text())

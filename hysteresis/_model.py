@@ -1,15 +1,16 @@
 """The contract every model keeps."""
 
 import abc
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from typing_extensions import TypeVar
 
-State = TypeVar("State")
-Prepared = TypeVar("Prepared")
+State = TypeVar("State", default=Any)
+Prepared = TypeVar("Prepared", default=Any)
 
 Series = Float[Array, " samples"] | Any
 """A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""

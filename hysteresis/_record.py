@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ._channels import common_part
 from ._cycles import branches, cycles
 from ._errors import InputError
+from ._html import html_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ class Record:
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
     channels: Mapping[str, str] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
         if self.time is not None:
             types["time"] = float
@@ -418,6 +419,9 @@ class Record:
         from ._fitness import describe
 
         return describe(self)
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
 
 
 def _same_length(**arrays: np.ndarray | None) -> None:

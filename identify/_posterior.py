@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from hysteresis import html_of
+
 from ._per_row import PerRow
 from ._rhat import has_two_modes, rhat
 
@@ -77,6 +79,9 @@ class Posterior:
     def converged(self) -> bool:
         """R-hat below 1.01 and a hundred effective draws of every parameter, from chains that can tell."""
         return self.long_enough and all(s.rhat < 1.01 and s.ess > 100 for s in self.summaries)
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
 
 
 def summary_of(

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended
+from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of
 
 from ._channel_map import beyond, combine
 from ._clocks import Clocks
@@ -123,6 +123,9 @@ class FitResult:
         if self.channels is not None and record.channels:
             outside |= beyond(record, self.channels)
         return outside
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
 
 
 def check_unit(name: str, unit: str, fitted: str) -> None:

@@ -20,9 +20,9 @@ class Hierarchy:
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
         # What rounding may do to the distance of a line from a sphere, generously.
         radius = radius + 1e-6 * np.ptp(corners)
-        self.order = _halved(middle, np.arange(len(corners)))
+        self.order: np.ndarray = _halved(middle, np.arange(len(corners)))
         level = middle[self.order], radius[self.order]
-        self.levels = [level]
+        self.levels: list[tuple[np.ndarray, np.ndarray]] = [level]
         while len(self.levels[0][0]) > GROUP:
             self.levels.insert(0, _around(*self.levels[0]))
 

@@ -124,7 +124,9 @@ class Search:
 
     def __init__(self, sides: Faces, corners: np.ndarray, extent: float):
         self.sides: Any = jax.tree.map(np.asarray, sides)
-        self.corners, self.spheres, self.rounding = corners, Hierarchy(corners), 1e-9 * extent
+        self.corners: np.ndarray = corners
+        self.spheres: Hierarchy = Hierarchy(corners)
+        self.rounding: float = 1e-9 * extent
 
     def __call__(
         self, force: np.ndarray, moment: np.ndarray, reach: np.ndarray,

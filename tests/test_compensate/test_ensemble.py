@@ -32,12 +32,16 @@ def burgers(rng: np.random.Generator) -> Burgers:
     return Burgers(*rng.uniform([1, 20, 1, 2], [4, 80, 4, 10]), rng.normal())
 
 
+def sponge(rng: np.random.Generator) -> LinearSponge:
+    return LinearSponge(*rng.uniform([1, 5], [2, 8]), 1.5)
+
+
 def stacked(make: Any, draws: int = DRAWS) -> tuple[list[Any], Any]:
     each = [make(np.random.default_rng(k)) for k in range(draws)]
     return each, jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
 
 
-both = pytest.mark.parametrize("make", [grid, burgers])
+both = pytest.mark.parametrize("make", [grid, burgers, sponge])
 t = 0.1 * np.arange(SAMPLES)
 
 

@@ -211,7 +211,8 @@ def test_help(arguments):
 def test_an_unknown_option_is_no_bug_of_ours(command):
     said = run(command, "--frobnicate")
     assert (said.code, said.out) == (2, "")
-    assert said.err.startswith("hysid: No such option: --frobnicate")
+    assert said.err.startswith("hysid: No such option")  # click changes the rest
+    assert "--frobnicate" in said.err
     assert said.err.count("\n") == 1
 
 

@@ -1,0 +1,220 @@
+"""What a notebook is shown: whole HTML, nobody's markup, the names, units and verdicts that matter."""
+
+import base64
+import re
+import warnings
+from dataclasses import replace
+from functools import cache
+from typing import Any
+from xml.etree import ElementTree
+
+import jax
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import pytest
+
+import hysid
+from compensate import invert
+from hysid._notebook import html
+from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis.preisach import GridDensity
+from hysteresis.rigs import SpongeRig
+from identify import FitResult, Posterior, Verdict, fit
+from identify._posterior import summary_of
+
+NASTY = 'force <script>alert("&")</script> (N)'
+MOST = 200_000
+
+
+@cache
+def record() -> Record:
+    t, force, x, cycle = SpongeRig().five_cycles(step=2.0, noise=0.02, seed=0)
+    rows = cycle <= 3
+    return Record.from_arrays(
+        force[rows], x[rows], t[rows], input_name=NASTY, input_unit="N",
+        output_name="displacement (mm)", output_unit="mm", source="run <1>.csv",
+    )  # fmt: skip
+
+
+@cache
+def fitted() -> FitResult:
+    return fit(record(), model="LinearSponge", test_cycles=1, noise="gaussian")
+
+
+def drawn(converged: bool = True) -> Posterior:
+    draws = np.random.default_rng(0).normal(size=(4, 500, 2)) * [1, 3] + [0, 20 * (not converged)]
+    if not converged:
+        draws[0] += 10
+    names = ("E<1>", "eta1")
+    summaries = [summary_of(n, draws[..., k], 400.0) for k, n in enumerate(names)]
+    return Posterior(names, draws, None, tuple(summaries), "emcee", 0.4, 20.0, 1.0, ("mind & me",))
+
+
+def grid() -> Preisach:
+    return Preisach(GridDensity(0.0, 10.0, np.tri(6)))
+
+
+def read(page: str) -> tuple[ElementTree.Element, str]:
+    """A fragment as a tree, and the words on it and in its pictures."""
+    assert len(page) < MOST
+    tree = ElementTree.fromstring(page)  # which no open tag, bare < or & gets through
+    assert tree.tag == "div"
+    assert tree.find(".//script") is None
+    words = [*tree.itertext()]
+    for image in tree.iter("img"):
+        assert image.get("alt")
+        kind, _, packed = image.get("src", "").partition(";base64,")
+        assert kind == "data:image/svg+xml"
+        picture = ElementTree.fromstring(base64.b64decode(packed))
+        assert picture.tag.endswith("svg")
+        assert not [part for part in picture.iter() if part.tag.endswith("script")]
+        words += picture.itertext()
+    return tree, " ".join(words)
+
+
+def test_record():
+    tree, words = read(html(record()))
+    for said in ("run <1>.csv", 'force <script>alert("&")</script>', "displacement", "mm", "N"):
+        assert said in words
+    assert f"{len(record()):,} of which" in words.replace(", of", " of")
+    assert tree.find(".//table") is not None
+
+
+def test_record_that_cannot_be_used():
+    same = Record.from_arrays(np.ones(30), np.arange(30.0))
+    assert "constant-input" in read(html(same))[1]
+
+
+def test_fit():
+    found = fitted()
+    tree, words = read(html(found))
+    assert found.verdict.level in words
+    for said in (
+        found.name,
+        *found.verdict.reasons,
+        *(p.name for p in found.parameters),
+        "held out",
+    ):
+        assert said in words
+    assert "mm/N" in words
+    assert len(list(tree.iter("table"))) == 2
+
+
+@pytest.mark.parametrize("level", ["PASS", "CAUTION", "FAIL"])
+def test_verdicts(level: Any):
+    words = read(html(replace(fitted(), verdict=Verdict(level, ("why < so",)))))[1]
+    assert level in words
+    assert "why < so" in words
+
+
+@pytest.mark.parametrize("converged", [True, False])
+def test_posterior(converged: bool):
+    posterior = drawn(converged)
+    assert posterior.converged is converged
+    words = read(html(posterior))[1]
+    assert ("not converged" in words) is not converged
+    for said in ("E<1>", "eta1", "mind & me", "2,000 draws by emcee"):
+        assert said in words
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        LinearSponge(K=1.0, b=2.0, threshold=1.5),
+        Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0),
+        grid(),
+    ],
+    ids=lambda model: type(model).__name__,
+)
+def test_compensator(model: Any):
+    compensator = invert(model)
+    words = read(html(compensator))[1]
+    assert type(compensator).__name__ in words
+    assert "reading" in words
+
+
+def test_compensator_of_many_draws():
+    draws = [Burgers(E1=E1, eta1=2.0, E2=3.0, eta2=4.0) for E1 in (1.0, 1.1, 1.2)]
+    many = jax.tree.map(lambda *leaves: jnp.stack(leaves), *draws)
+    words = read(html(invert(many)))[1]
+    assert "EnsembleCompensator" in words
+    assert "3 numbers" in words
+
+
+def test_long_records_and_many_parameters_stay_small():
+    u = 20 * np.abs(np.sin(np.arange(20_000) / 300))
+    read(html(Record.from_arrays(u, u + np.sin(u), dt=0.01)))
+    many = replace(fitted(), parameters=40 * fitted().parameters)
+    assert "more" in read(html(many))[1]
+
+
+def test_nothing_global_is_touched():
+    before = dict(matplotlib.rcParams)
+    with matplotlib.rc_context({"axes.facecolor": "red", "text.usetex": True}):
+        user = dict(matplotlib.rcParams)
+        first = html(record())
+        assert dict(matplotlib.rcParams) == user
+    assert dict(matplotlib.rcParams) == before
+    assert html(record()) == first
+
+
+def test_other_things_have_no_page():
+    with pytest.raises(InputError, match="no-picture"):
+        html(3)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [record, fitted, drawn, lambda: invert(grid())],
+    ids=["record", "fit", "draws", "inverse"],
+)
+def test_notebooks_find_it(make):
+    assert hysid.Record is Record  # whoever takes a name from hysid has its pages
+    thing = make()
+    assert thing._repr_html_() == html(thing)
+
+
+def widgets() -> Any:
+    pytest.importorskip("ipywidgets", reason="the extra hysid[notebook]")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of IPython's own imports
+        from hysid import widgets
+
+        return widgets
+
+
+def error_of(page: str) -> float:
+    return float(re.findall(r"rms error ([\d.]+)", page)[0])
+
+
+def test_sliders_move_the_model():
+    shown: Any = widgets().sliders(fitted().model, record())
+    assert shown.names == ("K", "b")  # the threshold is fixed
+    page = shown.box.children[-1]
+    first = page.value
+    read(f"<div>{first}</div>")
+    model: Any = fitted().model
+    K = float(model.K)
+    shown.set("K", 2 * K)
+    assert float(shown.model.K) == pytest.approx(2 * K)
+    assert float(model.K) == K
+    assert error_of(page.value) > 3 * error_of(first)
+    shown.reset()
+    assert page.value == first
+
+
+def test_sliders_stay_within_bounds():
+    model = Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)
+    shown = widgets().sliders(model, record())
+    assert shown.box.children[0].description == "E1 (N/mm)"
+    for slider, name in zip(shown.box.children[:2], shown.names[:2], strict=True):
+        for end in (slider.min, slider.max):
+            shown.set(name, 10**end)
+            assert np.isfinite(error_of(shown.box.children[-1].value))
+        shown.reset()
+
+
+def test_sliders_have_names():
+    with pytest.raises(InputError, match="no slider"):
+        widgets().sliders(fitted().model, record()).set("gone", 1.0)

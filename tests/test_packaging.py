@@ -1,0 +1,158 @@
+"""What is shipped: its types, its dependencies, its first second, its help."""
+
+import ast
+import json
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from hysid._cli import app
+from hysid._examples import EXAMPLES
+from tests.test_hysid.command import ENVIRONMENT
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+WANTED = [*PROJECT["dependencies"], *(one for extra in EXTRAS.values() for one in extra)]
+
+HEAVY = ("jax", "numpy", "scipy", "pandas", "matplotlib", "hysteresis", "identify", "compensate")
+
+BROUGHT = {
+    "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
+    "xarray": "arviz", "click": "typer", "mpl_toolkits": "matplotlib", "sklearn": "scikit-learn",
+}  # fmt: skip
+"""Import names of what a dependency cannot do without and brings along, or is known by."""
+
+
+def name_of(wanted: str) -> str:
+    return re.split(r"[<>=!~ \[]", wanted)[0].lower().replace("_", "-")
+
+
+DECLARED = {name_of(wanted) for wanted in WANTED}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_are_typed(package: str):
+    assert (ROOT / package / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("wanted", WANTED)
+def test_dependencies_have_a_lowest_version_and_no_highest(wanted: str):
+    """`make minimum` installs the lowest; a cap keeps users from mending anything."""
+    assert re.fullmatch(r"[\w.-]+>=[\w.]+", wanted), wanted
+
+
+def test_a_dependency_has_one_lowest_version():
+    lowest: dict[str, set[str]] = {}
+    for wanted in WANTED:
+        lowest.setdefault(name_of(wanted), set()).add(wanted)
+    assert {name: said for name, said in lowest.items() if len(said) > 1} == {}
+
+
+def imported(package: str) -> Iterator[tuple[str, str]]:
+    """(import name, place) of every absolute import below a package."""
+    for file in (ROOT / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names: list[str] = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                names = [node.module]
+            for name in names:
+                yield (
+                    name.partition(".")[0],
+                    f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}",
+                )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_is_imported_is_declared(package: str):
+    """Else it works where another package happens to bring it."""
+    owners = packages_distributions()
+    undeclared = {}
+    for name, place in imported(package):
+        if name in sys.stdlib_module_names or name in PACKAGES:
+            continue
+        name = BROUGHT.get(name, name)
+        if not {name_of(one) for one in (name, *owners.get(name, ()))} & DECLARED:
+            undeclared[name] = place
+    assert undeclared == {}
+
+
+def loaded(code: str) -> list[str]:
+    """Which of the heavy packages a fresh interpreter has after `code`."""
+    shown = f"import json, sys; print(json.dumps([m for m in {HEAVY} if m in sys.modules]))"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\n{shown}"], env=ENVIRONMENT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import hysid",
+        "from hysid import _cli\nimport typer\ntyper.main.get_command(_cli.app)",
+        "from hysid._catalogue import catalogue\ncatalogue()",
+    ],
+    ids=["import", "commands", "catalogue"],
+)
+def test_a_start_is_light(code: str):
+    """JAX takes a second, which nobody has who asks for help or presses tab."""
+    assert loaded(code) == []
+
+
+def completed(words: str) -> list[str]:
+    """What pressing tab at the end of these words offers in bash."""
+    environment = ENVIRONMENT | {
+        "_HYSID_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split(" ")) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "hysid"], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_the_shell_completes_commands_and_options():
+    assert completed("hysid da") == ["datasets"]
+    assert "--test-cycles" in completed("hysid fit --te")
+    assert completed("hysid datasets f") == ["fetch"]
+
+
+def commands(group: Any = None, before: str = "") -> Iterator[tuple[str, Any]]:
+    """Every command that does something, by the words that call it."""
+    group = typer.main.get_command(app) if group is None else group
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", command
+
+
+COMMANDS = dict(commands())
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_every_command_shows_an_example(words: str):
+    """It calls this command, with arguments that it takes."""
+    command, example = COMMANDS[words], EXAMPLES[words]
+    given = shlex.split(example)
+    assert given[: 1 + len(words.split())] == ["hysid", *words.split()]
+    context = command.make_context(words, given[1 + len(words.split()) :], resilient_parsing=True)
+    needed = [p.name for p in command.params if p.required]
+    assert [name for name in needed if context.params.get(name) in (None, ())] == []
+    assert example in command.get_help(context)
