@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hysid._network_training import train_everett
 from hysid.reproduction._skin import DELAY, HIGH_N, Skin
+from hysid.reproduction._skin_networks import train_everett
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 
 from ._measure import Row, judged, noted

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import ForceEstimator, MultiContactEstimator, gains_in_use
-from hysid._network_training import PlaceRecord, train_channels, train_staircase
+from hysid.reproduction._skin_networks import PlaceRecord, train_channels, train_staircase
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 

@@ -6,8 +6,8 @@ import time
 import jax
 import numpy as np
 
-from hysid._network_training import BATCH, staircase_squares
 from hysid.reproduction._skin import READING
+from hysid.reproduction._skin_networks import BATCH, staircase_squares
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 from identify import train

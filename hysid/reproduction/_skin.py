@@ -21,7 +21,7 @@ from compensate.microchannel import (
 )
 from hysteresis.rigs import ChannelRecord, MicrochannelRig, ResistiveReadout
 
-from .._network_training import Learnt, train_staircase
+from ._skin_networks import Learnt, train_staircase
 
 SESSIONS, LENGTH = 28, 2025
 """56,700 readings in records that begin with the sensor at rest, as the loops to be judged on do."""

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
 from hysteresis.rigs import ChannelRecord, MicrochannelRig
 
-from .._network_training import PlaceRecord, train_channels, train_recurrent
 from ._skin import FORCE, HIGH_N, NOISE_V, rms
+from ._skin_networks import PlaceRecord, train_channels, train_recurrent
 
 PAIR, NAMES, SAMPLES, DT = (1, 3), "BD", (3960, 3651), 0.05
 """Locations, their names, readings to learn from, s between readings."""

@@ -1,4 +1,4 @@
-"""How the networks of a soft sensor are trained from records: each a recipe of a few lines."""
+"""How the networks of a virtual skin are trained from its records: each a recipe of a few lines."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
