@@ -43,7 +43,7 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
     least, least_late = floor(skin.rig, skin.loops)
     return {
         "network": skin.rms(skin.by_network),
-        "timeless": skin.rms(skin.by(skin.timeless)),
+        "timeless": skin.rms(skin.by_timeless),
         "everett": skin.rms(skin.by(everett)),
         "now": skin.rms(now),
         "late": skin.rms_late,

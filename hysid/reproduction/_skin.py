@@ -94,22 +94,22 @@ class Skin:
         return records([loop for four in every for loop in four])
 
     @cached_property
-    def network(self) -> Learnt:
-        """The paper's network, with delayed readings beside the Preisach transform."""
-        t, F, z = self.taught
-        return train_staircase(t, z, F, epochs=self.epochs, **READING)
-
-    @cached_property
     def timeless(self) -> Learnt:
-        """The paper's network as it is described: the Preisach transform alone."""
+        """The paper's network: it sees the Preisach transform of the readings, which has no time."""
         t, F, z = self.taught
         return train_staircase(
             t, z, F, epochs=self.epochs, thresholds=READING["thresholds"], lags=()
         )
 
     @cached_property
+    def network(self) -> Learnt:
+        """Ours: the same with delayed readings beside the transform."""
+        t, F, z = self.taught
+        return train_staircase(t, z, F, epochs=self.epochs, **READING)
+
+    @cached_property
     def filter(self) -> MultiContactEstimator:
-        """Ours: a network of the sensor, force to reading, run backwards with what is known of noise."""
+        """Ours, where there is time: a network from force to reading, run backwards."""
         t, F, z = self.taught
         found = train_staircase(t, F, z, epochs=self.epochs, rate=3e-3, **FORCE)
         sensor = ChannelSensor([found.model])
@@ -118,13 +118,18 @@ class Skin:
         )
 
     @cached_property
+    def by_timeless(self) -> list[Series]:
+        """Forces of the loops by the paper's network, N."""
+        return self.by(self.timeless)
+
+    @cached_property
     def by_network(self) -> list[Series]:
-        """Forces of the loops, N."""
+        """The same by ours."""
         return self.by(self.network)
 
     @cached_property
     def by_filter(self) -> Followed:
-        """Forces of the loops by ours."""
+        """The same by the filter."""
         whole = (_padded(self.loops.time), _padded(self.loops.reading))
         found = [self.filter.simulate(t, z[:, None]) for t, z in zip(*whole, strict=True)]
         lengths = [len(t) for t in self.loops.time]

@@ -16,9 +16,9 @@ def loops(skin: Skin, with_ours: bool) -> Figure:
     """Fig 6: four loops that no network has seen, force over reading."""
     figure = Figure(figsize=(9.6, 6.4), layout="constrained")
     figure.suptitle("Fig 6. Force of one contact from one reading", fontsize=10)
-    curves = {"network": (skin.by_network, VERMILLION)}
+    curves = {"network": (skin.by_timeless, VERMILLION)}
     if with_ours:
-        curves["ours, as the readings come"] = (skin.by_filter.now, BLUE)
+        curves["ours"] = (skin.by_network, BLUE)
     for n, axes in enumerate(figure.subplots(2, 2, sharex=True, sharey=True).flat):
         z, F = skin.loops.reading[n], skin.loops.force[n]
         axes.plot(z, F, color=GREY, lw=4, alpha=0.6, label="reference")
