@@ -3,7 +3,8 @@
 python -m benchmarks.identification [--quick] [--json] [--only TEXT]
 
 Parts: calibration (coverage and ranks of simulated records), check (with lmfit and iminuit), shown (three
-fits that must not be believed), starts, sampling, kill, batch. The full study takes most of an hour.
+fits that must not be believed), starts, sampling, kill, batch, reports. The full study takes most of an
+hour.
 """
 
 import os
@@ -30,6 +31,7 @@ PARTS = {
     "sampling": _part("_sampling", "sampling_rows"),
     "kill": _part("_sampling", "kill_rows"),
     "batch": _part("_batches", "batch_rows"),
+    "reports": _part("_reports", "report_rows"),
 }
 
 

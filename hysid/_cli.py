@@ -33,6 +33,8 @@ def _one_of(*choices: str) -> Callable[[str | None], str | None]:
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")]
+Folders = Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of fits.")]
+Page = Annotated[Path | None, typer.Option("--out", help="Folder of the page on several fits.")]
 Input = Annotated[
     list[str] | None,
     typer.Option("--input", help="Input column, by its exact header; repeat it for each channel."),
@@ -313,7 +315,7 @@ def sample(
 
 @app.command()
 def compare(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of fits.")],
+    folders: Folders,
     change: Annotated[
         bool, typer.Option("--change", help="One model on different data: what changed?")
     ] = False,
@@ -339,9 +341,12 @@ def compare(
 
 
 @app.command()
-def report(folder: Folder, as_json: AsJson = False) -> None:
-    """Write DIR/report.html, one page that needs nothing else."""
-    found = _start().report(folder)
+def report(folders: Folders, page: Page = None, as_json: AsJson = False) -> None:
+    """Write DIR/report.html, one page that needs nothing else; of several fits, one that compares them."""
+    _start()
+    from . import _report_many
+
+    found = _report_many.report(folders, page, _say)
     _print(found, as_json, [found["file"]])
 
 

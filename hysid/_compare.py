@@ -7,6 +7,7 @@ from typing import Any
 import identify
 from hysteresis import InputError
 
+from ._selection import folders_of
 from ._words import number, pretty
 
 DASH = "-"
@@ -117,8 +118,8 @@ def change_lines(document: dict[str, Any]) -> list[str]:
 def _places(folders: Sequence[Path]) -> dict[str, Path]:
     """Folders by name; one that holds several fits (--each) stands for those."""
     if len(folders) == 1:
-        inside = identify.read_document(folders[0]).get("folders")
-        if inside is not None:
+        inside = folders_of(folders[0], identify.read_document(folders[0]))
+        if "" not in inside:
             return {value: folders[0] / name for value, name in inside.items()}
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):

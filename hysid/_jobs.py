@@ -17,7 +17,7 @@ from compensate import Status, invert
 from hysteresis import InputError, Record, Table, check_identifiable
 from hysteresis.rigs import SpongeRig
 
-from ._selection import Selection, all_of
+from ._selection import Selection, all_of, folders_of
 from ._step import CONSTANT, RANGE, check_step, later, on_the_clock_of, open_range, step_options
 
 Say = Callable[[str], None]
@@ -27,6 +27,7 @@ FLAGGED_BEYOND = "beyond the trained inputs"
 
 def check(file: Path, selection: Selection) -> dict[str, Any]:
     """What is in a record, whether a model can be identified from it, and what to mind."""
+    selection.check_columns()
     records, faults = selection.without_hold_out().records(selection.table(file))
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
@@ -56,6 +57,7 @@ def fit(
     **options: Any,
 ) -> dict[str, Any]:
     """Fit, and write the folder. With `each` every value gets a folder of its own below."""
+    selection.check_columns()
     records, faults = selection.records(selection.table(file))
     folders = _folder_names(records)
     for name in (".", *folders.values()):
@@ -109,7 +111,7 @@ def predict(
     selection = replace(asked, **(changes or {})).without_hold_out()
     source = selection.table(file)
     selection, compared, said = _for_new_file(selection, source, inverse)
-    folders = document.get("folders", {"": "."})
+    folders = folders_of(folder, document)
     table, measured_all, found_all, flagged = [], [], [], 0
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
@@ -164,7 +166,7 @@ def sample(
     **options: Any,
 ) -> dict[str, Any]:
     """Sample the posterior of a fit, or of each of several, and keep it beside; as `identify.sample`."""
-    folders = identify.read_document(folder).get("folders", {"": "."})
+    folders = folders_of(folder, identify.read_document(folder))
     documents = {}
     for value, name in folders.items():
         place = folder / name
@@ -196,16 +198,10 @@ def sample(
 
 
 def report(folder: Path) -> dict[str, Any]:
-    """Write the report of a fit; of several, one each and an overview."""
-    from ._report import write_overview, write_report
+    """Write the report of one fit."""
+    from ._report import write_report
 
-    folders = identify.read_document(folder).get("folders")
-    if folders is None:
-        return {"file": str(write_report(folder))}
-    places = {value: folder / name for value, name in folders.items()}
-    for place in places.values():
-        write_report(place)
-    return {"file": str(write_overview(folder, places))}
+    return {"file": str(write_report(folder))}
 
 
 def demo(
@@ -245,12 +241,21 @@ def _demo_data(out: Path, datasets: Path = DATASETS) -> Path:
 
 def _selection_of(document: dict[str, Any]) -> Selection:
     """The columns a fit was made from; a fit saved from Python knows their names alone."""
-    if "selection" in document:
-        return Selection.from_json(document["selection"])
-    words = document["records"]["train"]
-    time = words["time_name"] if words["time_unit"] != "1" else None
-    names = tuple(document["channels"]["names"]) if "channels" in document else words["input_name"]
-    return Selection(names, words["output_name"], time)
+    try:
+        if "selection" in document:
+            return Selection.from_json(dict(document["selection"]))
+        words = document["records"]["train"]
+        time = words["time_name"] if words["time_unit"] != "1" else None
+        channels = "channels" in document
+        names = tuple(document["channels"]["names"]) if channels else words["input_name"]
+        return Selection(names, words["output_name"], time)
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            "damaged-file",
+            f"fit.json does not say which columns were fitted: {type(error).__name__} {error}.",
+            cause="it was edited.",
+            fix="fit again.",
+        ) from error
 
 
 def _for_new_file(

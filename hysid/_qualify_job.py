@@ -13,7 +13,7 @@ from compensate import qualify as qualified
 from hysteresis import InputError, Record
 
 from ._jobs import _for_new_file, _selection_of
-from ._selection import all_of
+from ._selection import all_of, folders_of
 
 DRAWS, ROWS = 50, 200_000
 """Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
@@ -48,7 +48,7 @@ def qualify(
     narrowed, compared, said = _for_new_file(selection, source, inverse=True)
     if not compared:  # both readings are needed: reading them says which is not there
         narrowed = replace(narrowed, input=asked.input, output=asked.output)
-    folders = document.get("folders", {"": "."})
+    folders = folders_of(folder, document)
     fits = {value: identify.load(folder / name) for value, name in folders.items()}
     fitted_here = any(fit.train.sha256 == source.sha256 for fit in fits.values())
     records, faults = (narrowed if fitted_here else narrowed.without_hold_out()).records(source)

@@ -1,13 +1,10 @@
 """The report of a fit: one self-contained page, made anew from the files in the fit's folder."""
 
 import math
-import os
 import shlex
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 
@@ -15,12 +12,12 @@ import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
 
 from . import _report_step
-from ._report_case import Case, Link, Section, Table
+from ._report_case import TARGET, Case, Section
 from ._report_channels import channels
 from ._report_diagnostics import believed
 from ._report_fit import candidates, data, loops, parameters, residuals
 from ._report_model import compensator, density, posterior
-from ._words import plain_name, pretty, quantity
+from ._words import pretty, quantity
 
 TEMPLATE = "report.html.j2"
 HEADLINES = {
@@ -75,8 +72,8 @@ def write_report(folder: str | Path) -> Path:
         and (make is not channels or case.fit.channels is not None)
     ]
     data = document["data"]
-    return _render(
-        folder,
+    return render(
+        folder / TARGET,
         title=_report_step.title(case)
         if of_step
         else f"{case.fit.name} model of {case.output} from {case.input}",
@@ -90,66 +87,6 @@ def write_report(folder: str | Path) -> Path:
         command=next_command(case),
         sections=sections,
     )
-
-
-def write_overview(folder: str | Path, each: dict[str, str | Path]) -> Path:
-    """Write `folder`/report.html: the fits in the folders `each` {value: folder}, with links.
-
-    Raises `InputError` as `write_report`.
-    """
-    folder = Path(folder)
-    if not each:
-        raise InputError("no-fit", "there are no fits to sum up.", place=str(folder))
-    found = {value: identify.read_document(inside) for value, inside in each.items()}
-    try:
-        table = _overview_table(folder, each, found)
-        levels = Counter(d["verdict"]["level"] for d in found.values())
-        worst = next(level for level in ("FAIL", "CAUTION", "PASS") if levels[level])
-        data = next(iter(found.values()))["data"]
-        names = [plain_name(data[k]["name"], data[k]["unit"]) for k in ("output", "input")]
-    except (KeyError, TypeError, StopIteration) as error:
-        raise InputError(
-            "damaged-file",
-            f"a fit.json lacks {error}.",
-            place=str(folder),
-            fix="fit again.",
-        ) from error
-    counts = [f"{levels[level]} {level}" for level in ("PASS", "CAUTION", "FAIL") if levels[level]]
-    return _render(
-        folder,
-        title=f"{len(found)} fits of {names[0]} from {names[1]}",
-        subtitle=data["source"] or "arrays",
-        level=worst,
-        headline=f"Of {len(found)} fits: {', '.join(counts)}.",
-        reasons=(),
-        facts=(),
-        model="Each value has a model of its own, and a report behind its name in the table.",
-        command=None,
-        sections=[Section("Fits", tables=[table])],
-    )
-
-
-def _overview_table(
-    folder: Path, each: dict[str, str | Path], found: dict[str, dict[str, Any]]
-) -> Table:
-    rows = []
-    for value, document in found.items():
-        away = os.path.relpath(Path(each[value]) / "report.html", folder)
-        judged = document["metrics"].get("test") or document["metrics"]["train"]
-        unit = document["data"]["output"]["unit"]
-        rows.append((
-            Link(value, quote(Path(away).as_posix())),
-            document["verdict"]["level"],
-            document["model"],
-            "held-out" if document["metrics"].get("test") else "training",
-            quantity(judged["nrmse_percent"], "%"),
-            quantity(judged["rmse"], unit),
-            quantity(judged["max_abs"], unit),
-            f"{document['data']['rows_train']:,}",
-        ))  # fmt: skip
-    columns = ("Value", "Verdict", "Model", "Judged on", "Error of the range", "rms error",
-               "Largest error", "Training rows")  # fmt: skip
-    return Table("The error is that of the held-out rows where there are any.", columns, rows)
 
 
 def facts(case: Case) -> list[tuple[str, str]]:
@@ -246,20 +183,20 @@ def next_command(case: Case) -> tuple[str, str]:
     return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
 
 
-def _render(folder: Path, **words: Any) -> Path:
+def render(file: Path, **words: Any) -> Path:
+    """Fill the template. Raises `InputError` `cannot-write`."""
     import jinja2
 
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     text = page.get_template(TEMPLATE).render(**words)
-    file = folder / "report.html"
     try:
         file.write_text(text, "utf-8", errors="replace")
     except OSError as error:
         raise InputError(
             "cannot-write",
-            f"report.html cannot be written: {error.strerror}.",
-            place=str(folder),
+            f"{file.name} cannot be written: {error.strerror}.",
+            place=str(file.parent),
             fix="make the folder writable, or copy it and report on the copy.",
         ) from error
     return file

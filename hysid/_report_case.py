@@ -14,6 +14,9 @@ from hysteresis import InputError, Record
 from ._report_evidence import RoundTrip, Rows, residual_rows, round_trip
 from ._words import label, plain_name
 
+TARGET = "report.html"
+"""The report of a fit, in its folder."""
+
 
 class Picture(NamedTuple):
     """A figure on the page: base64 PNG, its size, words in its place, and what to look for."""
@@ -23,6 +26,22 @@ class Picture(NamedTuple):
     height: int
     alt: str
     caption: str
+
+
+class Small(NamedTuple):
+    """One of many small charts of one style, as SVG paths in a box of `size`; `ticks` are x, y, anchor and
+    text."""
+
+    name: str
+    href: str | None
+    level: str
+    words: str
+    alt: str
+    size: tuple[int, int]
+    grid: str
+    measured: str
+    model: str
+    ticks: list[tuple[float, float, str, str]]
 
 
 class Link(NamedTuple):
@@ -43,13 +62,14 @@ class Table(NamedTuple):
 
 @dataclass
 class Section:
-    """A heading and what is under it: text, tables, pictures, notes, then parts with headings of their
-    own."""
+    """A heading and what is under it: text, tables, small charts, pictures, notes, then parts with headings
+    of their own."""
 
     title: str
     text: list[str] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
+    small: list[Small] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     parts: list["Section"] = field(default_factory=list)
 

@@ -93,6 +93,17 @@ class Selection:
         """The same rows with none held out."""
         return replace(self, test_where=(), test_cycles=None, test_tail=None)
 
+    def check_columns(self) -> None:
+        """Raise `InputError` where one column is to be both the input and the output."""
+        inputs = self.input if isinstance(self.input, tuple) else (self.input,)
+        if self.output in (*inputs, self.time):
+            role = "input" if self.output in inputs else "time"
+            raise InputError(
+                "same-column",
+                f"{self.output!r} is given as {role} and as output.",
+                fix=f"name another column (--{role} COL, or --output COL).",
+            )
+
     def table(self, file: Path) -> Table:
         """The whole file."""
         return read_table(
@@ -181,8 +192,30 @@ def all_of(faults: Mapping[str, InputError]) -> InputError:
     first, *others = dict.fromkeys(map(str, faults.values()))
     if not others:
         return next(iter(faults.values()))
-    value = next(iter(faults))
+    value, fault = next(iter(faults.items()))
+    if {error.code for error in faults.values()} == {fault.code}:
+        problem = f"{value}: {fault.problem} {len(faults) - 1} more have the same fault."
+        return InputError(fault.code, problem, place=fault.place, cause=fault.cause, fix=fault.fix)
     return InputError("nothing-fits", f"{value}: {first} {len(faults) - 1} more failed.")
+
+
+def folders_of(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
+    """The folder of every fit of a document by its value of `each`, `{"": "."}` of one alone.
+
+    Raises `InputError` where one is not right below `folder`: nothing is read or written elsewhere.
+    """
+    folders = document.get("folders", {"": "."})
+    names = list(folders.values()) if isinstance(folders, dict) else [folders]
+    odd = [n for n in names if not isinstance(n, str) or n == ".." or {*n} & {"/", "\\", ":"}]
+    if odd or not isinstance(folders, dict):
+        raise InputError(
+            "outside-folder",
+            f"fit.json names the folder {(odd or names)[0]!r}, which is none below this one.",
+            place=str(folder),
+            cause="it was edited.",
+            fix="fit again.",
+        )
+    return folders
 
 
 def _equality(condition: str) -> tuple[str, list[str]]:

@@ -12,13 +12,13 @@ from typing import Literal
 
 import numpy as np
 
+from ._cells import floats, missing, parsed
 from ._errors import InputError
 from ._record import Record
 from ._two_clocks import on_one_clock
 from ._units import are_units, bare_unit, column_unit
 from .importers import Sheet, arranged, decode, fault, file_bytes, labview, tdms, workbook
 
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -48,23 +48,27 @@ class Table:
     decimal: str = "."
     na_values: tuple[str, ...] = ()
 
-    def number(self, name: str) -> np.ndarray:
-        """A column as (n,) float64, NaN where missing.
+    def number(self, name: str, rows: np.ndarray | None = None) -> np.ndarray:
+        """A column, or those `rows` (n,) of it, as float64, NaN where missing.
 
-        Raises `no-column`, or names the first cell that is no number: `decimal-comma`,
-        `thousands-separator`, `text-cell`, `infinite`, `too-large`.
+        Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
+        none: `decimal-comma`, `thousands-separator`, `text-cell`, `infinite`, `too-large`.
         """
-        x, text = _column(self, name), self.text[name]
+        x, text, line = _column(self, name), self.text[name], self.line
+        if rows is not None:
+            x, text, line = x[rows], text[rows], line[rows]
+            if x.dtype.kind != "f":
+                x = parsed(text, self.decimal, self.na_values)
         if x.dtype.kind == "f":
-            # 1e300 is no measurement, and its square overflows.
-            bad = np.flatnonzero(np.abs(x) > 1e300)
+            # 1e150 is no measurement, and its square, summed over rows, overflows.
+            bad = np.flatnonzero(np.abs(x) > 1e150)
             if not bad.size:
                 return x
             code = "infinite" if np.isinf(x[bad[0]]) else "too-large"
             cause, fix = "a division by zero, or a marker for overload.", ""
         else:
             unique, first = np.unique(text, return_index=True)
-            wrong = np.isnan(_floats(unique, self.decimal)) & ~_missing(unique, self.na_values)
+            wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
             if all(_THOUSANDS.fullmatch(w) for w in words):
@@ -81,13 +85,15 @@ class Table:
                 code, fix = "text-cell", ""
                 overload = str(text[bad[0]]).upper() in _OVERLOAD
                 cause = "sensor overload?" if overload else "text among the numbers."
-                if not bad[0]:
-                    cause = f"a row of units? Then units_row={self.line[0]} (--units-row)."
+                if line[bad[0]] == self.line[0] and not overload:
+                    cause = "a row of units?"
+                    fix = f"units_row={line[0]} (--units-row {line[0]}) takes it for one; "
         k = bad[0]
         cell = str(text[k])
-        fix = fix or f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
+        if not fix or fix.endswith("; "):
+            fix += f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
         problem = f"{name!r} = {cell!r} is no number that can be used."
-        place = f"{self.path}, line {self.line[k]}, column {name!r}"
+        place = f"{self.path}, line {line[k]}, column {name!r}"
         raise InputError(code, problem, place=place, cause=cause, fix=fix)
 
 
@@ -154,6 +160,10 @@ def read_table(
         raise InputError("bad-units-row", problem, place=str(path), fix=mend)
     if body and (units_row or (units_row is None and are_units(body[0]))):
         cells = [bare_unit(c) for c in body[0]]
+        if not np.isnan(floats(cells, decimal)[[bool(c) for c in cells]]).any():
+            problem = f"Line {at} holds numbers, no units."
+            mend = "leave --units-row away, or --units-row 0 for none."
+            raise InputError("bad-units-row", problem, place=str(path), fix=mend)
         units, body, line = dict(zip(header, cells, strict=False)), body[1:], line[1:]
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
         notes.append(f"Row {at} is units ({', '.join(cells)}); using them.{confirm}")
@@ -179,7 +189,7 @@ def _table(
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
-    columns = {name: _parsed(cells, decimal, na_values) for name, cells in text.items()}
+    columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
     notes = (*notes, *sheet.notes)
     digest = hashlib.sha256(data).hexdigest()
     return Table(
@@ -271,18 +281,18 @@ def read_csv(
     if names:
         parts = [table.text[name][rows] for name in names]
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
-    t = None if time is None else table.number(time)[rows]
-    moved = {name: table.number(name)[rows] for name in inputs}
+    t = None if time is None else table.number(time, rows)
+    moved = {name: table.number(name, rows) for name in inputs}
     if input_time is not None:
         if t is None:
             problem = f"The input's clock is {input_time!r}, and the output's is not given."
             raise InputError("bad-option", problem, fix="--time COL, the clock of the output.")
-        own = table.number(input_time)[rows]
+        own = table.number(input_time, rows)
         moved, note = on_one_clock(moved, own, t, groups, input_time, time or "")
         notes.append(note)
     return Record.from_arrays(
         moved[inputs[0]] if named else None,
-        table.number(output)[rows],
+        table.number(output, rows),
         t,
         groups,
         dt=dt,
@@ -318,7 +328,7 @@ def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
 
     def rows(table: Table | Record) -> np.ndarray:
         if stem and modulus.isdigit() and int(modulus) and name not in table.columns:
-            return np.isin(np.mod(_floats(_column(table, stem)), int(modulus)), _floats(values))
+            return np.isin(np.mod(floats(_column(table, stem)), int(modulus)), floats(values))
         return _matching(table, name, values)
 
     return rows
@@ -326,8 +336,8 @@ def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
 
 def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.ndarray:
     words, inverse = np.unique(_column(table, name), return_inverse=True)
-    numbers, found = _floats(words), np.zeros(len(words), bool)
-    for value, number in zip(values, _floats(values), strict=True):
+    numbers, found = floats(words), np.zeros(len(words), bool)
+    for value, number in zip(values, floats(values), strict=True):
         hit = (words.astype(str) == value) | (numbers == number)
         if not hit.any():
             known = [f"{w:g}" if isinstance(w, float) else str(w) for w in words.tolist()]
@@ -392,43 +402,6 @@ def _square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep
         raise InputError(code, problem, place=f"{path}, line {line[k]}", cause=cause, fix=fix)
 
 
-def _floats(cells: Sequence[str] | np.ndarray, decimal: str = ".") -> np.ndarray:
-    """(n,) float64, NaN where a cell is no number."""
-    x = np.asarray(cells)
-    if x.dtype.kind not in "US":
-        return x.astype(float)
-    if decimal == ",":
-        x = np.where(np.char.count(x, ".") > 0, "", np.char.replace(x, ",", "."))
-    try:
-        return x.astype(float)
-    except ValueError:
-        return np.array([_float(c) for c in x.tolist()])
-
-
-def _float(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
-
-
-def _missing(cells: np.ndarray, na_values: Collection[str]) -> np.ndarray:
-    return np.isin(np.char.lower(cells), [*_MISSING, *(v.strip().lower() for v in na_values)])
-
-
-def _parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.ndarray:
-    if not na_values and decimal == ".":
-        try:  # the plain column, ten times faster than asking every cell what it is
-            return cells.astype(float)
-        except ValueError:
-            pass
-    missing = _missing(cells, na_values)
-    x = _floats(np.where(missing, "nan", cells), decimal)
-    if np.any(np.isnan(x) & ~missing):
-        return cells
-    return np.where(np.isin(x, _floats([*na_values], decimal)), np.nan, x)  # -999 and -999.0 alike
-
-
 def _column(table: Table | Record, name: str) -> np.ndarray:
     if name in table.columns:
         return table.columns[name]
@@ -445,5 +418,5 @@ def _column(table: Table | Record, name: str) -> np.ndarray:
 
 
 def _headless(names: Sequence[str]) -> str:
-    numeric = bool(names) and not np.isnan(_floats(names)).any()
+    numeric = bool(names) and not np.isnan(floats(names)).any()
     return "the file has no header: its first line is numbers." if numeric else ""

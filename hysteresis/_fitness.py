@@ -13,7 +13,7 @@ from ._suspicions import clipped, loop_direction, suspicions
 def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
     """Can these rows tell a model's parameters? Returns warnings, each ending in its `[code]`.
 
-    **Raises:** `InputError` `too-short`, `constant-input`, `no-excitation`.
+    **Raises:** `InputError` `too-short`, `constant-input`, `constant-output`, `no-excitation`.
     """
     u, unit, place = record.input, record.input_unit, record.source
     rows, needed = int(record.mask.sum()), n_parameters or 2
@@ -27,6 +27,12 @@ def check_identifiable(record: Record, n_parameters: int | None = None) -> list[
         problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
         mend = "choose another column (--input COL), or drive the rig."
         raise InputError("constant-input", problem, place=place, fix=mend)
+    counted = record.output[record.mask & np.isfinite(record.output)]
+    if not np.ptp(counted):
+        at = quantity(counted[0], record.output_unit)
+        problem = f"Output {record.output_name!r} is {at} in every row; nothing to identify."
+        mend = "choose another column (--output COL), or look at the sensor."
+        raise InputError("constant-output", problem, place=place, cause="a dead channel?", fix=mend)
     # Steps drawn anew at every row look like noise, but the output follows them.
     if span < 10 * noise and abs(_correlation(record)) < 0.5:
         problem = f"Input range {quantity(span, unit)} is about the noise; nothing to identify."
@@ -48,7 +54,9 @@ def check_identifiable(record: Record, n_parameters: int | None = None) -> list[
     found += suspicions(record)
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
-        found.append(f"{len(single)} sequences of one row, first {single[0]!r}. [short-sequence]")
+        found.append(
+            f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}. [short-sequence]"
+        )
     return found
 
 

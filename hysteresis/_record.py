@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._arrays import fill, numbers, same_length
 from ._channels import common_part
 from ._cycles import branches, cycles
 from ._errors import InputError
@@ -70,7 +71,7 @@ class Record:
             array = np.asarray(getattr(self, name), kind).view()
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        _same_length(
+        same_length(
             time=self.time, input=self.input, output=self.output, mask=self.mask, line=self.line
         )
         starts = self.starts
@@ -103,7 +104,9 @@ class Record:
             return
         if not (good := np.isfinite(self.time)).all():
             mend = "drop those rows, or give the step instead: dt=... (--dt SECONDS)."
-            raise self._fault("nan-time", f"{(~good).sum()} rows have no time", ~good, fix=mend)
+            raise self._fault(
+                "nan-time", f"{(~good).sum()} NaN in time {self.time_name!r}", ~good, fix=mend
+            )
         step = np.diff(self.time)
         step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
         if (k := np.flatnonzero(step < 0)).size:
@@ -169,17 +172,23 @@ class Record:
             linearly over time (or rows), and by the nearest value at the ends of a sequence.
         - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`.
         - `names`: the other fields of `Record`.
+
+        **Raises:** `InputError` as `Record` does, and `not-numbers`, `bad-option`.
         """
-        y, kept = np.array(output, float), dict(columns or {})
-        kept |= {name: np.array(kept[name], float) for name in channels or ()}
+        if nan not in ("raise", "omit", "interpolate"):
+            raise InputError("bad-option", f"nan={nan!r}.", fix="raise, omit or interpolate.")
+        if dt is not None and not 0 < dt < np.inf:
+            raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
+        y, kept = numbers("output", output), dict(columns or {})
+        kept |= {name: numbers(name, kept[name]) for name in channels or ()}
         n = y.size
-        u = np.array(np.zeros(n) if input is None else input, float)
-        t = None if time is None else np.array(time, float)
+        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
+        t = None if time is None else numbers("time", time)
         group = np.zeros(n, int) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
-        _same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
-        _same_length(output=y, **{name: kept[name] for name in channels or ()})
+        same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
+        same_length(output=y, **{name: kept[name] for name in channels or ()})
         if segments not in (None, "auto"):
             raise InputError(
                 "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
@@ -212,7 +221,7 @@ class Record:
         for name, x in (inputs | {"output": y}).items() if nan == "interpolate" else ():
             if missing := int(np.isnan(x).sum()):
                 for a, b in pairwise([*starts, n]):
-                    _fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
+                    fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
                 history += (f"Filled {missing} NaN of the {name} by linear interpolation.",)
         if channels:
             u = common_part(np.column_stack([*inputs.values()]), y)
@@ -333,7 +342,7 @@ class Record:
     def split_rows(self, test_mask: ArrayLike) -> "tuple[Record, Record]":
         """`(train, test)`: the rows (n,) where `test_mask` holds are held out."""
         test = np.asarray(test_mask, bool)
-        _same_length(input=self.input, test_mask=test)
+        same_length(input=self.input, test_mask=test)
         return self._split(~test, test, "chosen by their values")
 
     def split_tail(self, fraction: float) -> "tuple[Record, Record]":
@@ -422,22 +431,6 @@ class Record:
 
     def _repr_html_(self) -> str | None:
         return html_of(self)
-
-
-def _same_length(**arrays: np.ndarray | None) -> None:
-    shapes = {name: x.shape for name, x in arrays.items() if x is not None}
-    if any(len(shape) != 1 for shape in shapes.values()):
-        raise InputError("length-mismatch", f"Each must be one row of numbers; have {shapes}.")
-    (name, (n,)), *rest = shapes.items()
-    for other, (m,) in rest:
-        if m != n:
-            raise InputError("length-mismatch", f"{name} has {n} values, {other} {m}.")
-
-
-def _fill(x: np.ndarray, t: np.ndarray) -> None:
-    good = np.isfinite(x)
-    if good.any():
-        x[~good] = np.interp(t[~good], t[good], x[good])
 
 
 def quantity(x: float, unit: str) -> str:

@@ -86,6 +86,8 @@ def _created_energy(record: Record) -> list[str]:
     net, total = _loops(record)
     good = np.isfinite(record.output)
     u, y = record.input[good], record.output[good]
+    if not (np.ptp(u) and np.ptp(y)):
+        return []
     # Force over displacement takes energy clockwise.
     taken = (-net if to_force else net) / max(record.n_cycles, 1)
     # Where loops are thin or crossed a small lag between the channels turns them.

@@ -71,7 +71,7 @@ def column_unit(
     if unit != "1" and unit not in RIG_UNITS and not _known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
         raise InputError("unknown-unit", f"Unit {unit!r} is unknown.", place=place, fix=mend)
-    if unit in ("g", "kg", "mg") and re.match(r"force|load", name, re.IGNORECASE):
+    if unit in ("g", "kg", "mg") and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
         raise InputError("mass-unit", problem, place=place, fix=mend)

@@ -75,7 +75,7 @@ def fit_parametric(
     else:
         raise InputError(
             "no-finite-start",
-            f"from no start, {starts} of them about the one given, has the model a finite output.",
+            f"the data are finite; the model is not, from any of {starts} starts about the one given.",
             cause="a parameter of the start is many times too large or too small.",
             fix="give a model to start from whose output is finite over the record.",
         )

@@ -11,6 +11,7 @@ import json
 import math
 import os
 import platform
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +128,9 @@ def load(folder: str | Path) -> FitResult:
         )
     try:
         return _load(folder, document)
-    except (KeyError, TypeError, ValueError) as error:
+    except (
+        AttributeError, EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile,
+    ) as error:  # fmt: skip
         if isinstance(error, InputError):
             raise
         raise InputError(

@@ -4,12 +4,14 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hysid._report import write_overview, write_report
+from hysid._report import write_report
+from hysid._report_many import write_many
 from hysid._words import number, plain_name
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
@@ -129,6 +131,49 @@ def test_without_a_test_part_and_with_a_posterior(line: Path):
     assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == ["1.50", "N", "fixed", "fixed", "fixed"]
 
 
+def test_colours_are_readable_by_day_and_by_night(page: Page):
+    """WCAG's least contrast of text, 4.5, on paper, in code and in the boxes of every verdict."""
+    style = page.html.split("<style>")[1].split("</style>")[0]
+    assert '<meta name="color-scheme" content="light dark">' in page.html
+    night = style.index("@media screen and (prefers-color-scheme: dark)")  # print stays light
+    for words in (style[:night], style[night:]):
+        tones = dict(re.findall(r"--(ink|soft|paper|wash|link): (#[0-9a-f]{3,6})", words))
+        assert len(tones) == 5
+        tints = re.findall(r"--tint: (#[0-9a-f]{6})", words)
+        assert len(tints) == 3
+        for back in (tones["paper"], tones["wash"], *tints):
+            for ink in ("ink", "soft", "link"):
+                assert contrast(tones[ink], back) >= 4.5
+    for badge in re.findall(r"--tone: (#[0-9a-f]{6})", style):
+        assert contrast("#fff", badge) >= 4.5
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours, as WCAG 2 defines it."""
+    bright, dark = sorted(map(luminance, (one, other)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def luminance(colour: str) -> float:
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * c for c in colour[1:])
+    parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_headings_and_regions_lead_a_screen_reader(page: Page):
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+    assert [a["lang"] for a in page.all("html")] == ["en"]
+    assert len(page.all("main")) == len(page.all("header")) == 1
+    assert [a["aria-label"] for a in page.all("nav")] == ["Contents"]
+    assert {a.get("scope") for a in page.all("th")} == {"col", "row"}
+    regions = [a["aria-label"] for _, a in page.tags if a.get("role") == "region"]
+    assert len(set(regions)) == len(regions)
+
+
 def test_hostile_names_are_only_text(tmp_path: Path):
     hostile = '<script>alert("$x^{2$")</script>'
     u = np.tile(np.r_[0:10, 10:0:-1], 3).astype(float)
@@ -160,14 +205,17 @@ def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
 def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path: Path):
     for value, source in {"a b": preisach, "<c>": line}.items():
         shutil.copytree(source, tmp_path / value)
-    file = write_overview(tmp_path, {value: tmp_path / value for value in ("a b", "<c>")})
+        (tmp_path / value / "report.html").touch()
+    file = tmp_path / "report.html"
+    write_many({value: tmp_path / value for value in ("a b", "<c>")}, file)
     page = Page(file)
-    assert [a["href"] for a in page.all("a")] == ["a%20b/report.html", "%3Cc%3E/report.html"]
+    away = [a["href"] for a in page.all("a") if not a["href"].startswith("#")]
+    assert set(away) == {"a%20b/report.html", "%3Cc%3E/report.html"}
     assert "1 PASS" in page.text
     assert "LinearSponge" in page.text
-    assert file.stat().st_size < 50_000
+    assert file.stat().st_size < 150_000
     with pytest.raises(InputError, match="no-fit"):
-        write_overview(tmp_path, {"gone": tmp_path / "gone"})
+        write_many({"gone": tmp_path / "gone"}, file)
 
 
 def test_only_cells_that_switched_are_excited():

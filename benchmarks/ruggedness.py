@@ -1,0 +1,265 @@
+"""What bad input does: to the command line, to a file that is damaged at random, to a running compensator.
+
+python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT]
+
+Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
+damaged at random), readings (compensators fed with what a broken sensor gives).
+"""
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from compensate import Status, export_runtime, invert
+from compensate.runtime import load
+from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
+from tests.test_hysid.command import COLUMNS, Result, put, run, sponge, text, tree
+from tests.test_hysid.test_bad_inputs import BAD
+from tests.test_hysid.test_bad_inputs_table import TABLE
+
+from ._measure import Row, judged, noted, run_parts
+
+FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
+WORDS = (
+    b"NaN",
+    b"inf",
+    b"-inf",
+    b"1e999",
+    b"1e200",
+    b"OVLD",
+    b"",
+    b"1,5",
+    b'"',
+    b"0x1F",
+    "°".encode(),
+    b"-",
+)
+BROKEN = (np.nan, np.inf, -np.inf)
+NOT_EXPORTED = ("preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen")
+
+
+def one_line(said: Result) -> bool:
+    """Refused as a user is: exit 2, nothing on stdout, one line that ends in a code."""
+    lines = said.err.splitlines()
+    return (said.code, said.out, len(lines)) == (2, "", 1) and lines[0].endswith("]")
+
+
+def files(quick: bool) -> list[Row]:
+    """Every file of the tests' tables; the same for `quick`."""
+    table = BAD | TABLE
+    with elsewhere():
+        answered = 0
+        for bad in table.values():
+            put(bad.content)
+            options = bad.options if "--model" in bad.options else (*bad.options, *FIT[:2])
+            said = run("fit", "run.csv", *options, "--out", "out")
+            whole = f"[{bad.code}]" in said.err and all(word in said.err for word in bad.words)
+            answered += one_line(said) and whole and not Path("out").exists()
+    what = f"bad inputs answered with exit 2, one line, its code, its words, of {len(table)}"
+    return [judged(what, answered, len(table), at_least=True)]
+
+
+def damaged(data: bytes, random: np.random.Generator) -> bytes:
+    """A file after one to three accidents."""
+    for _ in range(random.integers(1, 4)):
+        data = ACCIDENTS[random.integers(len(ACCIDENTS))](data, random)
+    return data
+
+
+def _cut(data: bytes, random: np.random.Generator) -> bytes:
+    a, b = np.sort(random.integers(0, len(data) + 1, 2))
+    return (data[:a], data[a:], data[a:b], data[:a] + data[b:])[random.integers(4)]
+
+
+def _swapped_bytes(data: bytes, random: np.random.Generator) -> bytes:
+    raw = np.frombuffer(data, np.uint8).copy()
+    at = random.integers(0, max(len(raw), 1), random.integers(1, 9))
+    if len(raw):
+        raw[at] = random.integers(0, 256, at.size) if random.random() < 0.5 else raw[at][::-1]
+    return raw.tobytes()
+
+
+def _repeated_lines(data: bytes, random: np.random.Generator) -> bytes:
+    lines = data.splitlines(keepends=True) or [b""]
+    a, b = np.sort(random.integers(0, len(lines) + 1, 2))
+    part = lines[a:b] * int(random.integers(0, 3))
+    return b"".join(lines[:a] + part + lines[b:])
+
+
+def _column_lost(data: bytes, random: np.random.Generator) -> bytes:
+    rows = [line.split(b",") for line in data.split(b"\n")]
+    k, first = random.integers(4), random.integers(2) * random.integers(len(rows))
+    return b"\n".join(
+        b",".join(r[:k] + r[k + 1 :] if i >= first else r) for i, r in enumerate(rows)
+    )
+
+
+def _other_separators(data: bytes, random: np.random.Generator) -> bytes:
+    old, new = (b",.;\n\t"[k : k + 1] for k in random.integers(0, 5, 2))
+    return data.replace(old, new, random.choice([-1, 1, 7]))
+
+
+def _odd_cells(data: bytes, random: np.random.Generator) -> bytes:
+    rows = [line.split(b",") for line in data.split(b"\n")]
+    for _ in range(random.integers(1, 6)):
+        row = rows[random.integers(len(rows))]
+        row[random.integers(len(row))] = WORDS[random.integers(len(WORDS))]
+    return b"\n".join(map(b",".join, rows))
+
+
+ACCIDENTS = (_cut, _swapped_bytes, _repeated_lines, _column_lost, _other_separators, _odd_cells)
+
+
+def damage(quick: bool) -> list[Row]:
+    """A good file after accidents, looked at by `hysid check`."""
+    count, good = 200 if quick else 2000, text(sponge()).encode()
+    random, seen, wrong = np.random.default_rng(0), Counter[str](), []
+    with elsewhere():
+        for _ in range(count):
+            content = damaged(good, random)
+            put(content)
+            said = run("check", "run.csv", *COLUMNS)
+            fine = said.code == 0 and not said.err
+            seen[said.err.rpartition("[")[2].strip("]\n") if said.code else "read"] += 1
+            if not (fine or one_line(said)):
+                wrong.append(said.err)
+    for said in wrong[:3]:
+        print(said, file=sys.stderr)
+    what = f"a good file damaged at random: neither read nor refused in one line, of {count:,}"
+    return [
+        judged(what, len(wrong), 0),
+        noted("kinds of refusal among them", len(seen) - ("read" in seen)),
+        noted("of them read, in percent", 100 * seen["read"] / count),
+    ]
+
+
+def folders(quick: bool) -> list[Row]:
+    """A fit's files after accidents, one file at a time, run over the file it was fitted to."""
+    count, random, wrong = 40 if quick else 400, np.random.default_rng(1), 0
+    with elsewhere():
+        put(text(sponge()))
+        assert run("fit", "run.csv", *COLUMNS, *FIT).code == 0
+        whole = tree(Path("out"))
+        names = sorted(whole)
+        for k in range(count):
+            name = names[k % len(names)]
+            content = damaged(whole[name], random)
+            put(content, f"out/{name}")
+            said = run("predict", "out", "run.csv")
+            same = content == whole[name] or name == "fit.json"
+            wrong += not (one_line(said) or (said.code == 0 and same))
+            for file in Path("out").glob("*.csv"):
+                file.unlink()
+            put(whole[name], f"out/{name}")
+    what = f"a fit's files damaged at random: neither refused in one line nor harmless, of {count}"
+    return [judged(what, wrong, 0)]
+
+
+def readings(quick: bool) -> list[Row]:
+    """A fifth of the readings of every model is broken; for those exported one is huge besides."""
+    found = [_fed(problem) for problem in PROBLEMS]
+    exceptions, poisoned = sum(f[0] for f in found), sum(f[1] for f in found)
+    differ = max(f[2] for f in found)
+    with tempfile.TemporaryDirectory() as folder:
+        own = [p for p in PROBLEMS if p.name not in NOT_EXPORTED]
+        exported = [_fed_exported(problem, Path(folder) / "it.json") for problem in own]
+    return [
+        judged(f"{len(found)} compensators fed with NaN and infinities: exceptions", exceptions, 0),
+        judged("... estimates that are not finite or not marked INVALID", poisoned, 0),
+        judged("... estimates beside a record without them, of the range", differ, 1e-9),
+        judged(
+            f"{len(own)} exported ones, 1e300 too: exceptions, estimates not finite",
+            sum(e[0] for e in exported), 0,
+        ),
+        judged("... beside readings at the limit instead, of the range", max(e[1] for e in exported), 1e-9),
+    ]  # fmt: skip
+
+
+def _history(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, inputs and outputs of a model."""
+    model = problem.model()
+    u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, SAMPLES))[0]
+    step = 0.1 * np.diff(clock(0), prepend=0.0)
+    if getattr(model, "hold", "") == "constant":
+        step = np.minimum(step, 0.2 * float(model.largest_stable_step()))  # type: ignore[attr-defined]
+    t = np.cumsum(step)
+    return t, u, np.asarray(model.simulate(t, u))
+
+
+def _broken(y: np.ndarray) -> np.ndarray:
+    hole = np.random.default_rng(2).random(len(y)) < 0.2
+    hole[0] = hole[5:8] = True
+    return hole
+
+
+def _fed(problem: Problem) -> tuple[int, int, float]:
+    """Exceptions; estimates that are not finite or not marked; largest difference of the good ones."""
+    t, u, y = _history(problem)
+    hole, compensator = _broken(y), invert(problem.model())
+    fed = np.where(hole, np.random.default_rng(3).choice(BROKEN, len(y)), y)
+    try:
+        value, status = map(np.asarray, compensator.simulate(t, fed)[:2])
+        alone = np.asarray(compensator.simulate(t[~hole], y[~hole]).value)
+    except Exception as error:
+        print(f"{problem.name}: {error}", file=sys.stderr)
+        return 1, 0, 0.0
+    bad = ~np.isfinite(value) | ((status == Status.INVALID) != hole)
+    return 0, int(bad.sum()), float(np.abs(value[~hole] - alone).max() / np.ptp(u))
+
+
+def _fed_exported(problem: Problem, path: Path) -> tuple[int, float]:
+    """Exceptions and estimates that are not finite; largest difference to readings at the limit."""
+    t, u, y = _history(problem)
+    export_runtime(problem.model(), path, y, times=t, depth=4 * SAMPLES)
+    compensator, step = load(path), np.diff(t, prepend=t[0]).tolist()
+    hole, huge = _broken(y), np.zeros(len(y), bool)
+    huge[[12, 25]] = True
+    fed = np.where(hole, np.random.default_rng(3).choice(BROKEN, len(y)), y)
+    spiked, limited = np.where(huge, 1e300, fed), np.where(huge, compensator.limits[1], fed)
+    try:
+        value = np.array(
+            [compensator.step(*x).value for x in zip(spiked.tolist(), step, strict=True)]
+        )
+        compensator.reset()
+        same = np.array(
+            [compensator.step(*x).value for x in zip(limited.tolist(), step, strict=True)]
+        )
+    except Exception as error:
+        print(f"{problem.name}: {error}", file=sys.stderr)
+        return 1, 0.0
+    return int((~np.isfinite(value)).sum()), float(np.abs(value - same).max() / np.ptp(u))
+
+
+@contextlib.contextmanager
+def elsewhere() -> Iterator[None]:
+    """An empty folder to work in."""
+    before = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            yield
+        finally:
+            os.chdir(before)
+
+
+PARTS: dict[str, Callable[[bool], list[Row]]] = {
+    "files": files,
+    "damage": damage,
+    "folders": folders,
+    "readings": readings,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run every part and print."""
+    run_parts("benchmarks.ruggedness", __doc__, PARTS, arguments)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
