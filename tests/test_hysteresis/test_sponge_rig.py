@@ -168,7 +168,7 @@ def test_data_sets_are_byte_for_byte_what_the_rig_writes():
 
 
 def test_every_data_set_has_an_author_and_a_card():
-    stems = {path.stem for path in datasets.FOLDER.iterdir()}
+    stems = {path.stem for path in datasets.FOLDER.iterdir() if path.name != "catalogue.toml"}
     assert stems == set(datasets.TABLES)
 
 
