@@ -1,6 +1,7 @@
 """`hysid compare`: tables and words for people, one object for scripts, refusals in one line."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,7 +66,9 @@ def test_one_folder_compares_its_candidates(folder):
 
 
 def test_the_fits_of_each_value_are_folders(folder, tmp_path):
-    names = {name: str(folder / name) for name in ("new", "aged")}
+    names = {name: name for name in ("new", "aged")}
+    for name in names:
+        shutil.copytree(folder / name, tmp_path / name)
     (tmp_path / "fit.json").write_text(json.dumps({"schema": 1, "folders": names}))
     assert run("compare", tmp_path, "--change").out.startswith("new -> aged\n")
 
