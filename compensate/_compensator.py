@@ -2,19 +2,18 @@
 
 import abc
 from functools import singledispatch
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
-from typing_extensions import TypeVar
 
 from hysteresis import AbstractModel, InputError, html_of, parameters
 
 from .runtime._status import Status as Status
 
-State = TypeVar("State", default=Any)
+State = TypeVar("State")
 
 
 class Estimate(NamedTuple):

@@ -1,16 +1,15 @@
 """The contract every model keeps."""
 
 import abc
-from typing import Any, Generic
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from typing_extensions import TypeVar
 
-State = TypeVar("State", default=Any)
-Prepared = TypeVar("Prepared", default=Any)
+State = TypeVar("State")
+Prepared = TypeVar("Prepared")
 
 Series = Float[Array, " samples"] | Any
 """A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""

@@ -1,17 +1,16 @@
 """A filter for forces that rise and fall steadily between turns, seen through sensors with memory."""
 
 import abc
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-from typing_extensions import TypeVar
 
 from hysteresis import InputError
 
-State = TypeVar("State", default=Any)
+State = TypeVar("State")
 
 ITERATIONS = 2
 """Of Gauss-Newton: a branch's slope jumps where the force turns. A third changes nothing to be seen."""

@@ -1,21 +1,20 @@
 """Preisach densities: how much relay there is at each pair of thresholds."""
 
 import abc
-from typing import Any, Generic
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from typing_extensions import TypeVar
 
 from .._errors import InputError
 from .._parameter import is_concrete, parameter
 from ._everett import EverettTable, GridPairs, everett_table, everett_terms
 
-Pairs = TypeVar("Pairs", default=Any)
-Table = TypeVar("Table", default=Any)
+Pairs = TypeVar("Pairs")
+Table = TypeVar("Table")
 
 
 class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
