@@ -48,6 +48,11 @@ def noted(
     return Row(what, value, None, least, None, reason)
 
 
+def means(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Each figure's mean over what was measured several times."""
+    return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
+
+
 def interleaved(calls: Calls, rounds: int, moment: float = 2e-3) -> dict[str, np.ndarray]:
     """Seconds of each call in each round, (rounds,).
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hysteresis.rigs import ForceLoopRig, MicrochannelRig
 
-from ._measure import Row, judged, noted
+from ._measure import Row, judged, means, noted
 from ._microchannel_feedback import (
     DT,
     SMOOTH_S,
@@ -97,9 +97,7 @@ def control_rows(quick: bool) -> list[Row]:
     found = [_one(seed, quick) for seed in (range(1) if quick else range(3))]
     names = [TRUE, *KINDS]
     over = list(found[0][TRUE])
-    mean = {
-        name: {k: float(np.mean([one[name][k] for one in found])) for k in over} for name in names
-    }
+    mean = {name: means([one[name] for one in found]) for name in names}
     rows = []
     for name in names:
         all_ = float(np.sqrt(np.mean([mean[name][k] ** 2 for k in over[:-1]])))

@@ -6,7 +6,7 @@ from hysid.reproduction._skin import DELAY, HIGH_N, Skin
 from hysid.reproduction._skin_networks import train_everett
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 
-from ._measure import Row, judged, noted
+from ._measure import Row, judged, means, noted
 from ._microchannel_floor import floor, placement_floor
 
 FEW = 3
@@ -16,7 +16,7 @@ FEW = 3
 def force_rows(quick: bool) -> list[Row]:
     """Rows of the forces of single contacts."""
     found = [_single(seed, quick) for seed in range(1 if quick else FEW)]
-    mean = {name: float(np.mean([one[name] for one in found])) for name in found[0]}
+    mean = means(found)
     late = f"{DELAY} readings late"
     # The best kind is (iii), a model of the sensor run backwards.
     what = "(A) on the virtual sensor, force RMSE, N"
@@ -56,7 +56,7 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
 def pair_rows(quick: bool) -> list[Row]:
     """Rows of the forces of two contacts, learnt from a machine's presses of one location at a time."""
     found = [_pair(seed, quick) for seed in range(1 if quick else FEW)]
-    mean = {name: float(np.mean([one[name] for one in found])) for name in found[0]}
+    mean = means(found)
     rows = [
         judged(
             "(D) on two locations, peaks of 16, paper's method", mean["peaks"], 16, at_least=True

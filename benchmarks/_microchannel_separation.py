@@ -16,17 +16,18 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import ForceEstimator, MultiContactEstimator, gains_in_use
-from hysid.reproduction._skin_networks import PlaceRecord, train_channels, train_staircase
+from hysid._force_records import ForceRecord
+from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, rms
+from hysid.reproduction._skin_networks import train_channels, train_staircase
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 
-from ._measure import Row, noted
+from ._measure import Row, means, noted
 
-DT, HIGH_N, NOISE_V = 0.05, 8.5, 0.0205
+DT = 0.05
 SAMPLES, LENGTH = 6000, (60, 120)
 """Of a record, and of a press."""
 
-FORCE = {"thresholds": (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.6), "lags": (0.02, 0.2, 1.0, 8.0)}
 SIGNAL = {"thresholds": (0.1, 0.2, 0.4, 0.8), "lags": (0.06, 0.12, 0.25, 1.0, 5.0)}
 CONTRAST = "cube"
 """Of FastICA: the better of its three on the sensors of seeds 50 to 53, as all settings here."""
@@ -76,7 +77,7 @@ def separation_rows(quick: bool) -> list[Row]:
     rows = []
     for name, case in CASES.items():
         found = [_one(case, seed, quick) for seed in (range(1) if quick else range(3))]
-        mean = {key: float(np.mean([one[key] for one in found])) for key in found[0]}
+        mean = means(found)
         rows += [
             noted(f"(D) {name}: FastICA, RMSE, N", mean["independent"]),
             noted("    its columns' directions are off, degrees", mean["independent_off"]),
@@ -113,19 +114,15 @@ def _one(case: Case, seed: int, quick: bool) -> dict[str, float]:
                 off, turned = np.full_like(force, np.nan), np.nan
             else:
                 off, turned = _separated(taught, gains, t, z) - force, _degrees(gains, true)
-            figures.setdefault(name, []).append(_rms(off[used]))
+            figures.setdefault(name, []).append(rms([off[used]]))
             figures.setdefault(f"{name}_off", []).append(turned)
         if gains is not None:
             regained = eqx.tree_at(lambda one: one.sensor.gains, taught.filter, jnp.asarray(gains))
             off = np.asarray(regained.simulate(t, z).value) - force
-        figures.setdefault("regained", []).append(_rms(off[used]))
+        figures.setdefault("regained", []).append(rms([off[used]]))
         off = np.asarray(taught.filter.simulate(t, z).value) - force
-        figures.setdefault("filter", []).append(_rms(off[used]))
+        figures.setdefault("filter", []).append(rms([off[used]]))
     return {name: float(np.mean(values)) for name, values in figures.items()}
-
-
-def _rms(off: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(off**2)))
 
 
 @cache
@@ -137,7 +134,7 @@ def teach(seed: int, fabrication: float, places: tuple[int, int], epochs: int) -
         for k in places
     ]
     single = [
-        [PlaceRecord(one.time, one.force[:, k], one.reading) for one in found]
+        [ForceRecord(one.time, one.reading, one.force[:, k]) for one in found]
         for k, found in zip(places, records, strict=True)
     ]
     whole = train_channels(single, **FORCE, high_force=HIGH_N, noise=NOISE_V, epochs=epochs)

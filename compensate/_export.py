@@ -1,6 +1,5 @@
 """Compensators as files that run without JAX: JSON for `compensate.runtime`, a header for C99."""
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from ._header import header
 from ._inverses import invert
 from ._program import error_tree, program_of
 from .runtime._compensator import KIND
-from .runtime._file import SCHEMA, checksum
+from .runtime._file import SCHEMA, write
 from .runtime._tree import node_of
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
@@ -66,9 +65,7 @@ def export_runtime(
     Raises `InputError` where the model has no inverse, cannot be exported, or needs times.
     """
     document, notes = _document(model, readings, np.float64, **options)
-    path = Path(path)
-    path.write_text(json.dumps(document | {"checksum": checksum(document)}) + "\n", "utf-8")
-    return Exported(path, notes)
+    return Exported(write(path, document), notes)
 
 
 def export_c(

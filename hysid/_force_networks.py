@@ -113,9 +113,9 @@ def train_networks(
         batch = min(BATCH, rows)
         epochs = max(1, settings.updates * batch // rows)
         found = train(
-            starts[k], _squares, pairs[0], validation=pairs[1], epochs=epochs, batch=batch,
+            starts[k], staircase_squares, pairs[0], validation=pairs[1], epochs=epochs, batch=batch,
             float32=True, seed=settings.seed, progress=_told(settings, done, f"network {k + 1}"),
-            optimizer=_decaying(epochs * (rows // batch), decay),
+            optimizer=decaying(epochs * (rows // batch), decay),
             **_kept(settings, f"network-{k}-decay-{decay:g}"),
         )  # fmt: skip
         done["now"] += 1
@@ -166,7 +166,7 @@ def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Foun
     found = train(
         start, _sequence_squares, both[0], validation=both[1], epochs=epochs, batch=batch,
         seed=settings.seed, progress=_told(settings, {"of": 1, "now": 0}, "Everett"),
-        optimizer=_decaying(epochs * steps, 0.0, 2e-2), **_kept(settings, "everett"),
+        optimizer=decaying(epochs * steps, 0.0, 2e-2), **_kept(settings, "everett"),
     )  # fmt: skip
     line = PolynomialCurve([-sign * rest, sign], -1.0, 1.0)
     model = Series([line, found.module.model])
@@ -196,7 +196,8 @@ def _stacked(
     return out
 
 
-def _squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
+def staircase_squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
+    """Mean squared error of rows (inputs x, output)."""
     return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
 
 
@@ -207,7 +208,7 @@ def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
 
 
 @cache
-def _decaying(steps: int, decay: float, rate: float = RATE) -> optax.GradientTransformation:
+def decaying(steps: int, decay: float = 0.0, rate: float = RATE) -> optax.GradientTransformation:
     """Adam whose steps shrink to nothing over the training; the same one is compiled once."""
     schedule = optax.cosine_decay_schedule(rate, max(1, steps))
     return optax.adamw(schedule, weight_decay=decay) if decay else optax.adam(schedule)

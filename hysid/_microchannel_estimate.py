@@ -18,7 +18,7 @@ from hysteresis import InputError, Table, parse_condition
 from ._microchannel_sessions import NOWHERE, Targets
 from ._selection import Selection
 from ._soft_sensor import SoftSensor
-from ._soft_sensor_file import load_sensor
+from ._soft_sensor_file import load_sensor, no_sensor
 
 TRAINING = "training.json"
 SOUND = ("OK", "NO_PRESS")
@@ -147,10 +147,7 @@ def read_training(folder: str | Path) -> dict[str, Any]:
     """training.json of a folder. Raises `InputError` where there is none, or it is no such thing."""
     file = Path(folder) / TRAINING
     if not file.is_file():
-        raise InputError(
-            "no-sensor", f"there is no {TRAINING}.", place=str(folder),
-            fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
-        )  # fmt: skip
+        raise no_sensor(Path(folder), TRAINING)
     try:
         document = json.loads(file.read_text("utf-8"))
         if document["schema"] != 1:

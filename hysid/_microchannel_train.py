@@ -1,6 +1,5 @@
 """`hysid microchannel train`: a soft sensor learnt from its sessions, judged, and written to a folder."""
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from hysteresis import InputError
 
 from ._force_records import ForceRecord
 from ._force_training import ForceTraining, train_force
+from ._jobs import _check_writable
 from ._microchannel_estimate import TRAINING, Estimates, estimates_of, judged
 from ._microchannel_learn import checks_of, learn_places, learn_positions
 from ._microchannel_sessions import Session, Streams, Targets, read_sessions
@@ -74,7 +74,9 @@ def train(
             f"no kind {settings.kind!r}.",
             fix=f"one of {', '.join(KINDS)} (--kind).",
         )
-    _check_free(out, overwrite or settings.resume)
+    identify.check_free(out, overwrite or settings.resume, TRAINING)
+    identify.check_free(out, overwrite=False)  # a fit is none of a sensor's results
+    _check_writable(out)
     sessions = read_sessions(files, selection, targets, tests)
     parts = [one.train for one in sessions if one.train is not None]
     held_out = [one.test for one in sessions if one.test is not None]
@@ -341,23 +343,3 @@ def _versions() -> dict[str, str]:
     from importlib.metadata import version
 
     return {name: version(name) for name in ("hysid", "jax", "equinox", "optax", "numpy")}
-
-
-def _check_free(out: Path, overwrite: bool) -> None:
-    if out.exists() and not out.is_dir():
-        raise InputError("not-a-folder", f"{out} is a file.", fix="name another folder (--out).")
-    there = [name for name in (TRAINING, "fit.json") if (out / name).exists()]
-    if there and (not overwrite or there[-1] == "fit.json"):
-        raise InputError(
-            "would-overwrite", "results are there already, and were left as they are.",
-            place=str(out),
-            fix="name another folder (--out DIR), or write over them (--overwrite).",
-        )  # fmt: skip
-    above = next(place for place in (out, *out.absolute().parents) if place.exists())
-    if not os.access(above, os.W_OK):
-        raise InputError(
-            "cannot-write",
-            "you may not write there.",
-            place=str(out),
-            fix="name another folder (--out).",
-        )

@@ -92,10 +92,7 @@ def _checksum(document: dict[str, Any]) -> str:
 def _document(folder: Path) -> dict[str, Any]:
     file = folder / WORDS
     if not file.is_file():
-        raise InputError(
-            "no-sensor", f"there is no {WORDS}.", place=str(folder),
-            fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
-        )  # fmt: skip
+        raise no_sensor(folder, WORDS)
     try:
         document = json.loads(file.read_text("utf-8"))
         if not isinstance(document, dict) or document.get("kind") != KIND:
@@ -111,6 +108,14 @@ def _document(folder: Path) -> dict[str, Any]:
     if document.get("checksum") != _checksum(document):
         raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
     return document
+
+
+def no_sensor(folder: Path, name: str) -> InputError:
+    """What to say where the file `name` of a sensor is not there."""
+    return InputError(
+        "no-sensor", f"there is no {name}.", place=str(folder),
+        fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
+    )  # fmt: skip
 
 
 def _damaged(folder: Path, name: str, error: Exception) -> InputError:

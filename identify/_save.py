@@ -97,12 +97,12 @@ def save(
     return folder
 
 
-def check_free(folder: str | Path, overwrite: bool) -> None:
-    """Raise `InputError` where `folder` holds results already and may not be written over."""
+def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> None:
+    """Raise `InputError` where `folder` holds the results `name` and they may not be written over."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
-    if (folder / "fit.json").exists() and not overwrite:
+    if (folder / name).exists() and not overwrite:
         raise InputError(
             "would-overwrite",
             "results are there already, and were left as they are.",

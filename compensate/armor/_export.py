@@ -1,6 +1,5 @@
 """An armor as a file that runs without JAX."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from hysteresis import AbstractModel, InputError
 
 from .._program import program_of
 from ..runtime._armor import KIND
-from ..runtime._file import SCHEMA, checksum
+from ..runtime._file import SCHEMA, number, write
 from ._cover import Cover
 from ._faces import METRES
 from ._fields import AbstractField, Bumps, Grid, Uniform
@@ -55,23 +54,16 @@ def export_armor(
             )
         ],
         "limits": {
-            "threshold": _number(limits.threshold), "release": _number(solver.release),
-            "tolerance": _number(limits.tolerance), "spin": _number(limits.spin),
-            "rounding": _number(limits.rounding), "same_place": _number(solver.same_place),
-            "recovery": _number(solver.recovery),
+            "threshold": number(limits.threshold), "release": number(solver.release),
+            "tolerance": number(limits.tolerance), "spin": number(limits.spin),
+            "rounding": number(limits.rounding), "same_place": number(solver.same_place),
+            "recovery": number(solver.recovery),
         },
         "cover": _cover(solver.cover, model, len(faces.offset)),
         "sensor": sensor and _sensor(sensor),
         "golden": _golden(solver, sensor),
     }  # fmt: skip
-    path = Path(path)
-    path.write_text(json.dumps(document | {"checksum": checksum(document)}) + "\n", "utf-8")
-    return path
-
-
-def _number(value: Any) -> float | None:
-    """None for infinity, which JSON does not have."""
-    return float(value) if np.isfinite(value) else None
+    return write(path, document)
 
 
 def _cover(cover: Cover, model: AbstractModel | None, surfaces: int) -> dict[str, Any]:
@@ -130,7 +122,7 @@ def _sensor(sensor: WristSensor) -> dict[str, Any]:
     parts = (calibrated, carried) if sensor.hysteresis else (whole, None)
     return {
         "calibration": _affine(parts[0]), "placement": parts[1] and _affine(parts[1]),
-        "range": [_number(end) for end in np.asarray(sensor.range)],
+        "range": [number(end) for end in np.asarray(sensor.range)],
         "time_constant": float(sensor.time_constant),
         "hysteresis": [program_of(model) for model in sensor.hysteresis or ()],
     }  # fmt: skip

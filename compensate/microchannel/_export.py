@@ -1,6 +1,5 @@
 """A force estimator as a file that runs without JAX."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from .._compose import ScaledCompensator, SeriesCompensator
 from .._export import DEEP, Quantity, _has_rates, _nodes
 from .._program import _tree, program_of
 from .._viscoelastic import ViscoelasticCompensator
-from ..runtime._file import SCHEMA, checksum
+from ..runtime._file import SCHEMA, number, write
 from ..runtime._network import KIND
 from ..runtime._tree import node_of
 from ._everett_network import EverettNetwork
@@ -71,7 +70,7 @@ def export_force(
     document = {
         "schema": SCHEMA, "kind": KIND, "title": title or type(estimator.model).__name__,
         "channels": [channel._asdict() for channel in channels], "estimate": estimate._asdict(),
-        "limits": [[_number(low), _number(high)] for low, high in limits],
+        "limits": [[number(low), number(high)] for low, high in limits],
         "high": estimator.high, "deviation": float(estimator.deviation), "rates": rates,
         "model": model,
         "golden": {
@@ -80,14 +79,7 @@ def export_force(
             "tolerance": 1e-9 * estimator.high,
         },
     }  # fmt: skip
-    path = Path(path)
-    path.write_text(json.dumps(document | {"checksum": checksum(document)}) + "\n", "utf-8")
-    return path
-
-
-def _number(value: Any) -> float | None:
-    """None for infinity, which JSON does not have."""
-    return float(value) if np.isfinite(value) else None
+    return write(path, document)
 
 
 def _program(

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -37,6 +38,18 @@ def checksum(document: Mapping[str, Any]) -> str:
     rest = {key: value for key, value in document.items() if key != "checksum"}
     text = json.dumps(rest, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write(path: str | Path, document: Mapping[str, Any]) -> Path:
+    """Write a document with its checksum, as `read` takes it."""
+    path = Path(path)
+    path.write_text(json.dumps({**document, "checksum": checksum(document)}) + "\n", "utf-8")
+    return path
+
+
+def number(value: Any) -> float | None:
+    """None for what is not finite, which JSON does not have."""
+    return float(value) if isfinite(value) else None
 
 
 def replayed(

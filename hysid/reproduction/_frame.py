@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import identify
-from hysteresis import InputError
 
 from .._jobs import Say, _check_writable
 
@@ -54,7 +53,8 @@ def reproduce(
 ) -> dict[str, Any]:  # fmt: skip
     """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
     begin = time.perf_counter()
-    _check_free(out, overwrite)
+    identify.check_free(out, overwrite, RESULT)
+    _check_writable(out)
     of = _paper(paper)
     rigs = rigs or of.laboratories
     say(f"{rigs} virtual laboratories, {of.seconds_a_laboratory}")
@@ -91,17 +91,6 @@ def terminal(document: dict[str, Any]) -> list[str]:
         line for name, text in document.get("tables", {}).items() for line in (name, text, "")
     ]
     return [*lines, "", *notes, "", *said, "", *tables]
-
-
-def _check_free(out: Path, overwrite: bool) -> None:
-    if (out / RESULT).exists() and not overwrite:
-        raise InputError(
-            "would-overwrite",
-            "results are there already, and were left as they are.",
-            place=str(out),
-            fix="name another folder (--out DIR), or write over them (--overwrite).",
-        )
-    _check_writable(out)
 
 
 def _cells(document: dict[str, Any]) -> list[list[str]]:

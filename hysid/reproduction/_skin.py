@@ -201,12 +201,12 @@ class Skin:
         return list(zip(pressed, found, strict=True))
 
 
-def records(found: Sequence[ChannelRecord], location: int = 0, layer: int = 0) -> Records:
-    """Of one location and one layer."""
+def records(found: Sequence[ChannelRecord]) -> Records:
+    """Of location A in layer 1."""
     return Records(
         [one.time for one in found],
-        [one.force[:, location] for one in found],
-        [one.reading[:, layer] for one in found],
+        [one.force[:, 0] for one in found],
+        [one.reading[:, 0] for one in found],
     )
 
 

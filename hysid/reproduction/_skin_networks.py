@@ -1,7 +1,6 @@
 """How the networks of a virtual skin are trained from its records: each a recipe of a few lines."""
 
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -22,7 +21,9 @@ from compensate.microchannel import (
 from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
 
-Tell = Callable[[int, int, str], None]
+from .._force_networks import decaying, staircase_squares
+from .._force_records import ForceRecord
+
 Series = Float[np.ndarray, " _"]
 
 BATCH = 64
@@ -36,14 +37,6 @@ class Learnt(NamedTuple):
     trained: Trained
 
 
-class PlaceRecord(NamedTuple):
-    """Presses of one location: time in s, force in N, and the readings of every layer."""
-
-    time: Series
-    force: Series
-    reading: Float[np.ndarray, "samples layers"]
-
-
 def train_staircase(
     times: Sequence[Series],
     inputs: Sequence[Series],
@@ -53,18 +46,21 @@ def train_staircase(
     lags: Sequence[float],
     epochs: int = 1000,
     rate: float = 2e-3,
-    tell: Tell | None = None,
+    every: int = 1,
 ) -> Learnt:
-    """`StaircaseNetwork` from inputs to outputs, one array for each record."""
+    """`StaircaseNetwork` from inputs to outputs, one array for each record.
+
+    `every`: it learns from every so many rows; its memory has seen them all.
+    """
     start = StaircaseNetwork.random(
         inputs, outputs, times, jax.random.key(0), thresholds=thresholds, lags=lags
     )
     pairs = zip(times, inputs, strict=True)
-    x = np.concatenate([np.asarray(start.prepare(t, u)) for t, u in pairs])
-    y = np.concatenate(outputs)
+    x = np.concatenate([np.asarray(start.prepare(t, u))[::every] for t, u in pairs])
+    y = np.concatenate([one[::every] for one in outputs])
     found = train(
         start, staircase_squares, (x, y), epochs=epochs, batch=BATCH, float32=True,
-        optimizer=_decaying(rate, epochs, len(y)), progress=tell,
+        optimizer=_decaying(rate, epochs, len(y)),
     )  # fmt: skip
     return _learnt(found)
 
@@ -76,34 +72,31 @@ def train_everett(
     *,
     epochs: int = 600,
     high_force: float,
-    tell: Tell | None = None,
 ) -> Learnt:
     """`EverettNetwork` from readings to forces, records of one length; five of them a batch."""
     t, z, F = (jnp.asarray(np.stack(part)) for part in (times, readings, forces))
     start = EverettNetwork.random(jax.random.key(0), high=float(z.max()), force=high_force)
     found = train(
         start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
-        optimizer=_decaying(2e-2, epochs, len(times), 5), progress=tell,
+        optimizer=_decaying(2e-2, epochs, len(times), 5),
     )  # fmt: skip
     return _learnt(found)
 
 
-def train_recurrent(
-    records: Sequence[PlaceRecord], *, epochs: int = 100, seed: int = 0, tell: Tell | None = None
-) -> Learnt:
+def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Learnt:
     """The paper's `ForceNetwork` from the last forces on one location to all layers' readings."""
     forces = np.concatenate([windows(one.force) for one in records])
     readings = np.concatenate([one.reading for one in records])
     found = train(
         ForceNetwork.random(jax.random.key(seed)), _window_squares, (forces, readings),
         epochs=epochs, batch=BATCH, float32=True, patience=10,
-        optimizer=_decaying(2e-3, epochs, len(forces)), progress=tell,
+        optimizer=_decaying(2e-3, epochs, len(forces)),
     )  # fmt: skip
     return _learnt(found._replace(module=eqx.nn.inference_mode(found.module)))
 
 
 def train_channels(
-    places: Sequence[Sequence[PlaceRecord]],
+    places: Sequence[Sequence[ForceRecord]],
     *,
     thresholds: Sequence[float],
     lags: Sequence[float],
@@ -139,21 +132,11 @@ def _learnt(found: Trained) -> Learnt:
     return Learnt(found.module, float(np.sqrt(found.validation[found.best])), found)
 
 
-@cache
 def _decaying(
     rate: float, epochs: int, rows: int, batch: int = BATCH
 ) -> optax.GradientTransformation:
-    """Adam whose steps shrink to nothing over the training; a tenth of the rows is held out.
-
-    The same one for the same numbers: a training is compiled for one optimiser, by identity.
-    """
-    steps = epochs * (9 * rows // (10 * batch))
-    return optax.adam(optax.cosine_decay_schedule(rate, max(1, steps)))
-
-
-def staircase_squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
-    """Mean squared error of rows (inputs x, output)."""
-    return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
+    """Adam over all epochs of the nine tenths of the rows that are not held out."""
+    return decaying(epochs * (9 * rows // (10 * batch)), rate=rate)
 
 
 def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:

@@ -13,8 +13,9 @@ from jaxtyping import Float
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
 from hysteresis.rigs import ChannelRecord, MicrochannelRig
 
+from .._force_records import ForceRecord
 from ._skin import FORCE, HIGH_N, NOISE_V, rms
-from ._skin_networks import PlaceRecord, train_channels, train_recurrent
+from ._skin_networks import train_channels, train_recurrent
 
 PAIR, NAMES, SAMPLES, DT = (1, 3), "BD", (3960, 3651), 0.05
 """Locations, their names, readings to learn from, s between readings."""
@@ -74,7 +75,7 @@ class SkinPair:
         return MicrochannelRig(seed=self.seed)
 
     @cached_property
-    def taught(self) -> list[list[PlaceRecord]]:
+    def taught(self) -> list[list[ForceRecord]]:
         """A machine's presses of B, and of D."""
         every = []
         for place, count in zip(PAIR, SAMPLES, strict=True):
@@ -82,7 +83,7 @@ class SkinPair:
                 self.rig.cnc_loops(count // PARTS, location=place, dt=DT, session=10 * place + k)
                 for k in range(PARTS)
             ]
-            every.append([PlaceRecord(one.time, one.force[:, place], one.reading) for one in made])
+            every.append([ForceRecord(one.time, one.reading, one.force[:, place]) for one in made])
         return every
 
     @cached_property
