@@ -59,15 +59,6 @@ settings.register_profile(
 settings.load_profile("hysid")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def forget_compiled():
-    """Compiled code piles up until a process runs out of memory maps: Linux gives it 65,530."""
-    yield
-    maps = Path("/proc/self/maps")
-    if not maps.exists() or maps.read_bytes().count(b"\n") > 20_000:
-        jax.clear_caches()
-
-
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
     """Folder of real measurements by third parties, which the repository may not contain."""
@@ -78,10 +69,13 @@ def measured_data() -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _forget():
-    """Programs and traces of a module are of no use to the next; kept, millions of objects pile up that
-    every full collection goes through, twenty seconds each in the end."""
+@pytest.fixture(scope="module", autouse=True)
+def forget_compiled():
+    """Programs and traces of a module are of no use to the next.
+
+    Kept, they pile up until a full collection takes twenty seconds and the process has none of the 65,530
+    memory maps left that Linux gives it.
+    """
     yield
     jax.clear_caches()
     gc.collect()

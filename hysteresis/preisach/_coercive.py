@@ -16,12 +16,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import Scalar, is_concrete, parameter
-from ._bivariate import opposed_normal
+from ._bivariate import normal_below, opposed_normal
 from ._density import AbstractDensity
 
 NORMAL_REACH = 8.5
@@ -192,10 +191,12 @@ class GaussianDensity(AbstractCoerciveDensity):
         # Three calls, not a stacked one: XLA runs them side by side.
         corners = (above, below, both[0]), (above, no_relay, both[1]), (below, no_relay, both[1])
         outside = (
-            ndtr(above) + ndtr(below) - sum(opposed_normal(self.order, *each) for each in corners)
+            normal_below(above)
+            + normal_below(below)
+            - sum(opposed_normal(self.order, *each) for each in corners)
         )
         # Rounding leaves a little where there is nothing.
-        return jnp.where(a > b, ndtr(-no_relay) - outside, 0.0)
+        return jnp.where(a > b, normal_below(-no_relay) - outside, 0.0)
 
 
 class LorentzianDensity(AbstractQuadratureDensity):
