@@ -66,8 +66,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def simulate(
         self, t: Series | None, u: Series, state: State | None = None
     ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state))`."""
-        return self.evaluate(self.prepare(t, u, state))
+        """`evaluate(prepare(t, u, state))`, compiled."""
+        return _evaluate(self, self.prepare(t, u, state))
 
     def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
         """What the words in the parameters' units stand for on a record with these units."""
@@ -87,6 +87,12 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
         state = self.init() if state is None else state
         return _scan(self, state, t, u)
+
+
+# A scan that is not compiled is traced again in every call: 0.3 s for 240 samples of Bouc-Wen, not 3 ms.
+@eqx.filter_jit
+def _evaluate(model: AbstractModel, prepared: Any) -> Array:
+    return model.evaluate(prepared)
 
 
 @eqx.filter_jit

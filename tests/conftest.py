@@ -39,8 +39,12 @@ if early := set(_PACKAGES) & set(sys.modules):
     raise RuntimeError(f"{sorted(early)} imported before their types could be checked")
 # Here and not as pytest option: jaxtyping's plugin takes a checker with arguments for one package
 # only. The tower is PEP 484's: an int is a float.
+# `compensate.runtime` has no arrays, and its steps would take ten times as long.
+_compensate = (Path(__file__).parents[1] / "compensate").iterdir()
+_checked = (f"compensate.{each.stem}" for each in _compensate if each.stem != "runtime")
 install_import_hook(
-    _PACKAGES, "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+    ["hysteresis", "identify", "hysid", *_checked],
+    "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
 import jax  # noqa: E402

@@ -6,7 +6,7 @@ different ones the one with most rows is meant, as a summary of results is short
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -169,9 +169,11 @@ def _begins_late(rows: list[list[str]]) -> bool:
 
 
 def _is_data(cells: list[str]) -> bool:
-    filled = [cell for cell in cells if cell]
-    numbers = sum(map(is_number, filled))
-    return numbers >= 2 and 2 * numbers >= len(filled)
+    return _mostly([is_number(cell) for cell in cells if cell])
+
+
+def _mostly(numbers: list[bool]) -> bool:
+    return sum(numbers) >= 2 and 2 * sum(numbers) >= len(numbers)
 
 
 def _is_header(cells: list[str], width: int) -> bool:
@@ -215,9 +217,10 @@ def _splitter(lines: list[str]):
         words = line.split()
         return words if all(map(is_number, words)) else [cell.strip() for cell in wide]
 
-    def score(split) -> tuple[int, int]:
-        rows = [split(line) for line in lines]
-        full = [row for row in rows if _is_data(row)]
-        return sum(all(is_number(c) for c in row if c) for row in full), len(full)
+    def score(way: tuple[str, Callable[[str], list[str]]]) -> tuple[int, int]:
+        # A line without the separator is one cell, and no row: most ways split nothing.
+        rows = [[is_number(c) for c in way[1](line) if c] for line in lines if way[0] in line]
+        full = [row for row in rows if _mostly(row)]
+        return sum(map(all, full)), len(full)
 
-    return max([by("\t"), by(";"), by(","), by("|"), blanks], key=score)
+    return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)[1]

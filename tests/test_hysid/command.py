@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterable
 from contextlib import redirect_stderr, redirect_stdout
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -53,7 +54,12 @@ def run(*arguments: object) -> Result:
 
 
 def sponge(step: float = 2.0, thickness: float = 50.0, noise: float = 0.02) -> Rows:
-    """Cells of five cycles of a virtual sponge, as its file would hold them."""
+    """Cells of five cycles of a virtual sponge, as its file would hold them; the caller's own."""
+    return [list(row) for row in _cells(step, thickness, noise)]
+
+
+@cache  # half a second to two
+def _cells(step: float, thickness: float, noise: float) -> Rows:
     cycles = SpongeRig(thickness_mm=thickness).five_cycles(step=step, noise=noise, seed=0)
     return [[f"{t:g}", f"{f:g}", f"{x:.3f}", f"{c}"] for t, f, x, c in zip(*cycles, strict=True)]
 

@@ -19,7 +19,8 @@ time = "{T}"
 model = "LinearSponge"
 conditioning = "keep"
 clocks = "keep"
-starts = 4
+noise = "gaussian"
+starts = 2
 """
 
 
@@ -75,7 +76,7 @@ def test_every_file_is_fitted_and_the_bad_one_named():
     assert (anew["fitted"], anew["skipped"]) == (3, 0)
 
     # Results of another configuration are left alone.
-    put(CONFIG.replace("starts = 4", "starts = 5"), "batch.toml")
+    put(CONFIG.replace("starts = 2", "starts = 3"), "batch.toml")
     refused(batch(), "another configuration", "--no-resume")
 
 

@@ -57,7 +57,8 @@ def test_fit_takes_what_init_wrote():
     assert document["selection"] == {"input": F, "output": X, "time": T, "test_cycles": 1}
     command = said.out.splitlines()[-1].split()
     assert command == ["hysid", "fit", "run.csv", "--config", "run.toml", "--out", "run"]
-    fitted = run(*command[1:], "--model", "LinearSponge", "--json").json()
+    line = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+    fitted = run(*command[1:], *line, "--json").json()
     assert fitted["selection"]["test_cycles"] == 1
     assert fitted["metrics"]["test"]["nrmse_percent"] < 10
     looked = run("check", "run.csv", "--config", "run.toml")

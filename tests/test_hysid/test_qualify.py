@@ -12,6 +12,8 @@ from hysid._jobs import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)
+# The kind of the noise and far starts are nobody's question here.
+LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,7 @@ def folder(tmp_path_factory) -> Path:
     blocks = {"soft": sponge(), "thin": sponge(thickness=30.0)}
     named = [[*row, block] for block, cells in blocks.items() for row in cells]
     (place / "blocks.csv").write_text(text(named, (*HEADER, "block")))
-    each = ("--each", "block", "--model", "LinearSponge", "--out", place / "each")
+    each = ("--each", "block", *LINE, "--out", place / "each")
     assert run("fit", place / "blocks.csv", *COLUMNS, *each).code == 0
     return place
 
@@ -157,7 +159,7 @@ def test_other_units_are_refused(tmp_path, units, words):
     header = ("time", "force", "displacement", "cycle")
     columns = ("--time", "time", "--input", "force", "--output", "displacement", "--units-row", 2)
     (tmp_path / "run.csv").write_text(text([["s", "N", "mm", "1"], *ROWS], header))
-    out = ("--model", "LinearSponge", "--out", tmp_path / "out")
+    out = (*LINE, "--out", tmp_path / "out")
     assert run("fit", tmp_path / "run.csv", *columns, *out).code == 0
     (tmp_path / "other.csv").write_text(text([[*units], *ROWS], header))
     refused(run("qualify", tmp_path / "out", tmp_path / "other.csv"), *words, "[unit-clash]")
@@ -175,7 +177,7 @@ def test_no_file_no_fit_and_no_value_are_refused(folder, tmp_path):
 def test_a_fit_of_several_inputs_is_refused(folder, tmp_path):
     rows = [[*row, f"{2 * float(row[1]):g}"] for row in sponge()]
     (tmp_path / "two.csv").write_text(text(rows, (*HEADER, "twice (N)")))
-    out = ("--model", "LinearSponge", "--out", tmp_path / "two")
+    out = (*LINE, "--out", tmp_path / "two")
     fitted = run("fit", tmp_path / "two.csv", *COLUMNS, "--input", "twice (N)", *out)
     assert fitted.code == 0, fitted.err
     refused(run("qualify", tmp_path / "two", tmp_path / "two.csv"), "2 inputs")
