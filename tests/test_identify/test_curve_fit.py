@@ -48,7 +48,7 @@ def test_foam_curve_is_recovered_from_afar(tmp_path: Path) -> None:
     truth = FoamCurve(1.0, 0.05, 0.2, 1.5, 5.0, 8.0, 0.8, 0.1, 0.3)
     u = np.concatenate([np.linspace(0.0, 22.0, 150), np.linspace(22.0, 0.0, 150)])
     far = FoamCurve(0.2, 0.5, 0.8, 5.0, 1.5, 3.0, 3.0, 0.5)
-    result = fit(record_of(truth, u, 0.005), far, seed=1, starts=16)
+    result = fit(record_of(truth, u, 0.005), far, noise="gaussian", seed=1, starts=16)
     assert_recovered(result, truth)
     units = {p.name: p.unit for p in result.parameters}
     assert (units["linear"], units["densification"], units["toe"]) == ("N / mm", "1 / mm", "1")
@@ -60,7 +60,7 @@ def test_bouc_wen_is_recovered_from_afar(tmp_path: Path) -> None:
     truth = BoucWen(10.0, 0.2, 0.5, 1.5, 0.3, 1.0)
     turns = [0, 1, -1, 1.5, -1.5, 2, -2, 1, -0.5, 1.5, 0]
     record = record_of(truth, np.interp(np.linspace(0, 10, 121), range(11), turns), 0.01)
-    result = fit(record, BoucWen(40.0, 0.6, 0.1, 3.0, -0.5), seed=1, starts=4)
+    result = fit(record, BoucWen(40.0, 0.6, 0.1, 3.0, -0.5), noise="gaussian", seed=1, starts=4)
     assert_recovered(result, truth)
     again = load(save(result, tmp_path / "bouc-wen")).model
     u = np.asarray(record.input)
@@ -77,7 +77,7 @@ def test_loading_branch_of_the_virtual_sponge() -> None:
     )
     record = Record.from_arrays(displacement, force, input_unit="mm", output_unit="N")
     loading = record.select(branch="loading")
-    result = fit(loading, guess("FoamCurve", loading), starts=16)
+    result = fit(loading, guess("FoamCurve", loading), noise="gaussian", starts=16)
     assert result.metrics["train"] is not None
     assert result.metrics["train"].nrmse_percent < 0.5
     found = invert(result.model).simulate(None, force)
@@ -90,7 +90,9 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     u, y = columns(file, "displacement_mm", "force_N")
     up = slice(0, int(np.argmax(u)) + 1, 20)
     record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
-    result = fit(record, guess("FoamCurve", record), conditioning="keep", starts=16)
+    result = fit(
+        record, guess("FoamCurve", record), conditioning="keep", noise="gaussian", starts=16
+    )
     train = result.metrics["train"]
     assert train is not None
     assert train.nrmse_percent < 0.5

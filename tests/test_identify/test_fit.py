@@ -31,7 +31,7 @@ def creep_record(
 def test_burgers_is_recovered_from_a_decade_away(leading: bool) -> None:
     record, truth = creep_record(leading=leading)
     far = Burgers(20.0, 6.0, 10.0, 0.5, 1.0, leading=leading)
-    result = fit(record, far, seed=1)
+    result = fit(record, far, noise="gaussian", seed=1)
     assert result.success
     for name in ("E1", "eta1", "E2", "eta2", "offset"):
         # Noiseless: limited by the solver's tolerance of 1e-10 on the objective, its root on values.
@@ -66,7 +66,7 @@ def test_burgers_agrees_with_lmfit() -> None:
 
 def test_units_follow_the_orientation() -> None:
     record, _ = creep_record()
-    units = {p.name: p.unit for p in fit(record, "Burgers", starts=4).parameters}
+    units = {p.name: p.unit for p in fit(record, "Burgers", noise="gaussian", starts=4).parameters}
     assert units["E1"] == "N / mm"
     assert units["eta1"] == "N * s / mm"
     assert units["offset"] == "mm"
@@ -105,7 +105,7 @@ def test_the_line_on_the_loading_branch_is_the_rigs() -> None:
     cycles = SpongeRig().five_cycles()
     record = Record.from_arrays(cycles.force, cycles.displacement, cycles.time, input_unit="N")
     loading = record.select(branch="loading", range=(2.0, 20.0))
-    result = fit(loading, LinearSponge(1.0, 0.0, 1.5), conditioning="keep")
+    result = fit(loading, LinearSponge(1.0, 0.0, 1.5), conditioning="keep", noise="gaussian")
     expected = cycles.statistics().loading
     # Two ways to the same normal equations; ours iterates to 1e-10.
     assert float(result.model.K) == pytest.approx(expected.K, rel=1e-6)  # type: ignore[attr-defined]
