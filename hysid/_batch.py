@@ -49,7 +49,7 @@ def batch(
         )
     _check_writable(out)
     function = identify.fit
-    if selection.step is not None:
+    if selection.is_step:
         function, options = identify.fit_step, step_options(options)
     else:
         options = {"noise": "auto"} | options  # as `hysid fit`

@@ -39,10 +39,8 @@ Input = Annotated[
     list[str] | None,
     typer.Option("--input", help="Input column, by its exact header; repeat it for each channel."),
 ]
-Step = Annotated[
-    float | None,
-    typer.Option(help="Constant input of creep or relaxation, instead of --input."),
-]
+Step = Annotated[float | None, typer.Option(help="Constant input of creep or relaxation.")]
+Hold = Annotated[bool, typer.Option("--hold", help="Creep or relaxation: where --input is held.")]
 Output = Annotated[str, typer.Option("--output", help="Output column, by its exact header.")]
 Time = Annotated[str | None, typer.Option(help="Time column.")]
 InputTime = Annotated[str | None, typer.Option(help="The input's own clock, if not --time.")]
@@ -110,6 +108,7 @@ def check(
     config: Config = None,
     input: Input = None,
     step: Step = None,
+    hold: Hold = False,
     time: Time = None,
     dt: Dt = None,
     group: Group = "",
@@ -145,6 +144,7 @@ def fit(
     config: Config = None,
     input: Input = None,
     step: Step = None,
+    hold: Hold = False,
     time: Time = None,
     dt: Dt = None,
     group: Group = "",

@@ -21,7 +21,7 @@ else:
 SELECTION = (
     "input", "step", "output", "time", "dt", "group", "each", "where", "test_where", "test_cycles",
     "test_tail", "nan", "segments", "decimal", "units_row", "na_values", "input_unit", "output_unit",
-    "input_time",
+    "input_time", "hold",
 )  # fmt: skip
 """Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
 

@@ -15,11 +15,13 @@ from ._hold_out import hold_out
 from ._kinds import words_of
 from ._reading import reading
 from ._remedies import settle
-from ._roles import Column, columns_of
+from ._roles import Column, columns_of, held
 from ._selection import all_of, selection_of
 from ._sequences import RUNS, SPECIMENS, Sequences, constant_within, counts_rows, sequences_of
 
 SURE, LIKELY, GUESS = "sure", "likely", "guess"
+STAYS = 0.7
+"""Of its rows: an input that is held for more was to be held."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,10 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     out.selection = selection
     for what, value, why in notes:
         out.says(what, value, LIKELY, why)
-    held, why = hold_out(table, out.selection, sequences.split)
-    out.selection |= {k: v for k, v in held.items() if not _held_out(given)}
-    out.says("held out", _words(held) or "nothing", LIKELY, why)
+    _hold(table, out)
+    kept, why = hold_out(table, out.selection, sequences.split)
+    out.selection |= {k: v for k, v in kept.items() if not _held_out(given)}
+    out.says("held out", _words(kept) or "nothing", LIKELY, why)
     _memory(table, columns, choice, out)
     _check(table, out)
     return out
@@ -269,6 +272,29 @@ def _clocks(
         out.says("input_time", own["input"], SURE, "the input was read at times of its own")
 
 
+def _hold(table: Table, out: Guess) -> None:
+    """An input that goes one way and stays there asks for the spectrum of what goes on meanwhile."""
+    if "step" in out.selection or not isinstance(out.selection["input"], str):
+        return
+    if not {"time", "dt"} & set(out.selection):
+        return
+    records = [record for record, _ in selection_of(out.selection).records(table)[0].values()]
+    if not all(_goes_and_stays(record) for record in records):
+        return
+    out.selection["hold"] = True
+    why = "it goes one way and stays: creep or relaxation, of which the hold tells"
+    if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
+        del out.selection["group"]
+        out.selection["each"] = group[0]
+        why += ", one fit for each"
+    out.says("hold", "true", LIKELY, why)
+
+
+def _goes_and_stays(record: Record) -> bool:
+    one_way = all(np.ptp(record.branch[rows]) == 0 for _, rows in record.sequences())
+    return one_way and np.ptp(record.input) > 0 and held(record.input) > STAYS
+
+
 def _held_out(given: Mapping[str, Any]) -> bool:
     return any(given.get(key) for key in ("test_where", "test_cycles", "test_tail"))
 
@@ -293,7 +319,7 @@ def _check(table: Table, out: Guess) -> None:
     (first, (record, _)), *_ = good.items()
     out.text = (f"{out.selection['each']} = {first}\n" if first else "") + record.describe()
     seen: dict[str, None] = {}
-    for record in records if "step" not in out.selection else []:
+    for record in [] if {"step", "hold"} & set(out.selection) else records:
         try:
             seen |= dict.fromkeys(check_identifiable(record))
         except InputError as error:

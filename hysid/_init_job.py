@@ -16,6 +16,7 @@ COMMENTS = {
     "input": "what drives: its exact header",
     "output": "what follows",
     "step": "the constant input of creep or relaxation",
+    "hold": "creep or relaxation: only where the input is held",
     "time": "the clock",
     "dt": "sampling step in seconds, instead of a time column",
     "input_time": "the input's own clock: it is interpolated to the output's",
@@ -100,7 +101,8 @@ def toml(file: Path, found: Guess) -> str:
     if found.alternatives:
         lines += ["# other choices:", *(f"#   {_plain(a)}" for a in found.alternatives)]
     lines += ["", "[fit]"]
-    if "step" not in found.selection:
+    is_step = bool({"step", "hold"} & set(found.selection))
+    if not is_step:
         lines += [
             '# auto, or names with commas between: "LinearSponge,Preisach,Burgers"',
             'model = "auto"',
@@ -108,13 +110,14 @@ def toml(file: Path, found: Guess) -> str:
     for key, value in found.fit.items():
         why = said[key].why if key in said else ""
         lines += [f"# {_plain(why)}", f"{key} = {_value(value)}"]
-    lines += [
-        "seed = 0",
-        "",
-        "# What is known of parameters, as in",
-        "# [parameters]",
-        "# E1 = {start = 2.0, bounds = [0.1, 100.0]}",
-    ]
+    lines += ["seed = 0"]
+    if not is_step:
+        lines += [
+            "",
+            "# What is known of parameters, as in",
+            "# [parameters]",
+            "# E1 = {start = 2.0, bounds = [0.1, 100.0]}",
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -32,7 +32,7 @@ def check(file: Path, selection: Selection) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:
-            found[value] = _looked_at(record) if selection.step is None else check_step(record)
+            found[value] = check_step(record) if selection.is_step else _looked_at(record)
         except InputError as error:
             faults[value] = error
     if not found:
@@ -66,7 +66,7 @@ def fit(
     found: dict[str, identify.FitResult] = {}
     extra = {"selection": selection.as_json()}
     run = partial(identify.fit, **options)
-    if selection.step is not None:
+    if selection.is_step:
         run = partial(identify.fit_step, **step_options(options))
     for value, (train, test) in records.items():
         if value:
@@ -116,12 +116,12 @@ def predict(
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
-    with_range = asked.step is not None and not inverse
+    with_range = asked.is_step and not inverse
     for value, (record, _) in records.items():
         if value not in folders:
             continue
         fitted = identify.load(folder / folders[value])
-        if asked.step is not None:
+        if asked.is_step:
             record = on_the_clock_of(fitted, record)
         wanted = record.input if inverse else record.output
         if inverse:
@@ -129,7 +129,7 @@ def predict(
             words = [Status(int(s)).name for s in status]
         else:
             values = fitted.predict(record)
-            words = (_outside if asked.step is None else later)(fitted, record)
+            words = (later if asked.is_step else _outside)(fitted, record)
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
@@ -277,7 +277,7 @@ def _for_new_file(
     if lost := [column for column in selection.group if column not in group]:
         said.append(f"no column {', '.join(lost)}: sequences are told apart without it.")
     selection = replace(selection, where=where, group=group)
-    if selection.step is not None:
+    if selection.is_step:
         if inverse or wanted in columns or selection.time is None:
             return selection, True, said
         return replace(selection, output=selection.time, output_unit=None), False, said

@@ -35,8 +35,8 @@ def qualify(
     """
     document = identify.read_document(folder)
     asked = _selection_of(document)
-    if asked.step is not None or isinstance(asked.input, tuple):
-        what = "a constant input" if asked.step is not None else f"{len(asked.input or ())} inputs"
+    if asked.is_step or isinstance(asked.input, tuple):
+        what = "a constant input" if asked.is_step else f"{len(asked.input or ())} inputs"
         raise InputError(
             "no-inverse",
             f"this fit has {what}, which one output does not give back.",

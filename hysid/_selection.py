@@ -9,7 +9,7 @@ import numpy as np
 
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
 
-from ._step import CONSTANT, with_constant
+from ._step import CONSTANT, at_hold, with_constant
 
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
@@ -20,7 +20,8 @@ class Selection:
     """The selecting options of a command line, as fit.json remembers them.
 
     `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`. With a `step`,
-    the constant input of creep or relaxation, there is no `input` column; several are channels.
+    the constant input of creep or relaxation, there is no `input` column; with `hold` it is the level
+    that column is held at. Several are channels.
     """
 
     input: str | tuple[str, ...] | None
@@ -42,6 +43,7 @@ class Selection:
     test_tail: float | None = None
     step: float | None = None
     input_time: str | None = None
+    hold: bool = False
 
     def __post_init__(self) -> None:
         if (self.input is None) == (self.step is None):
@@ -55,6 +57,12 @@ class Selection:
                 f"a step of {self.step:g} moves nothing.",
                 fix="give the constant force or displacement (--step VALUE).",
             )
+        if self.hold and not isinstance(self.input, str):
+            raise InputError(
+                "no-hold",
+                "one column is held, and there is not one.",
+                fix="name it (--input COL), or leave --hold out.",
+            )
         held_out = (self.test_where or None, self.test_cycles, self.test_tail)
         if sum(h is not None for h in held_out) > 1:
             raise InputError(
@@ -63,7 +71,7 @@ class Selection:
             )
         if self.time is not None and self.dt is not None:
             raise InputError("two-clocks", "give --time COL or --dt SECONDS, not both.")
-        if self.input_time is not None and (self.time is None or self.step is not None):
+        if self.input_time is not None and (self.time is None or self.is_step):
             raise InputError(
                 "no-clock",
                 "--input-time COL is the input's own clock beside that of the output.",
@@ -81,6 +89,11 @@ class Selection:
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
+
+    @property
+    def is_step(self) -> bool:
+        """Creep or relaxation: the input is one constant, given or held."""
+        return self.step is not None or self.hold
 
     @property
     def input_words(self) -> str:
@@ -149,7 +162,10 @@ class Selection:
             condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
         }
         if self.step is not None:
-            table = with_constant(table, self.step, self.output, self.time, where)
+            table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
+        elif self.hold and isinstance(self.input, str):
+            table, level = at_hold(table, self.input, self.time, where)
+            table = with_constant(table, self.input, level, self.output, self.time, where)
         return read_csv(
             table,
             input=self.input or CONSTANT,

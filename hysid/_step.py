@@ -1,4 +1,4 @@
-"""Commands on creep and relaxation, whose input is a constant on the command line and no column."""
+"""Commands on creep and relaxation, whose input is a constant: given, or the level a column is held at."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,23 +16,27 @@ MEANINGLESS = {
     "noise": "auto", "parameters": {},
 }  # fmt: skip
 """Options of `fit` that a step knows nothing of, and what they are where they are not given."""
+NEAR = 0.02
+"""Of the input's range: as near to its level it is held."""
 BEYOND = "beyond the trained times"
 RANGE = ("since the step", "low", "high")
 """Columns that a step's prediction has besides."""
 
 
 def with_constant(
-    table: Table, value: float, output: str, time: str | None, where: Mapping[str, list[str]]
+    table: Table,
+    name: str,
+    value: float,
+    output: str,
+    time: str | None,
+    where: Mapping[str, list[str]],
 ) -> Table:
-    """The chosen rows with a column of the step's value; those with one time become one.
+    """The chosen rows with this value in the column `name`; those with one time become one.
 
     A constant input has no history to lose, and long tests are logged with clocks of few digits: the
     output of rows in a row with the same time is averaged.
     """
-    rows = np.ones(len(table.line), bool)
-    for name, values in where.items():
-        rows &= parse_condition(f"{name}={','.join(values)}")(table)
-    at, columns, notes = np.flatnonzero(rows), dict(table.columns), table.notes
+    at, columns, notes = _chosen(table, where), dict(table.columns), table.notes
     if time is not None and len(at):
         t, y = table.number(time)[at], table.number(output)[at]
         first = np.flatnonzero(np.append(True, np.diff(t) != 0))
@@ -42,16 +46,68 @@ def with_constant(
             counts = np.diff(np.append(first, len(at)))
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
             at = at[first]
-    columns = {name: column[at] for name, column in columns.items()}
-    text = {name: column[at] for name, column in table.text.items()}
+    few = _rows(replace(table, columns=columns, notes=notes), at)
     constant = np.full(len(at), value)
     return replace(
+        few,
+        columns={**few.columns, name: constant},
+        text={**few.text, name: constant.astype(str)},
+        units={CONSTANT: "1", **few.units},
+    )
+
+
+def at_hold(
+    table: Table, column: str, time: str | None, where: Mapping[str, list[str]]
+) -> tuple[Table, float]:
+    """The longest stretch of the chosen rows in which a column stays near its median, and that level.
+
+    What comes before it, the way there, and after it is left out; the clock begins with it.
+
+    Raises `InputError` where that is less than half of the rows.
+    """
+    at = _chosen(table, where)
+    u = table.number(column)[at]
+    known = u[np.isfinite(u)]
+    level, span = (float(np.median(known)), np.ptp(known)) if known.size else (np.nan, 0.0)
+    near = np.abs(u - level) <= NEAR * span
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2]
+    rows = max(map(slice, begins, ends), key=lambda s: s.stop - s.start, default=slice(0, 0))
+    count = rows.stop - rows.start
+    if 2 * count < max(1, len(u)):
+        raise InputError(
+            "no-hold",
+            f"{column!r} stays within {NEAR:.0%} of its range for {count} of {len(u)} rows: it is"
+            " not held.",
+            place=str(table.path),
+            fix="leave --hold out, or choose the rows of the hold (--where COL=VALUE).",
+        )
+    note = f"{column!r} is held at {level:.4g} from line {table.line[at[rows.start]]} on: {count} rows."
+    held = _rows(table, at[rows])
+    if time is not None:
+        t = table.number(time)[at]
+        way = t[rows.start] - t[0]
+        held = replace(held, columns={**held.columns, time: t[rows] - t[rows.start]})
+        note += (
+            f" Time counts from there. The way took {way:.3g}: what is over as fast is not seen."
+        )
+    return replace(held, notes=(*table.notes, note)), level
+
+
+def _chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
+    rows = np.ones(len(table.line), bool)
+    for name, values in where.items():
+        rows &= parse_condition(f"{name}={','.join(values)}")(table)
+    return np.flatnonzero(rows)
+
+
+def _rows(table: Table, at: np.ndarray) -> Table:
+    """A table of these rows of another."""
+    return replace(
         table,
-        columns=columns | {CONSTANT: constant},
-        text=text | {CONSTANT: constant.astype(str)},
+        columns={name: column[at] for name, column in table.columns.items()},
+        text={name: column[at] for name, column in table.text.items()},
         line=table.line[at],
-        units={**table.units, CONSTANT: "1"},
-        notes=notes,
     )
 
 

@@ -64,10 +64,15 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         """The output at every sample: parallel in time, differentiable in every parameter."""
 
     def simulate(
-        self, t: Series | None, u: Series, state: State | None = None
+        self,
+        t: Series | None,
+        u: Series,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state))`, compiled."""
-        return _evaluate(self, self.prepare(t, u, state))
+        """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
+        return _evaluate(self, self.prepare(t, u, state, starts=starts))
 
     def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
         """What the words in the parameters' units stand for on a record with these units."""

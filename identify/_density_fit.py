@@ -12,7 +12,7 @@ from ._fine_grid import Coarse, solve_fine
 from ._folds import Parts
 from ._preisach_problem import PreisachProblem, minimum
 from ._preisach_unknowns import Unknowns
-from ._result import prepare
+from ._result import predict, prepare
 
 DENSE = 60
 """Cells up to which the normal matrix is formed; finer grids are solved by products."""
@@ -86,7 +86,7 @@ def fit_density(
             meaning, prepared, record.output[record.mask] / scale, record.mask, strength, coarse
         )
     model = meaning.model(unknowns)
-    residuals = np.asarray(model.evaluate(prepare(model, record)))[record.mask] - y
+    residuals = predict(model, record)[record.mask] - y
     return DensityFit(model, unknowns, strength, residuals)
 
 

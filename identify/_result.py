@@ -147,4 +147,5 @@ def prepare(model: AbstractModel, record: Record) -> Any:
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
     """A model's output on a record, every sequence from the virgin state."""
-    return np.asarray(model.evaluate(prepare(model, record)))
+    starts = tuple(int(k) for k in record.starts)
+    return np.asarray(model.simulate(record.time, record.input, starts=starts))

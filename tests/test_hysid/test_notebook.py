@@ -39,7 +39,7 @@ def record() -> Record:
 
 @cache
 def fitted() -> FitResult:
-    return fit(record(), model="LinearSponge", test_cycles=1, noise="gaussian")
+    return fit(record(), model="LinearSponge", test_cycles=1, noise="gaussian", starts=2)
 
 
 def drawn(converged: bool = True) -> Posterior:

@@ -1,12 +1,14 @@
 """`hysid qualify`: exit codes, what it prints and writes, what it refuses."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from compensate._qualify import latency
 from hysid import _qualify_job
 from hysid._jobs import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
@@ -14,6 +16,12 @@ from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, spo
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)
 # The kind of the noise and far starts are nobody's question here.
 LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+
+
+@pytest.fixture(autouse=True)
+def _soon_timed(monkeypatch):
+    """How long a step takes is a matter of 2000 of them, or a second; here 50 will do."""
+    monkeypatch.setattr("compensate._qualify.latency", partial(latency, steps=50))
 
 
 @pytest.fixture(scope="module")

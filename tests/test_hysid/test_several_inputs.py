@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import T, X, run, sponge, text
+from tests.test_hysid.command import T, X, coarse_pictures, run, sponge, text
 
 A, B, STILL = "near (mT)", "far (V)", "temperature (K)"
 HEADER = (T, A, B, STILL, X, "cycle")
@@ -75,7 +75,8 @@ def test_no_output_tells_several_inputs_apart(folder, fitted):
 
 
 def test_a_report_shows_each_curve(folder, fitted):
-    page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
+    with coarse_pictures():
+        page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
     for words in ("Curves of 2 channels", "far", "one output does not tell 2 inputs apart"):
         assert words in page
 

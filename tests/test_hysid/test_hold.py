@@ -1,0 +1,90 @@
+"""Creep and relaxation in a file that shows the way there: --hold."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hysteresis import GeneralizedMaxwell
+from tests.test_hysid.command import F, T, X, put, refused, run, sponge, text
+
+TRUTH = GeneralizedMaxwell(0.5, [1.0, 4.0], [2.0, 40.0])
+RAMP, HELD, DT, MM = 1.0, 120.0, 0.1, 5.0
+SELECTED = ("--input", X, "--output", F, "--time", T, "--hold")
+
+
+def relaxing(factor: float = 1.0, released: bool = False) -> list[list[str]]:
+    """Cells of a ramp of a second and a hold of two minutes, and the way back if `released`."""
+    t = np.arange(0.0, RAMP + HELD + DT / 2, DT)
+    u = MM * np.minimum(t / RAMP, 1.0)
+    if released:
+        t = np.append(t, t[-1] + DT * np.arange(1, 21))
+        u = np.append(u, MM * (1 - np.arange(1, 21) / 20))
+    y = factor * np.asarray(TRUTH.simulate(t, u))
+    y = y + 0.002 * np.random.default_rng(0).normal(size=len(y))
+    return [[f"{a:.1f}", f"{b:.3f}", f"{c:.5f}"] for a, b, c in zip(t, u, y, strict=True)]
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def numbers(fit: dict[str, Any]) -> dict[str, float]:
+    return {p["name"]: p["value"] for p in fit["parameters"]}
+
+
+def test_init_sees_the_hold_and_the_fit_its_time_constants():
+    found = run("init", put(text(relaxing(), (T, X, F))), "--json").json()
+    assert found["selection"] == {
+        "input": X, "output": F, "time": T, "hold": True, "test_tail": 0.2
+    }  # fmt: skip
+    assert "[parameters]" not in Path("run.toml").read_text("utf-8")  # a spectrum has none to give
+    fit = run("fit", "run.csv", "--config", "run.toml", "--out", "out", "--json").json()
+    assert fit["model"] == "GeneralizedMaxwell of order 2"
+    said = numbers(fit)
+    # A ramp of 1 s takes from the strengths of the parts, not from their times.
+    assert said["tau1"] == pytest.approx(2.0, rel=0.05)
+    assert said["tau2"] == pytest.approx(40.0, rel=0.05)
+    assert said["E_inf"] == pytest.approx(0.5, rel=0.02)
+    (note,) = (line for line in fit["data"]["history"] if "is held at" in line)
+    assert "held at 5 from line 12 on: 1201 rows. Time counts from there. The way took 1:" in note
+    assert run("report", "out").code == 0
+    said = run("predict", "out", "run.csv", "--json").json()
+    assert said["rows"] == 1201
+    assert Path(said["file"]).read_text("utf-8").splitlines()[0].count("since the step") == 1
+
+
+def test_the_way_back_does_not_count():
+    file = put(text(relaxing(released=True), (T, X, F)))
+    assert run("check", file, *SELECTED, "--json").json()["rows"] == 1201
+
+
+def test_each_specimen_has_its_own_hold():
+    rows = [[*row, name] for name, k in (("A", 1.0), ("B", 2.0)) for row in relaxing(k)]
+    found = run("init", put(text(rows, (T, X, F, "specimen"))), "--json").json()
+    assert found["selection"]["each"] == "specimen"
+    assert found["selection"]["hold"] is True
+    fits = run("fit", "run.csv", "--config", "run.toml", "--out", "out", "--json").json()["each"]
+    assert numbers(fits["B"])["E_inf"] == pytest.approx(2 * numbers(fits["A"])["E_inf"], rel=0.02)
+
+
+def test_cycles_are_no_hold():
+    found = run("init", put(text(sponge())), "--json").json()
+    assert "hold" not in found["selection"]
+    assert "hold" not in tomllib.loads(Path("run.toml").read_text("utf-8"))["selection"]
+    refused(run("check", "run.csv", *SELECTED), "no-hold", "is not held")
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        (("--step", 5, "--output", F, "--time", T, "--hold"), "no-hold"),
+        ((*SELECTED, "--step", 5), "input-or-step"),
+        ((*SELECTED, "--input", T), "no-hold"),
+    ],
+)
+def test_one_column_is_held(options: tuple[Any, ...], code: str):
+    refused(run("check", put(text(relaxing(), (T, X, F))), *options), code)
