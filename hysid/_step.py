@@ -117,7 +117,7 @@ def step_options(options: dict[str, Any]) -> dict[str, Any]:
         if options.get(name, usual) != usual:
             raise InputError(
                 "bad-option",
-                f"--{name} means nothing with --step.",
+                f"--{name} means nothing with --step or --hold.",
                 cause="creep and relaxation are fitted by a spectrum of time constants, whose order"
                 " the evidence chooses.",
                 fix="leave it out.",

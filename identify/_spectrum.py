@@ -124,7 +124,8 @@ def spectrum(
     relative = relative and u is None
     if (left_out := relative & ((y <= 0) | (t <= 0))).any():
         t, y = t[~left_out], y[~left_out]
-        notes.append(f"{left_out.sum()} rows that are not positive were left out.")
+        rows = "row" if left_out.sum() == 1 else "rows"
+        notes.append(f"Left out: {left_out.sum()} {rows} not positive or at the step itself.")
     if len(t) < 8:
         raise InputError("too-few-samples", f"{len(t)} rows: a spectrum needs at least 8.")
     weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
