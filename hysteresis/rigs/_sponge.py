@@ -310,10 +310,7 @@ class SpongeRig:
 
     def _yield(self, state: _State, force: float, dt: float) -> _State:
         """The state after `dt` seconds in which the force ends at `force`."""
-
-        def excess(x: float) -> float:
-            return self._step(state, x, dt)[1] - force
-
+        excess = partial(self._excess, state, force, dt)
         here = excess(state.depth)
         end = REFERENCE_THICKNESS if here < 0 else 0.0
         there = excess(end)
@@ -325,6 +322,10 @@ class SpongeRig:
             "Lower the force or take a thicker block.",
         )
         return self._step(state, _root(excess, state.depth, here, end, there), dt)[0]
+
+    def _excess(self, state: _State, force: float, dt: float, depth: float) -> float:
+        """How much more than `force` it takes to be at `depth` after `dt` seconds."""
+        return self._step(state, depth, dt)[1] - force
 
 
 def _root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float:
