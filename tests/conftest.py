@@ -1,9 +1,7 @@
 """One thread per process, double precision, strict arrays, checked shapes, fixed seeds."""
 
-import gc
 import os
 import sys
-import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -26,14 +24,6 @@ os.environ.setdefault(
     " --xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true",
 )
 os.environ["MPLBACKEND"] = "Agg"  # no window, no display
-# What one worker, module or command has compiled the next one takes from here.
-_cache = None
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    _cache = tempfile.TemporaryDirectory(prefix="hysid-tests-", ignore_cleanup_errors=True)
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = _cache.name
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
-    os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-
 _PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 if early := set(_PACKAGES) & set(sys.modules):
     raise RuntimeError(f"{sorted(early)} imported before their types could be checked")
@@ -82,4 +72,3 @@ def forget_compiled():
     """
     yield
     jax.clear_caches()
-    gc.collect()
