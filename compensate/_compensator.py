@@ -2,7 +2,7 @@
 
 import abc
 from functools import singledispatch
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,10 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, InputError, html_of, parameters
+from hysteresis._type_variables import State
 
 from .runtime._status import Status as Status
-
-State = TypeVar("State")
 
 
 class Estimate(NamedTuple):

@@ -1,15 +1,14 @@
 """The contract every model keeps."""
 
 import abc
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-State = TypeVar("State")
-Prepared = TypeVar("Prepared")
+from ._type_variables import Prepared, State
 
 Series = Float[Array, " samples"] | Any
 """A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""

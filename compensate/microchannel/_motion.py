@@ -1,7 +1,7 @@
 """A filter for forces that rise and fall steadily between turns, seen through sensors with memory."""
 
 import abc
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,8 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from hysteresis import InputError
-
-State = TypeVar("State")
+from hysteresis._type_variables import State
 
 ITERATIONS = 2
 """Of Gauss-Newton: a branch's slope jumps where the force turns. A third changes nothing to be seen."""

@@ -33,11 +33,12 @@ class ForceEstimator:
         self.title: str = document["title"]
         self.channels: list[dict[str, str]] = document["channels"]
         self.estimate: dict[str, str] = document["estimate"]
-        self.limits = [
+        self.limits: list[tuple[float, float]] = [
             (-inf if low is None else float(low), inf if high is None else float(high))
             for low, high in document["limits"]
         ]
-        self.high, self.deviation = float(document["high"]), float(document["deviation"])
+        self.high: float = float(document["high"])
+        self.deviation: float = float(document["deviation"])
         self.rates: bool = document["rates"]
         self._model = document["model"]
         self.reset()

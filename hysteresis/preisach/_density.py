@@ -1,7 +1,7 @@
 """Preisach densities: how much relay there is at each pair of thresholds."""
 
 import abc
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 import equinox as eqx
 import jax
@@ -11,10 +11,8 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import is_concrete, parameter
+from .._type_variables import Pairs, Table
 from ._everett import EverettTable, GridPairs, everett_table, everett_terms
-
-Pairs = TypeVar("Pairs")
-Table = TypeVar("Table")
 
 
 class AbstractDensity(eqx.Module, Generic[Pairs, Table]):

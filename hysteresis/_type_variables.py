@@ -1,0 +1,15 @@
+"""Type variables. Type checkers see defaults, so that the bare name of a generic class is a whole type."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    State = TypeVar("State", default=Any)
+    Prepared = TypeVar("Prepared", default=Any)
+    Pairs = TypeVar("Pairs", default=Any)
+    Table = TypeVar("Table", default=Any)
+else:  # beartype, which the tests check types with, refuses defaults
+    from typing import TypeVar
+
+    State, Prepared, Pairs, Table = map(TypeVar, ("State", "Prepared", "Pairs", "Table"))
