@@ -274,7 +274,7 @@ def _clocks(
 
 def _hold(table: Table, out: Guess) -> None:
     """An input that goes one way and stays there asks for the spectrum of what goes on meanwhile."""
-    if "step" in out.selection or not isinstance(out.selection["input"], str):
+    if selection_of(out.selection).is_step or not isinstance(out.selection["input"], str):
         return
     if not {"time", "dt"} & set(out.selection):
         return
@@ -319,7 +319,7 @@ def _check(table: Table, out: Guess) -> None:
     (first, (record, _)), *_ = good.items()
     out.text = (f"{out.selection['each']} = {first}\n" if first else "") + record.describe()
     seen: dict[str, None] = {}
-    for record in [] if {"step", "hold"} & set(out.selection) else records:
+    for record in [] if selection_of(out.selection).is_step else records:
         try:
             seen |= dict.fromkeys(check_identifiable(record))
         except InputError as error:

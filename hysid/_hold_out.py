@@ -36,7 +36,7 @@ def hold_out(
 def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] | None):
     if split is not None:
         yield {"test_where": [f"{split[0]}={split[1]}"]}, "the file names these rows itself"
-    if "step" in options or "hold" in options:
+    if selection_of(options).is_step:
         yield {"test_tail": 0.2}, "the last fifth: can the model foretell?"
         return
     good, _ = selection_of(options).records(table)

@@ -101,7 +101,7 @@ def toml(file: Path, found: Guess) -> str:
     if found.alternatives:
         lines += ["# other choices:", *(f"#   {_plain(a)}" for a in found.alternatives)]
     lines += ["", "[fit]"]
-    is_step = bool({"step", "hold"} & set(found.selection))
+    is_step = selection_of(found.selection).is_step
     if not is_step:
         lines += [
             '# auto, or names with commas between: "LinearSponge,Preisach,Burgers"',

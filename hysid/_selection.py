@@ -165,7 +165,7 @@ class Selection:
             table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
         elif self.hold and isinstance(self.input, str):
             table, level = at_hold(table, self.input, self.time, where)
-            table = with_constant(table, self.input, level, self.output, self.time, where)
+            table = with_constant(table, self.input, level, self.output, self.time, {})
         return read_csv(
             table,
             input=self.input or CONSTANT,

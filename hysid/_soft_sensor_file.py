@@ -14,6 +14,7 @@ import numpy as np
 
 import identify
 from compensate import invert
+from compensate.runtime._file import checksum
 from hysteresis import InputError
 
 from ._module_file import Arrays, described, made
@@ -50,7 +51,7 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ARRAYS).write_bytes(packed.getvalue())
-    identify.write_json(folder / WORDS, document | {"checksum": _checksum(document)})
+    identify.write_json(folder / WORDS, document | {"checksum": checksum(identify.plain(document))})
     return folder
 
 
@@ -82,13 +83,6 @@ def load_sensor(folder: str | Path) -> SoftSensor:
         raise _damaged(folder, WORDS, error) from error
 
 
-def _checksum(document: dict[str, Any]) -> str:
-    """SHA-256 of all but the checksum itself."""
-    rest = {key: value for key, value in document.items() if key != "checksum"}
-    text = json.dumps(identify.plain(rest), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def _document(folder: Path) -> dict[str, Any]:
     file = folder / WORDS
     if not file.is_file():
@@ -105,7 +99,7 @@ def _document(folder: Path) -> dict[str, Any]:
             f"{WORDS} has schema {document.get('schema')}, and this version reads {SCHEMA}.",
             place=str(folder), fix="update hysid, or train again.",
         )  # fmt: skip
-    if document.get("checksum") != _checksum(document):
+    if document.get("checksum") != checksum(identify.plain(document)):
         raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
     return document
 

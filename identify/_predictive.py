@@ -17,7 +17,7 @@ from ._noise import estimate_noise
 from ._noise_fit import PARTS
 from ._noise_model import NoiseModel, rows_of
 from ._posterior import Posterior
-from ._result import FitResult
+from ._result import FitResult, prepare
 from ._sample import sample
 from ._target import target
 
@@ -82,8 +82,7 @@ def predictive(
     rows = counted[:: -(-len(counted) // ROWS)]
     # All draws of a model prepare an input alike.
     one: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
-    starts = tuple(int(k) for k in record.starts)
-    prepared = one.prepare(record.time, record.input, starts=starts)
+    prepared = prepare(one, record)
     of_rows = rows_of(record, record.mask, np.zeros(len(record)))
     y, scale = (np.asarray(a) for a in _evaluate(models, noise, prepared, of_rows, rows))
     tail = None if noise.tail is None else np.asarray(noise.tail)

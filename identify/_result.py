@@ -141,11 +141,13 @@ def check_unit(name: str, unit: str, fitted: str) -> None:
 
 def prepare(model: AbstractModel, record: Record) -> Any:
     """A record's input prepared for a model, every sequence from the virgin state."""
-    starts = tuple(int(k) for k in record.starts)
-    return model.prepare(record.time, record.input, starts=starts)
+    return model.prepare(record.time, record.input, starts=_starts(record))
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
     """A model's output on a record, every sequence from the virgin state."""
-    starts = tuple(int(k) for k in record.starts)
-    return np.asarray(model.simulate(record.time, record.input, starts=starts))
+    return np.asarray(model.simulate(record.time, record.input, starts=_starts(record)))
+
+
+def _starts(record: Record) -> tuple[int, ...]:
+    return tuple(int(k) for k in record.starts)
