@@ -30,6 +30,7 @@ HEAVY = ("jax", "numpy", "scipy", "pandas", "matplotlib", "hysteresis", "identif
 BROUGHT = {
     "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
     "xarray": "arviz", "click": "typer", "mpl_toolkits": "matplotlib", "sklearn": "scikit-learn",
+    "typing_extensions": "optimistix",
 }  # fmt: skip
 """Import names of what a dependency cannot do without and brings along, or is known by."""
 
