@@ -7,7 +7,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
-import scipy.stats
+import scipy
 
 from ._armor_touches import read_touches
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.stats
+import scipy
 from jaxtyping import Float
 
 from hysteresis import InputError
@@ -16,7 +16,7 @@ from ._posterior import Posterior
 CLEAR = 0.05
 """p value below which a change is called one."""
 
-NORMAL = float(scipy.stats.norm.ppf(0.95))
+NORMAL = float(scipy.special.ndtri(0.95))
 """Standard errors from the middle to either end of a 90 % interval."""
 
 

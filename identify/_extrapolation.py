@@ -18,7 +18,7 @@ bounds; Scheffé, The Analysis of Variance (1959).
 from typing import NamedTuple
 
 import numpy as np
-import scipy.stats
+import scipy
 from jaxtyping import Float
 
 from ._noise import Noise

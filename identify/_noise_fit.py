@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
-from jax.scipy.special import logit
 from jaxtyping import Array, Bool, Float
+from scipy.special import logit
 
 from hysteresis import InputError
 

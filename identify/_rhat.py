@@ -3,8 +3,7 @@
 from typing import Any
 
 import numpy as np
-import scipy.fft
-import scipy.stats
+import scipy
 from jaxtyping import Float
 
 VALLEY, ASIDE = 0.5, 0.05

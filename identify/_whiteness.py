@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.signal
-import scipy.stats
+import scipy
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record

@@ -25,7 +25,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 EXTRAS = PROJECT["optional-dependencies"]
 WANTED = [*PROJECT["dependencies"], *(one for extra in EXTRAS.values() for one in extra)]
 
-HEAVY = ("jax", "numpy", "scipy", "pandas", "matplotlib", "hysteresis", "identify", "compensate")
+HEAVY = (
+    "jax", "numpy", "scipy", "scipy.stats", "pandas", "matplotlib", "hysteresis", "identify", "compensate",
+)  # fmt: skip
 
 BROUGHT = {
     "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
@@ -112,6 +114,11 @@ def loaded(code: str) -> list[str]:
 def test_a_start_is_light(code: str):
     """JAX takes a second, which nobody has who asks for help or presses tab."""
     assert loaded(code) == []
+
+
+def test_statistics_are_loaded_when_they_are_used():
+    """SciPy's take 0.4 s, which neither a check of a file nor a prediction needs."""
+    assert "scipy.stats" not in loaded("import hysid._jobs, compensate")
 
 
 def completed(words: str) -> list[str]:

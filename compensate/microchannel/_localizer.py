@@ -7,7 +7,7 @@ from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.stats
+import scipy
 from jaxtyping import Float, Int
 
 from hysteresis import InputError

@@ -8,8 +8,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.special
-import scipy.stats
+import scipy
 from jaxtyping import Bool, Float
 
 from hysteresis import InputError

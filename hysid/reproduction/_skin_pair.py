@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-import scipy.signal
+import scipy
 from jaxtyping import Float
 
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
