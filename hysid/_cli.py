@@ -13,6 +13,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from ._commands import register
+from ._compiled import keep_compiled
 from ._config import SELECTION, Config, options_of, parameters_said, selection_options
 
 app = typer.Typer(
@@ -395,6 +396,7 @@ def _start(double: bool = True) -> Any:
     """Load JAX in double precision, one thread for small matrices, compiled code kept."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    keep_compiled()
     import jax
 
     jax.config.update("jax_enable_x64", double)

@@ -15,6 +15,7 @@ from jaxtyping import install_import_hook
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # commands would fill the developer's home
 # Compiling is most of the tests' time; with less optimisation the suite takes six tenths of it. The first
 # flag is a third of that, and newer versions abort at it.
 _older = tuple(int(part) for part in version("jaxlib").split(".")[:2]) < (0, 11)
@@ -40,7 +41,7 @@ install_import_hook(
 
 import jax  # noqa: E402
 
-# Traces are many objects and few cycles. A collector that looks at them as often as it does by default takes
+# Traces are many objects and few cycles. A collector that looks at them as often as by default takes
 # a twentieth of the suite's time.
 gc.set_threshold(100_000, 50, 100)
 
