@@ -83,10 +83,8 @@ def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
     model, rng = problem.model(), np.random.default_rng(0)
     u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
     state, _ = model.stream(t[:CUT], u[:CUT])
-    evaluate = eqx.filter_jit(lambda model, prepared: model.evaluate(prepared))
-    for before, starts in ((None, (0,)), (state, (0, 5, 6, 13))):
-        prepared = model.prepare(t, u, before, starts=starts)
-        close(evaluate(model, prepared), batch(model, t, u, before, starts), model)
+    starts = (0, 5, 6, 13)
+    close(model.simulate(t, u, state, starts=starts), batch(model, t, u, state, starts), model)
 
 
 @every
@@ -123,16 +121,17 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
     arrays, rest = eqx.partition(point, eqx.is_inexact_array)
     # On the host, so that moved and unmoved ones are of one type, and `value` is compiled once.
     flat, structure = jax.tree.flatten(jax.tree.map(np.asarray, arrays))
+
+    def at(flat: list[np.ndarray]) -> float:
+        return float(value(eqx.combine(jax.tree.unflatten(structure, flat), rest)))
+
     slopes = jax.tree.leaves(jax.jit(jax.grad(lambda p: value(eqx.combine(p, rest))))(arrays))
-    size = float(jnp.abs(value(point))) + float(jnp.abs(c).sum())
+    size = abs(at(flat)) + float(jnp.abs(c).sum())
     for k, (leaf, slope) in enumerate(zip(flat, slopes, strict=True)):
         direction = rng.normal(size=leaf.shape)
 
-        def moved(by: float, k: int = k, direction: np.ndarray = direction) -> float:
-            there = [x + by * direction if j == k else x for j, x in enumerate(flat)]
-            return float(value(eqx.combine(jax.tree.unflatten(structure, there), rest)))
-
-        difference = (moved(h) - moved(-h)) / (2 * h)
+        up, down = ([*flat[:k], leaf + by * direction, *flat[k + 1 :]] for by in (h, -h))
+        difference = (at(up) - at(down)) / (2 * h)
         along = float(np.sum(np.asarray(slope) * direction))
         assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
 
