@@ -117,6 +117,7 @@ def _is_shared(leaf: Array) -> bool:
     return is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
 
 
+@jax.jit
 def _together(found: Any) -> UncertainEstimate:
     votes = jnp.stack([(found.status == s).sum(0) for s in Status if s != Status.OK])
     codes = jnp.asarray([s for s in Status if s != Status.OK], found.status.dtype)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -33,6 +34,7 @@ class LinearSpongeCompensator(AbstractCompensator[Array]):
         estimate, (_, latest) = self._line(y, state), last_valid(y)
         return estimate._replace(value=jnp.where(latest < 0, state, estimate.value[latest]))
 
+    @eqx.filter_jit
     def _line(self, y: Array, held: Array) -> Estimate:
         K, b, threshold = self.model.K, self.model.b, self.model.threshold
         touched = (y - b) / K

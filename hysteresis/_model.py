@@ -1,6 +1,7 @@
 """The contract every model keeps."""
 
 import abc
+from functools import partial
 from typing import Any, Generic
 
 import equinox as eqx
@@ -104,6 +105,7 @@ def _scan(model: AbstractModel, state: Any, t: Array, u: Array) -> tuple[Any, Ar
     return jax.lax.scan(lambda carry, sample: model.step(carry, *sample), state, (t, u))
 
 
+@partial(jax.jit, static_argnames="starts")
 def time_steps(
     t: Float[Array, " samples"], t_before: Any, starts: tuple[int, ...]
 ) -> Float[Array, " samples"]:
@@ -114,6 +116,7 @@ def time_steps(
     return dt.at[first].set(jnp.where(jnp.isnan(begin), 0.0, begin))
 
 
+@partial(jax.jit, static_argnames=("samples", "starts"))
 def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
     """1 where an independent sequence begins, else 0."""
     return jnp.zeros(samples).at[jnp.asarray(starts)].set(1)

@@ -58,7 +58,7 @@ def as_float(value: Any) -> Any:
     if value is None:
         return value
     array = jnp.asarray(value)
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else jnp.asarray(value, float)
 
 
 def is_concrete(value: Any) -> bool:

@@ -246,7 +246,7 @@ def _one_step(t: Array, dt: Array, state: ViscoelasticState, starts: tuple[int, 
 def check_positive(**values: Any) -> None:
     """Raise `InputError` where a modulus, viscosity or time is not positive; None is not there."""
     for name, value in values.items():
-        if is_concrete(value) and not bool((value > 0).all()):
+        if is_concrete(value) and not (np.asarray(value) > 0).all():
             raise InputError(
                 "not-positive",
                 f"{name} = {value}: moduli, viscosities and times are positive.",

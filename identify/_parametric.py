@@ -164,7 +164,7 @@ def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:
 
 
 def _model(bounds: Transform, template: Any, z: np.ndarray) -> Any:
-    return bounds.insert(template, bounds.to_values(jnp.asarray(z)))
+    return bounds.insert(template, bounds.to_values(z))
 
 
 def _covariance(jacobian: np.ndarray, variance: float) -> np.ndarray:
@@ -222,7 +222,7 @@ def _parameters(
             continue
         lean = bent.displaced(NINETY)[k]
         ends = [z + np.eye(len(z))[k] * error * (lean + side) for side in (-NINETY, NINETY)]
-        low, high = (float(bounds.to_values(jnp.asarray(end))[k]) for end in ends)
+        low, high = (float(bounds.to_values(end)[k]) for end in ends)
         found.append(Parameter(name, value, unit, error * abs(slope), status, low, high))
     return tuple(found)
 

@@ -114,13 +114,13 @@ def another_minimum(fit: FitResult) -> tuple[str, bool] | None:
     aim, starts = target(fit), fit.starts
     names = aim.bounds.names
     behind = fit.noise.effective / 2 * np.log(starts.objective / starts.objective[0])
-    noise = aim.start[len(names) :]
-    points = [jnp.append(free, noise) for free in starts.free[behind < bound_of(0.9)]]
+    noise = np.asarray(aim.start)[len(names) :]
+    points = [np.append(free, noise) for free in starts.free[behind < bound_of(0.9)]]
     values = np.array([aim.values(point)[: len(names)] for point in points])
     size = np.array([errors.get(name, np.inf) for name in names])
     for point, other in zip(points, values, strict=True):
         apart = np.abs(other - values[0]) > 6 * size
-        if apart.any() and _drop_between(aim, np.asarray(points[0]), np.asarray(point)) > 0.1:
+        if apart.any() and _drop_between(aim, points[0], point) > 0.1:
             break
     else:
         return None
@@ -297,7 +297,7 @@ def _profile(aim: Target, index: int, unit: str, maxima: _Maxima, level: float) 
 
 
 def _value(aim: Target, index: int, free: np.ndarray) -> float:
-    return float(aim.values(jnp.asarray(free))[index])
+    return float(aim.values(np.asarray(free))[index])
 
 
 def _is_bent(aim: Target, index: int, free: np.ndarray) -> bool:

@@ -90,7 +90,7 @@ def sensitivity(fit: FitResult) -> Sensitivity:
         weights = jnp.asarray(scored.astype(float))
         everything = jnp.ones(len(aim.names), bool)
         found = likeliest_near(aim, aim.start, everything, weights)
-        return np.asarray(aim.values(found.point))[at]
+        return aim.values(np.asarray(found.point))[at]
 
     whole, cases = values(used), []
     for said, left_out in _cases(fit):

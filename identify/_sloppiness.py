@@ -158,7 +158,7 @@ def _direction(
             effect = np.sqrt(2 * max(top - float(found.value), 0.0))
             if not effect < HARDLY:
                 break
-            value = [float(aim.values(jnp.asarray(x))[lead]) for x in (start, here)]
+            value = [float(aim.values(x)[lead]) for x in (start, here)]
             # At a bound a number may go on for ever without going anywhere.
             if factor > most and abs(value[1] - value[0]) > 1e-3 * abs(value[0]):
                 best, most = _described(aim, here, count, infos, float(effect), exact), factor
@@ -178,7 +178,7 @@ def _described(
     # Whoever changes by a tenth takes part, however far the leading one goes.
     least = min(0.2 * float(np.abs(away).max()), 0.1)
     part = [int(i) for i in np.argsort(-np.abs(away)) if abs(away[i]) > least]
-    before, after = (np.asarray(aim.values(jnp.asarray(x))) for x in (start, free))
+    before, after = aim.values(start), aim.values(free)
     moves = {aim.names[i]: (float(before[i]), float(after[i])) for i in part}
     names = list(moves)
     # The free number of a positive parameter is its logarithm.

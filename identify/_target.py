@@ -13,7 +13,7 @@ from ._noise_model import NoiseModel, Rows, rows_of
 from ._priors import Prior
 from ._result import FitResult, prepare
 from ._settings import Setting
-from ._transform import Transform, transform, transform_for
+from ._transform import Transform, Vector, transform, transform_for
 
 NOISE_PRIORS = {
     "growth": Setting(prior=Prior("half-normal", 1.0, default=True)),
@@ -58,10 +58,11 @@ class Target(eqx.Module):
         z = point[len(self.bounds.names) :]
         return self.noise_bounds.insert(self.noise_template, self.noise_bounds.to_values(z))
 
-    def values(self, point: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def values(self, point: Vector) -> Vector:
         """The parameters in their units."""
-        z, noise = jnp.split(point, [len(self.bounds.names)])
-        return jnp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)])
+        xp: Any = np if isinstance(point, np.ndarray) else jnp
+        z, noise = xp.split(point, [len(self.bounds.names)])
+        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)])
 
     def residuals(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
         """predicted - measured; 0 where a row does not count."""

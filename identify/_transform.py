@@ -14,6 +14,8 @@ from ._priors import Prior
 from ._settings import Setting, Settings, data_scale, default_prior
 
 Model = TypeVar("Model", bound=eqx.Module)
+Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
+"""On the host, where nothing has to be compiled, or JAX's."""
 
 
 class Transform(NamedTuple):
@@ -52,18 +54,20 @@ class Transform(NamedTuple):
         bounded = np.where(has_low & has_high, both, one_sided)
         return np.where(has_low | has_high, bounded, x / self.scale)
 
-    def to_values(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def to_values(self, z: Vector) -> Vector:
         """Parameters of a free vector."""
+        xp: Any = np if isinstance(z, np.ndarray) else jnp
         low, high = np.isfinite(self.low), np.isfinite(self.high)
         floor, ceiling = np.where(low, self.low, 0.0), np.where(high, self.high, 1.0)
-        both = floor + (ceiling - floor) / (1 + jnp.exp(-z))
-        one_sided = jnp.where(low, floor + jnp.exp(z), ceiling - jnp.exp(z))
-        return jnp.where(low & high, both, jnp.where(low | high, one_sided, self.scale * z))
+        with np.errstate(over="ignore"):
+            both = floor + (ceiling - floor) / (1 + xp.exp(-z))
+            one_sided = xp.where(low, floor + xp.exp(z), ceiling - xp.exp(z))
+        return xp.where(low & high, both, xp.where(low | high, one_sided, self.scale * z))
 
     def slope(self, z: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " parameters"]:
         """d value / d z, to carry errors over."""
         h = 1e-6
-        up, down = (np.asarray(self.to_values(jnp.asarray(z + d))) for d in (h, -h))
+        up, down = (self.to_values(z + d) for d in (h, -h))
         return (up - down) / (2 * h)
 
     def log_slope(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
@@ -96,9 +100,9 @@ class Transform(NamedTuple):
         terms = [prior.penalty(x) for prior, x in asked if not prior.default]
         return sum(terms, start=jnp.zeros((), z.dtype))
 
-    def insert(self, model: Model, values: Float[Array, " parameters"]) -> Model:
+    def insert(self, model: Model, values: Vector) -> Model:
         """The model with these parameters."""
-        found: dict[str, Any] = dict(zip(self.names, values, strict=True))
+        found: dict[str, Any] = dict(zip(self.names, map(jnp.asarray, values), strict=True))
         found |= {name: f * found[source] for name, source, f in self.ties if source in found}
         whole: dict[str, Any] = {}
         for name, value in found.items():

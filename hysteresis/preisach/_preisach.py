@@ -151,7 +151,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
                 f"{len(self.reversible)} increments for {grid.cells} cells.",
                 fix="give the reversible part one increment per cell of the grid.",
             )
-        if not bool((self.reversible >= 0).all()):
+        if not (np.asarray(self.reversible) >= 0).all():
             raise InputError("reversible-decreases", "the reversible part has negative increments.")
 
     def _check_up(self) -> None:
@@ -360,4 +360,4 @@ def _settle(model: Preisach, state: PreisachState, path: Array) -> PreisachState
 
 def _to_device(part: Any) -> Array:
     array = jnp.asarray(part)
-    return array.astype(float) if jnp.issubdtype(array.dtype, jnp.floating) else array
+    return jnp.asarray(part, float) if jnp.issubdtype(array.dtype, jnp.floating) else array
