@@ -92,6 +92,35 @@ def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], t
     return np.concatenate(kept), tuple(int(k) for k in starts)
 
 
+def prepared_longer(
+    model: AbstractModel,
+    time: Float[np.ndarray, " rows"] | None,
+    u: Float[np.ndarray, " rows"],
+    starts: tuple[int, ...],
+) -> Any:
+    """`model.prepare` with a few rows behind the last one, in which the input rests and the clock goes on.
+
+    Of all numbers of rows few are left, so that a fit finds what the fit of another record compiled. Models
+    are causal: what comes before does not change. What is measured is made as long by `longer`.
+    """
+    more = _missing(len(u))
+    if time is not None:
+        step = time[-1] - time[-2] if len(time) - starts[-1] > 1 else 1.0
+        time = np.append(time, time[-1] + step * np.arange(1, more + 1))
+    return model.prepare(time, np.pad(u, (0, more), mode="edge"), starts=starts)
+
+
+def longer(rows: Any) -> np.ndarray:
+    """With as many zeros behind, rows that do not count."""
+    return np.pad(rows, [(0, _missing(len(rows))), *[(0, 0)] * (np.ndim(rows) - 1)])
+
+
+def _missing(rows: int) -> int:
+    """To the next multiple of 64, above 512 of a quarter of the power of two before it."""
+    step = max(64, 1 << (rows - 1).bit_length() >> 3)
+    return -rows % step
+
+
 def _arguments(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
     scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
     counted = np.where(mask, y, 0.0)

@@ -11,11 +11,18 @@ from hysteresis import AbstractModel, InputError, Record, parameters
 from ._believed import BELIEVED, nothing_speaks_against
 from ._evidence import evidence
 from ._folds import Parts, block_errors
-from ._least_squares import Optimum, multi_start, refine, thinned_rows
+from ._least_squares import (
+    Optimum,
+    longer,
+    multi_start,
+    prepared_longer,
+    refine,
+    thinned_rows,
+)
 from ._likeliest import Likeliest, likeliest, linearised, plainest, skewness_at
 from ._noise_fit import Linearised, kinds
-from ._noise_model import NoiseModel, rows_of
-from ._result import FitResult, Parameter, Status, predict, prepare
+from ._noise_model import NoiseModel, Rows, rows_of
+from ._result import FitResult, Parameter, Status, predict, starts_of
 from ._settings import Settings
 from ._skewness import Skewness
 from ._transform import Transform, transform, transform_for
@@ -61,7 +68,8 @@ def fit_parametric(
     bounds = transform_for(template, record, settings).for_fit
     rows, thin_starts = thinned_rows(record, 1000)
     time = None if record.time is None else record.time[rows]
-    thin = template.prepare(time, record.input[rows], starts=thin_starts)
+    thin, thin_y = prepared_longer(template, time, record.input[rows], thin_starts), longer(y[rows])
+    thin_mask = longer(record.mask[rows])
     first = bounds.to_free(template)[None]
     if suggested is not None and transform(suggested, 1.0).names == bounds.names:
         first = np.vstack([first, bounds.to_free(suggested)])
@@ -69,7 +77,7 @@ def fit_parametric(
     random[0] = 0.0
     for spread in SPREADS:
         points = np.vstack([first[0] + spread * random, first[1:]])
-        tried = multi_start(bounds, template, thin, y[rows], record.mask[rows], points)
+        tried = multi_start(bounds, template, thin, thin_y, thin_mask, points)
         if np.isfinite(tried.objective[0]):
             break
     else:
@@ -79,10 +87,11 @@ def fit_parametric(
             cause="a parameter of the start is many times too large or too small.",
             fix="give a model to start from whose output is finite over the record.",
         )
-    prepared = prepare(template, record)
+    prepared = prepared_longer(template, record.time, record.input, starts_of(record))
 
     def fitted(which: tuple[int, ...], free: np.ndarray) -> Optimum:
-        return refine(bounds, template, prepared, y, np.isin(parts.label, which), free)
+        counted = longer(np.isin(parts.label, which))
+        return refine(bounds, template, prepared, longer(y), counted, free)
 
     ends = [fitted(parts.all, free) for free in tried.free[:REFINED]]
     begin = min(ends, key=lambda end: end.objective).free
@@ -104,9 +113,9 @@ def fit_parametric(
     held_out = float(blocks[dropped].mean())
     predicted = predict(model, record)
     left = evidence(record, parts, predicted, dropped, held_out, len(bounds.names))
-    rows = rows_of(record, left.used, predicted)
-    about = (bounds, template, prepared, y, rows, optimum.free)
-    arguments = (template, prepared, jnp.asarray(y), rows)
+    rows = Rows(*(jnp.asarray(longer(x)) for x in rows_of(record, left.used, predicted)))
+    about = (bounds, template, prepared, longer(y), rows, optimum.free)
+    arguments = (template, prepared, jnp.asarray(longer(y)), rows)
     at = linearised(bounds, jnp.asarray(optimum.free), arguments)
     found = None
     if noise is not None and not bounds.asked:

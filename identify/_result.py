@@ -141,13 +141,13 @@ def check_unit(name: str, unit: str, fitted: str) -> None:
 
 def prepare(model: AbstractModel, record: Record) -> Any:
     """A record's input prepared for a model, every sequence from the virgin state."""
-    return model.prepare(record.time, record.input, starts=_starts(record))
+    return model.prepare(record.time, record.input, starts=starts_of(record))
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
     """A model's output on a record, every sequence from the virgin state."""
-    return np.asarray(model.simulate(record.time, record.input, starts=_starts(record)))
+    return np.asarray(model.simulate(record.time, record.input, starts=starts_of(record)))
 
 
-def _starts(record: Record) -> tuple[int, ...]:
+def starts_of(record: Record) -> tuple[int, ...]:
     return tuple(int(k) for k in record.starts)
