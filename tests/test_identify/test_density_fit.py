@@ -170,6 +170,7 @@ def test_a_parametric_density_is_fitted_and_sampled() -> None:
         record_of(truth, u),
         Preisach(GaussianDensity(0.0, 1.0, 1.0, 0.3, 0.1, 0.4, 0.2, order=8)),
         starts=2,
+        noise="gaussian",
     )
     values = {p.name: (p.value, p.stderr) for p in found.parameters}
     wanted = {

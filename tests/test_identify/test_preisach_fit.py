@@ -47,7 +47,7 @@ def test_design_times_unknowns_is_the_model(n: int, leading: bool, initial: str,
     prepared = model.prepare(None, u, starts=(0, 13))
     z = np.concatenate([[0.4], reversible, weights[np.tril_indices(n)]])
     B, space = design_rows(model, prepared), NodeSpace(n)
-    y = np.asarray(model.evaluate(prepared))
+    y = np.asarray(model.simulate(None, u, starts=(0, 13)))
     # Sums of at most a few hundred terms of size one.
     np.testing.assert_allclose(B @ space.from_unknowns(z), y, atol=1e-11)
     A = space.to_unknowns(B.toarray().T).T
