@@ -163,7 +163,7 @@ def one_run(case: Case, number: int) -> Run:
     y = np.asarray(truth.simulate(case.t, case.u))
     y = y + rng.normal(0, NOISE * np.ptp(y), len(y))
     record = Record.from_arrays(case.u, y, case.t)
-    bounds = transform(truth, float(np.ptp(y)), float(np.ptp(case.u)))
+    bounds = transform(truth, float(np.ptp(y)), float(np.ptp(case.u))).for_fit
     start = far_from(truth, bounds, rng)
     result = fit(record, start, seed=number)
     used, prepared = result.internals["used"], prepare(truth, record)
