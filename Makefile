@@ -3,7 +3,7 @@
 # make lint    formatting, style, import directions, types
 # make docs    the documentation, its code run: out/docs/index.html
 # make datasets   rewrites datasets/
-# make package    a wheel and an sdist in build/, tried on the oldest and newest Python found
+# make package    a wheel and an sdist in build/, tried on the oldest and newest Python found, its types checked
 # make minimum    some tests with the lowest versions that pyproject.toml allows
 # make clean   everything git does not hold, the environment included
 

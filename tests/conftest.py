@@ -17,7 +17,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # commands would fill the developer's home
 # Compiling is most of the tests' time; with less optimisation the suite takes six tenths of it. The first
-# flag is a third of that, and newer versions abort at it. A program in one piece, and not in up to 32, takes
+# flag is a third of that, and newer versions abort at it. A program in one piece, not in up to 32, takes
 # half of the memory maps and a seventh less time.
 _older = tuple(int(part) for part in version("jaxlib").split(".")[:2]) < (0, 11)
 os.environ.setdefault(
