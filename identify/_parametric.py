@@ -11,14 +11,7 @@ from hysteresis import AbstractModel, InputError, Record, parameters
 from ._believed import BELIEVED, nothing_speaks_against
 from ._evidence import evidence
 from ._folds import Parts, block_errors
-from ._least_squares import (
-    Optimum,
-    longer,
-    multi_start,
-    prepared_longer,
-    refine,
-    thinned_rows,
-)
+from ._least_squares import Optimum, longer, multi_start, prepared_longer, refine, thinned_rows
 from ._likeliest import Likeliest, likeliest, linearised, plainest, skewness_at
 from ._noise_fit import Linearised, kinds
 from ._noise_model import NoiseModel, Rows, rows_of
@@ -68,8 +61,8 @@ def fit_parametric(
     bounds = transform_for(template, record, settings).for_fit
     rows, thin_starts = thinned_rows(record, 1000)
     time = None if record.time is None else record.time[rows]
-    thin, thin_y = prepared_longer(template, time, record.input[rows], thin_starts), longer(y[rows])
-    thin_mask = longer(record.mask[rows])
+    thin = prepared_longer(template, time, record.input[rows], thin_starts)
+    thin_y, thin_mask = longer(y[rows]), longer(record.mask[rows])
     first = bounds.to_free(template)[None]
     if suggested is not None and transform(suggested, 1.0).names == bounds.names:
         first = np.vstack([first, bounds.to_free(suggested)])
@@ -88,10 +81,11 @@ def fit_parametric(
             fix="give a model to start from whose output is finite over the record.",
         )
     prepared = prepared_longer(template, record.time, record.input, starts_of(record))
+    measured = longer(y)
 
     def fitted(which: tuple[int, ...], free: np.ndarray) -> Optimum:
         counted = longer(np.isin(parts.label, which))
-        return refine(bounds, template, prepared, longer(y), counted, free)
+        return refine(bounds, template, prepared, measured, counted, free)
 
     ends = [fitted(parts.all, free) for free in tried.free[:REFINED]]
     begin = min(ends, key=lambda end: end.objective).free
@@ -114,8 +108,8 @@ def fit_parametric(
     predicted = predict(model, record)
     left = evidence(record, parts, predicted, dropped, held_out, len(bounds.names))
     rows = Rows(*(jnp.asarray(longer(x)) for x in rows_of(record, left.used, predicted)))
-    about = (bounds, template, prepared, longer(y), rows, optimum.free)
-    arguments = (template, prepared, jnp.asarray(longer(y)), rows)
+    about = (bounds, template, prepared, measured, rows, optimum.free)
+    arguments = (template, prepared, jnp.asarray(measured), rows)
     at = linearised(bounds, jnp.asarray(optimum.free), arguments)
     found = None
     if noise is not None and not bounds.asked:

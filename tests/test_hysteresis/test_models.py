@@ -83,8 +83,9 @@ def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
     model, rng = problem.model(), np.random.default_rng(0)
     u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
     state, _ = model.stream(t[:CUT], u[:CUT])
-    starts = (0, 5, 6, 13)
-    close(model.simulate(t, u, state, starts=starts), batch(model, t, u, state, starts), model)
+    for before, starts in ((None, (0,)), (state, (0, 5, 6, 13))):
+        got = model.simulate(t, u, before, starts=starts)
+        close(got, batch(model, t, u, before, starts), model)
 
 
 @every
