@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from compensate import AbstractCompensator, calibrated, invert
-from hysid._selection import Selection
+from hysid.intake._selection import Selection
 from hysteresis import Record
 from identify import FitResult, fit, sample
 

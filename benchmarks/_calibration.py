@@ -31,16 +31,16 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GaussianDensity
-from identify._believed import BELIEVED, Left, believed
-from identify._least_squares import _solve
-from identify._likeliest import STEP, likeliest_about, linearised, score
-from identify._noise import estimate_noise
-from identify._noise_fit import kinds, lanes, of_free
-from identify._noise_model import NoiseModel, Rows, rows_of
-from identify._settings import Settings, numbers_of, with_settings
-from identify._skewness import Skewness, points_about, skewness
-from identify._target import Target
-from identify._transform import Transform, transform, transform_for
+from identify.noise._adequacy import BELIEVED, Left, believed
+from identify.noise._model import NoiseModel, Rows, rows_of
+from identify.noise._reml import kinds, lanes, of_free
+from identify.noise._residual_statistics import estimate_noise
+from identify.parameters._settings import Settings, numbers_of, with_settings
+from identify.parameters._transform import Transform, transform, transform_for
+from identify.parametric._interval_skewness import Skewness, points_about, skewness
+from identify.parametric._maximum_likelihood import STEP, likeliest_about, linearised, score
+from identify.parametric._multistart import _solve
+from identify.posterior._log_posterior import Target
 
 from ._measure import Row, judged, noted
 

@@ -24,9 +24,9 @@ from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import everett_surface, fit, fit_density, forc_curves
-from identify._folds import Parts
-from identify._preisach_problem import PreisachProblem
-from identify._preisach_unknowns import Unknowns
+from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_unknowns import Unknowns
+from identify.records._folds import Parts
 
 from ._growth import peak_memory
 from ._measure import Row, judged, noted

@@ -8,7 +8,7 @@ import jax
 import matplotlib
 from matplotlib.figure import Figure
 
-from hysid._figures import BLUE, GREEN, ORANGE, VERMILLION, styled
+from hysid.figures._base import BLUE, GREEN, ORANGE, VERMILLION, styled
 
 from ._growth import GRIDS, LENGTHS, over_grids, over_lengths
 from ._inputs import CELLS, SAMPLES, modulated_sine, random_weights

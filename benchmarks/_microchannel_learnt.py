@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from compensate.microchannel import Localizer
-from hysid._force_records import ForceRecord
-from hysid._force_training import ForceTraining, train_force
+from hysid.soft_sensor._force_records import ForceRecord
+from hysid.soft_sensor._force_training import ForceTraining, train_force
 from hysteresis import read_table
 
 from ._measure import Row, judged, noted

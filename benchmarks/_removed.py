@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from compensate import invert, loop_widths
-from hysid._selection import Selection
+from hysid.intake._selection import Selection
 from hysteresis import InputError, Record
 from identify import FitResult, fit
 

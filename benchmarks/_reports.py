@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import identify
-from hysid._report import write_report
-from hysid._report_many import write_many
+from hysid.reporting._fit_page import write_report
+from hysid.reporting._specimens_page import write_many
 from hysteresis import LinearSponge, Record
 
 from ._measure import Row, judged, noted

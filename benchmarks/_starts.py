@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import Burgers, Record
-from identify._least_squares import _arguments, _objective, _solve, multi_start
-from identify._result import prepare
-from identify._transform import transform_for
+from identify.parameters._transform import transform_for
+from identify.parametric._multistart import _arguments, _objective, _solve, multi_start
+from identify.results._fit_result import prepare
 
 from ._measure import Row, interleaved, judged
 

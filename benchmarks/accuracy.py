@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import jax
 
-from hysid._jobs import fit
-from hysid._selection import Selection
+from hysid.intake._selection import Selection
+from hysid.operations._fit_and_predict import fit
 
 from . import _creep
 from . import _measured_data as data

@@ -35,9 +35,9 @@ from hysteresis import (
 )
 from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit
-from identify._least_squares import refine
-from identify._result import prepare
-from identify._transform import Transform, transform
+from identify.parameters._transform import Transform, transform
+from identify.parametric._multistart import refine
+from identify.results._fit_result import prepare
 
 from ._inputs import evaluate
 from ._measure import Row, judged, noted, options, report

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compensate import invert as invert
-    from hysid._armor_calibration import calibrate_armor as calibrate_armor
-    from hysid._armor_calibration import choose_presses as choose_presses
-    from hysid._force_records import ForceRecord as ForceRecord
-    from hysid._force_training import train_force as train_force
-    from hysid._positions import fit_positions as fit_positions
-    from hysid._soft_sensor_file import load_sensor as load_sensor
+    from hysid.armor._calibration import calibrate_armor as calibrate_armor
+    from hysid.armor._calibration import choose_presses as choose_presses
+    from hysid.soft_sensor._force_records import ForceRecord as ForceRecord
+    from hysid.soft_sensor._force_training import train_force as train_force
+    from hysid.soft_sensor._positions import fit_positions as fit_positions
+    from hysid.soft_sensor._sensor_file import load_sensor as load_sensor
     from hysteresis import BoucWen as BoucWen
     from hysteresis import Burgers as Burgers
     from hysteresis import DegradingBoucWen as DegradingBoucWen
@@ -79,11 +79,11 @@ _HOME = {
         "save",
         "spectrum",
     ),
-    "hysid._armor_calibration": ("calibrate_armor", "choose_presses"),
-    "hysid._force_records": ("ForceRecord",),
-    "hysid._force_training": ("train_force",),
-    "hysid._positions": ("fit_positions",),
-    "hysid._soft_sensor_file": ("load_sensor",),
+    "hysid.armor._calibration": ("calibrate_armor", "choose_presses"),
+    "hysid.soft_sensor._force_records": ("ForceRecord",),
+    "hysid.soft_sensor._force_training": ("train_force",),
+    "hysid.soft_sensor._positions": ("fit_positions",),
+    "hysid.soft_sensor._sensor_file": ("load_sensor",),
 }
 _PACKAGE = {name: package for package, names in _HOME.items() for name in names}
 __all__ = sorted(_PACKAGE)
@@ -98,7 +98,7 @@ def __getattr__(name: str) -> Any:
 
 def _html(thing: Any) -> str:
     """What a notebook is shown, by matplotlib, which is loaded when there is something to show."""
-    return import_module("hysid._notebook").html(thing)
+    return import_module("hysid.figures._notebook").html(thing)
 
 
 def __dir__() -> list[str]:

@@ -1,6 +1,6 @@
 """`python -m hysid` is the command `hysid`."""
 
-from ._cli import main
+from .cli._app import main
 
 if __name__ == "__main__":  # the processes of a batch import it anew
     main()

@@ -22,12 +22,12 @@ from matplotlib.tri import Triangulation
 from hysteresis.preisach import MemoryTree, memory_tree
 from identify import FitResult, ForcDiagram, Identifiability
 
-from ._figures import BLUE, GREY, INK, VERMILLION, styled
-from ._figures_diagnostics import bands as bands
-from ._figures_diagnostics import profiles as profiles
-from ._figures_diagnostics import residual_correlation as residual_correlation
-from ._figures_diagnostics import waterfall as waterfall
-from ._words import label
+from .figures._base import BLUE, GREY, INK, VERMILLION, styled
+from .figures._diagnostics import bands as bands
+from .figures._diagnostics import profiles as profiles
+from .figures._diagnostics import residual_correlation as residual_correlation
+from .figures._diagnostics import waterfall as waterfall
+from .figures._format import label
 
 EDGE = "#666666"
 DOWN = "#ececec"

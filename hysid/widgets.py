@@ -24,9 +24,9 @@ from hysteresis import (
 )
 from identify import predict
 
-from . import _figures as f
-from . import _words as words
-from ._notebook import _axes, _image, _path
+from .figures import _base as f
+from .figures import _format as words
+from .figures._notebook import _axes, _image, _path
 
 MOST = 12
 """Sliders, at most."""

@@ -1,4 +1,4 @@
 """Networks as models: differentiable, with a state, but without the laws that an inverse needs."""
 
-from ._neural import StaircaseNetwork as StaircaseNetwork
-from ._neural import StaircaseState as StaircaseState
+from .models._staircase_network import StaircaseNetwork as StaircaseNetwork
+from .models._staircase_network import StaircaseState as StaircaseState

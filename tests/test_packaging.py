@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 import typer
 
-from hysid._cli import app
-from hysid._examples import EXAMPLES
+from hysid.cli._app import app
+from hysid.cli._examples import EXAMPLES
 from tests.test_hysid.command import ENVIRONMENT
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -106,8 +106,8 @@ def loaded(code: str) -> list[str]:
     "code",
     [
         "import hysid",
-        "from hysid import _cli\nimport typer\ntyper.main.get_command(_cli.app)",
-        "from hysid._catalogue import catalogue\ncatalogue()",
+        "from hysid.cli import _app\nimport typer\ntyper.main.get_command(_app.app)",
+        "from hysid.catalogue._catalogue import catalogue\ncatalogue()",
     ],
     ids=["import", "commands", "catalogue"],
 )
@@ -118,7 +118,7 @@ def test_a_start_is_light(code: str):
 
 def test_statistics_are_loaded_when_they_are_used():
     """SciPy's take 0.4 s, which neither a check of a file nor a prediction needs."""
-    assert "scipy.stats" not in loaded("import hysid._jobs, compensate")
+    assert "scipy.stats" not in loaded("import hysid.operations._fit_and_predict, compensate")
 
 
 def completed(words: str) -> list[str]:

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, FoamCurve, InputError, is_concrete
 
-from .._inverses import AbstractCompensator
-from .._sponge import LinearSpongeCompensator
+from .._invert import AbstractCompensator
+from ..inverses._linear_sponge import LinearSpongeCompensator
 from ._faces import METRES
 from ._fields import AbstractField, Uniform, as_field
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError
 
-from .._program import program_of
+from ..export._element_tree import program_of
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number, write
 from ._cover import Cover

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
 
-from .._inverses import invert
+from .._invert import invert
 from ..runtime._contact_status import ContactStatus
 
 GRAVITY = 9.80665

@@ -10,10 +10,10 @@ import numpy as np
 from hysteresis import AbstractModel, InputError, Scaled, Series
 from hysteresis.networks import StaircaseNetwork
 
-from .._compose import ScaledCompensator, SeriesCompensator
-from .._export import DEEP, Quantity, _has_rates, _nodes
-from .._program import _tree, program_of
-from .._viscoelastic import ViscoelasticCompensator
+from ..export._element_tree import _tree, program_of
+from ..export._export import DEEP, Quantity, _has_rates, _nodes
+from ..inverses._compose import ScaledCompensator, SeriesCompensator
+from ..inverses._viscoelastic import ViscoelasticCompensator
 from ..runtime._file import SCHEMA, number, write
 from ..runtime._network import KIND
 from ..runtime._tree import node_of

@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
-from .._compensator import AbstractCompensator, Status, scan_steps
-from .._ensemble import UncertainEstimate
+from .._contract import AbstractCompensator, Status, scan_steps
+from ..uncertainty._ensemble import UncertainEstimate
 
 Limit = float | tuple[float, ...]
 """Of the reading, or of each channel's."""

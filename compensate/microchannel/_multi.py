@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import InputError
 
-from .._compensator import Status, scan_steps
+from .._contract import Status, scan_steps
 from ._motion import AbstractSensor, Motion, MotionFilter
 
 UNLIKE = 25.0

@@ -33,7 +33,11 @@ def public_names() -> dict[str, Any]:
             named = inspect.isclass(value) or inspect.isfunction(value) or callable(value)
             if name.startswith("_") or not named or own.split(".")[0] not in OWN:
                 continue
-            if package == "hysid.plots" and own != package and not own.startswith("hysid._figures"):
+            if (
+                package == "hysid.plots"
+                and own != package
+                and not own.startswith("hysid.figures._base")
+            ):
                 continue
             if id(value) not in seen:
                 seen.add(id(value))

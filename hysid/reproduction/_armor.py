@@ -15,7 +15,7 @@ from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
 
-from .._armor_calibration import CalibratedArmor
+from ..armor._calibration import CalibratedArmor
 from ._armor_ours import calibrated
 
 READING = 0.05

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hysteresis.rigs import SpongeCycles
 
-from .._figures import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
+from ..figures._base import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
 from ._armor import METHODS, Rig, body_errors, linear_range, surface_errors
 
 WIDE = (9.6, 3.7)

@@ -23,7 +23,7 @@ from hysteresis import AbstractModel, PrandtlIshlinskii, Record
 from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, SpongeRig, force_path
 from identify import fit
 
-from .._armor_calibration import CalibratedArmor, calibrate_armor, choose_presses
+from ..armor._calibration import CalibratedArmor, calibrate_armor, choose_presses
 
 PRESSES, CANDIDATES = 20, 200
 

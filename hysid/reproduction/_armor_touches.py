@@ -10,7 +10,7 @@ import numpy as np
 from compensate.armor import Box, ContactSolver
 from hysteresis.rigs import force_path
 
-from .._armor_touches import save_touches, shell_of
+from ..armor._touches import save_touches, shell_of
 from ._armor import Rig
 from ._armor_ours import covariances, followed
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import identify
 
-from .._jobs import Say, _check_writable
+from ..operations._fit_and_predict import Say, _check_writable
 
 RESULT = "reproduction.json"
 

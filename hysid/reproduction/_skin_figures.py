@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._figures import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, styled
+from ..figures._base import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, styled
 from ._skin import PLACES, Skin
 from ._skin_pair import DT, NAMES, SkinPair
 

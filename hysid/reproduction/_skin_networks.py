@@ -21,8 +21,8 @@ from compensate.microchannel import (
 from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
 
-from .._force_networks import decaying, staircase_squares
-from .._force_records import ForceRecord
+from ..soft_sensor._force_networks import decaying, staircase_squares
+from ..soft_sensor._force_records import ForceRecord
 
 Series = Float[np.ndarray, " _"]
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
 from hysteresis.rigs import ChannelRecord, MicrochannelRig
 
-from .._force_records import ForceRecord
+from ..soft_sensor._force_records import ForceRecord
 from ._skin import FORCE, HIGH_N, NOISE_V, rms
 from ._skin_networks import train_channels, train_recurrent
 

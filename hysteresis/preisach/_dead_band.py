@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._clamps import clamps
 from .._errors import InputError
 from .._model import is_start
+from ..numerics._clamps import clamps
 
 
 def play(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compensate import AbstractCompensator, Estimate, Status, invert
-from compensate._qualify import Latency, latency, loop_widths, qualify
+from compensate.qualification._qualify import Latency, latency, loop_widths, qualify
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record, Scaled
 
 THRESHOLD = 1.0
@@ -159,7 +159,7 @@ def test_verdicts_and_their_reasons(compensator, needs, level, words):
 
 def test_one_slow_step_in_a_thousand_is_a_caution(monkeypatch):
     slow = Latency(1e-5, 1e-2, 2000)
-    monkeypatch.setattr("compensate._qualify.latency", lambda *_: slow)
+    monkeypatch.setattr("compensate.qualification._qualify.latency", lambda *_: slow)
     found = qualify(invert(model()), record(), rate=1000.0)
     assert found.level == "CAUTION"
     assert any("One step in a thousand" in reason for reason in found.reasons)

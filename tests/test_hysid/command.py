@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import hysid
-from hysid._cli import main
+from hysid.cli._app import main
 from hysteresis.rigs import SpongeRig
 
 T, F, X = "time (s)", "force (N)", "displacement (mm)"

@@ -9,8 +9,8 @@ import pytest
 import scipy.stats
 
 from compensate.armor import Box, ContactSolver, forearm
-from hysid._armor_touches import read_touches, save_touches, shell_of
-from hysid._armor_view import view
+from hysid.armor._touches import read_touches, save_touches, shell_of
+from hysid.armor._view import view
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorRig, force_path
 from tests.test_hysid.command import refused, run

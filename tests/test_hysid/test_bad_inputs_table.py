@@ -414,7 +414,7 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
         "no-finite-start", ("the data are finite; the model is not", "start", "give a model to start from"),
     ),
     "11: another dimension": (
-        lambda: identify._result.check_unit("force", "V", "N"), "unit-clash",  # type: ignore[attr-defined]
+        lambda: identify.results._fit_result.check_unit("force", "V", "N"), "unit-clash",  # type: ignore[attr-defined]
         ("force is in V", "fitted to N", "say so in its header"),
     ),
     "15: lengths": (

@@ -16,7 +16,7 @@ from hysteresis import (
     StandardLinearSolid,
 )
 from identify import read_document
-from identify._save import describe_model
+from identify.files._fit_folder import describe_model
 from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
 
 # What kind the noise is, and far starts, are nobody's question here.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hysid._selection import Selection
+from hysid.intake._selection import Selection
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text
 
 CONFIG = f"""
@@ -149,7 +149,7 @@ def test_nothing_that_can_be_fitted():
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch):
-    from hysid import _batch
+    from hysid.operations import _batch
 
     monkeypatch.setattr(_batch, "PATIENCE", 1)
     refused(batch("--scheduler", "tcp://127.0.0.1:9"), "no-scheduler", "127.0.0.1:9")

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 import typer
 
-from hysid._catalogue import SHIPPED, catalogue
-from hysid._cli import app
-from hysid._config import read_config
+from hysid.catalogue._catalogue import SHIPPED, catalogue
+from hysid.cli._app import app
+from hysid.cli._config_file import read_config
 from tests.test_hysid.command import Result, refused, run
 
 LICENCES = {"", "MIT", "Apache-2.0", "BSD-3-Clause", "GPL-3.0"}
@@ -108,7 +108,7 @@ def test_the_catalogue_holds_no_measurements():
 @pytest.mark.parametrize("dataset", catalogue(), ids=lambda dataset: dataset.name)
 def test_configurations_are_what_fit_takes(dataset, tmp_path: Path):
     """Known keys and kinds, and columns that the CSV will have."""
-    from hysid._catalogue import config_text
+    from hysid.catalogue._catalogue import config_text
 
     file = tmp_path / "fit.toml"
     file.write_text(config_text(dataset, {"a": "b"}), encoding="utf-8")

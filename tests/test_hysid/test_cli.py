@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import hysid
-from hysid import _jobs
-from hysid._cli import app
+from hysid.cli._app import app
+from hysid.operations import _fit_and_predict as _jobs
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
@@ -228,14 +228,14 @@ def stop(error: BaseException) -> Any:
 
 
 def test_an_interruption_exits_with_130(folder, monkeypatch):
-    monkeypatch.setattr("hysid._jobs.check", stop(KeyboardInterrupt()))
+    monkeypatch.setattr("hysid.operations._fit_and_predict.check", stop(KeyboardInterrupt()))
     said = run("check", folder / "run.csv", *COLUMNS)
     assert said == (130, "", "hysid: Interrupted. What was written so far is whole.\n")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("the sponge bit\nback"), AssertionError()])
 def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tmp_path, error):
-    monkeypatch.setattr("hysid._jobs.check", stop(error))
+    monkeypatch.setattr("hysid.operations._fit_and_predict.check", stop(error))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     said = run("check", folder / "run.csv", *COLUMNS)
     assert (said.code, said.out) == (1, "")
@@ -249,7 +249,8 @@ def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tm
 
 def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
     monkeypatch.setattr(
-        "hysid._jobs.check", stop(OSError(28, "No space left on device", "fit.npz"))
+        "hysid.operations._fit_and_predict.check",
+        stop(OSError(28, "No space left on device", "fit.npz")),
     )
     said = run("check", folder / "run.csv", *COLUMNS)
     assert said == (2, "", "hysid: fit.npz: No space left on device.\n")
@@ -268,7 +269,7 @@ def test_demo_speaks_before_it_loads_jax(tmp_path):
                 break
             imported.append(line.split("|")[-1].strip())
         process.kill()
-    assert "hysid._cli" in imported
+    assert "hysid.cli._app" in imported
     assert not {name.split(".")[0] for name in imported} & {"jax", "jaxlib", "numpy", "scipy"}
 
 

@@ -8,8 +8,8 @@ from unittest.mock import patch
 
 import pytest
 
-from hysid import _compiled
-from hysid._compiled import keep_compiled
+from hysid.cli import _compile_cache as _compiled
+from hysid.cli._compile_cache import keep_compiled
 from tests.test_hysid.command import ENVIRONMENT
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
@@ -25,7 +25,7 @@ def kept(**environment: str) -> dict[str, str]:
 
 def test_the_second_process_compiles_nothing(tmp_path: Path):
     code = """if True:
-        from hysid._compiled import keep_compiled
+        from hysid.cli._compile_cache import keep_compiled
         keep_compiled()
         import jax
         hits = []

@@ -6,8 +6,8 @@ import pytest
 
 from compensate import Status
 from compensate.microchannel import BackwardsModel
-from hysid._force_records import ForceRecord, gather, held_out_parts
-from hysid._force_training import train_force
+from hysid.soft_sensor._force_records import ForceRecord, gather, held_out_parts
+from hysid.soft_sensor._force_training import train_force
 from hysteresis import InputError, PrandtlIshlinskii
 
 FAST = {"updates": 150, "members": 2, "skip": 0.0}

@@ -11,12 +11,12 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysid._cli import app
-from hysid._config import options_of
-from hysid._hold_out import hold_out
-from hysid._init_job import init
-from hysid._kinds import kind_of, words_of
-from hysid._roles import leftover, rank_correlation
+from hysid.cli._app import app
+from hysid.cli._config_file import options_of
+from hysid.intake.guess._column_pairs import leftover, rank_correlation
+from hysid.intake.guess._hold_out import hold_out
+from hysid.intake.guess._quantities import kind_of, words_of
+from hysid.operations._init import init
 from hysteresis import InputError, read_table
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
 

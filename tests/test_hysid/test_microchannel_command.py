@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from compensate.runtime import load
-from hysid import _microchannel_train
-from hysid._soft_sensor_file import load_sensor
+from hysid.soft_sensor import _train as _microchannel_train
+from hysid.soft_sensor._sensor_file import load_sensor
 from tests.test_hysid.command import Result, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (

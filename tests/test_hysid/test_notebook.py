@@ -16,12 +16,12 @@ import pytest
 
 import hysid
 from compensate import invert
-from hysid._notebook import html
+from hysid.figures._notebook import html
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, Posterior, Verdict, fit
-from identify._posterior import summary_of
+from identify.posterior._posterior import summary_of
 
 NASTY = 'force <script>alert("&")</script> (N)'
 MOST = 200_000

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate._qualify import latency
-from hysid import _qualify_job
-from hysid._jobs import DATASETS
+from compensate.qualification._qualify import latency
+from hysid.operations import _qualify as _qualify_job
+from hysid.operations._fit_and_predict import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)
@@ -21,7 +21,7 @@ LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 @pytest.fixture(autouse=True)
 def _soon_timed(monkeypatch):
     """How long a step takes is a matter of 2000 of them, or a second; here 50 will do."""
-    monkeypatch.setattr("compensate._qualify.latency", partial(latency, steps=50))
+    monkeypatch.setattr("compensate.qualification._qualify.latency", partial(latency, steps=50))
 
 
 @pytest.fixture(scope="module")

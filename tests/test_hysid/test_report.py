@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hysid._report import write_report
-from hysid._report_many import write_many
-from hysid._words import number, plain_name
+from hysid.figures._format import number, plain_name
+from hysid.reporting._fit_page import write_report
+from hysid.reporting._specimens_page import write_many
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, sample, save, save_posterior

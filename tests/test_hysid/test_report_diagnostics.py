@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks._cases import constructed_cases, shown
 from hysid import plots
-from hysid._report import write_report
+from hysid.reporting._fit_page import write_report
 from hysteresis import Record
 from identify import fit, predictive, profiles, save, whiteness
 from tests.test_hysid.command import coarse_pictures

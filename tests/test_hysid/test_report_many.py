@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import identify
-from hysid._report_many import write_many
-from hysid._report_specimens import FAR, deviations, opened, places
+from hysid.reporting._specimens import FAR, deviations, opened, places
+from hysid.reporting._specimens_page import write_many
 from hysteresis import InputError, LinearSponge, Record
 from tests.test_hysid.command import run
 from tests.test_hysid.test_report import Page

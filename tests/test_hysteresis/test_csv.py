@@ -13,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hysteresis._csv import parse_condition, read_csv, read_table
 from hysteresis._errors import InputError
-from hysteresis._record import Record
+from hysteresis.records._csv import parse_condition, read_csv, read_table
+from hysteresis.records._record import Record
 
 DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[3] / "shared" / "data"))
 X, F, T = "Disp (mm)", "Force (N)", "Time (s)"
@@ -391,7 +391,7 @@ def test_measured_data_read(request):
 
 
 def test_neither_pandas_nor_pint_is_needed_for_a_plain_file():
-    code = "import sys, hysteresis._csv; print({'pandas', 'pint'} & set(sys.modules))"
+    code = "import sys, hysteresis.records._csv; print({'pandas', 'pint'} & set(sys.modules))"
     root = Path(__file__).parents[2]
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root)
     assert run.stdout.strip() == "set()", run.stderr

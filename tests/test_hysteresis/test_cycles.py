@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis._cycles import (
+from hysteresis.records._cycles import (
     branches,
     cycles,
     default_dead_band,

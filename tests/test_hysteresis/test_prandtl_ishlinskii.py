@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, Preisach
-from hysteresis._clamps import Clamp, by_association, by_scan
+from hysteresis.numerics._clamps import Clamp, by_association, by_scan
 from hysteresis.preisach import GridDensity
 from tests.problems import SAMPLES, clock, histories
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis._errors import InputError
-from hysteresis._fitness import check_identifiable, loop_direction
-from hysteresis._record import Record
+from hysteresis.records._excitation import check_identifiable, loop_direction
+from hysteresis.records._record import Record
 
 
 def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:

@@ -22,8 +22,8 @@ from hysteresis import (
     InputError,
     StandardLinearSolid,
 )
-from hysteresis._chain import moments
-from hysteresis._recurrence import (
+from hysteresis.models._viscoelastic_chain import moments
+from hysteresis.numerics._recurrence import (
     _associative,
     _associative_coupled,
     coupled_recurrence,

@@ -6,10 +6,10 @@ import numpy as np
 
 from hysteresis import LinearSponge, Record
 from identify import FitResult, Parameter, metrics
-from identify._folds import block_errors
-from identify._noise import estimate_noise
-from identify._noise_model import NoiseModel
-from identify._settings import Setting
+from identify.noise._model import NoiseModel
+from identify.noise._residual_statistics import estimate_noise
+from identify.parameters._settings import Setting
+from identify.records._folds import block_errors
 
 THRESHOLD = 1.5
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError
 from identify import change, change_over_time, pool
-from identify._change import between, holm
-from identify._estimate import Estimate, estimate
-from identify._pooling import PRIOR, population_draws
-from identify._transform import Transform
-from identify._trend import line_in_time
+from identify.comparison._change import between, holm
+from identify.comparison._gaussian_estimate import Estimate, estimate
+from identify.comparison._pooling import PRIOR, population_draws
+from identify.comparison._trend import line_in_time
+from identify.parameters._transform import Transform
 from tests.test_identify.lines import line, pressed
 
 NEW, AGED = (1.2, 5.4), (1.298, 6.186)

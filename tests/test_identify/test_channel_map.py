@@ -9,8 +9,8 @@ import pytest
 
 from hysteresis import InputError, Record
 from identify import fit, load, save
-from identify._channel_map import CELLS, RIDGE, _parts, _Problem, combine, fit_channel_map
-from identify._folds import as_good
+from identify.records._channel_map import CELLS, RIDGE, _parts, _Problem, combine, fit_channel_map
+from identify.records._folds import as_good
 
 CYCLES, SAMPLES = 6, 60
 CHANNELS = {"rises": "mT", "falls": "V", "bends": "1"}

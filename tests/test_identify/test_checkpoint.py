@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError
-from identify._chains import Chains
-from identify._checkpoint import Checkpoint, Identity
-from identify._ensembles import sample_ensembles
+from identify.posterior._chains import Chains
+from identify.posterior._emcee import sample_ensembles
+from identify.storage._checkpoint import Checkpoint, Identity
 
 OWN = Identity(*"mdnp", "0", "3", "8", "emcee 3")
 STEPS = 120
@@ -23,10 +23,10 @@ ROOT = Path(__file__).resolve().parents[2]
 CHILD = """
 import sys
 from pathlib import Path
-import identify._ensembles
+import identify.posterior._emcee
 from tests.test_identify.test_checkpoint import drawn
 
-identify._ensembles.MOMENT = 0.0
+identify.posterior._emcee.MOMENT = 0.0
 
 def tell(done, total, text):
     print(done, flush=True)
@@ -70,7 +70,7 @@ def whole() -> Chains:
 
 @pytest.fixture(autouse=True)
 def short_blocks(monkeypatch):
-    monkeypatch.setattr("identify._ensembles.MOMENT", 0.002)
+    monkeypatch.setattr("identify.posterior._emcee.MOMENT", 0.002)
 
 
 @pytest.fixture

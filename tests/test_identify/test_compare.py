@@ -23,10 +23,10 @@ from identify import (
     loo,
     save,
 )
-from identify._information import criteria, log_evidence
-from identify._loo import smoothed
-from identify._newton import top_of
-from identify._target import target
+from identify.comparison._information_criteria import criteria, log_evidence
+from identify.comparison._psis_loo import smoothed
+from identify.posterior._log_posterior import target
+from identify.posterior._mode import top_of
 from tests.test_identify.lines import line, pressed
 
 

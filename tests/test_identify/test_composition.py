@@ -10,11 +10,11 @@ import pytest
 from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import fit, load, sample, save
-from identify._clocks import Clocks, interpolated, is_held, least_at, shifted
-from identify._composition import PARTS, Composition
-from identify._composition_fit import fit_compositions, relaxation_times, slack
-from identify._folds import parts
-from identify._result import predict
+from identify.linear._composition import PARTS, Composition
+from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
+from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
+from identify.records._folds import parts
+from identify.results._fit_result import predict
 
 SAMPLES = 900
 

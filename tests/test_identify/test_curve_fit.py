@@ -17,8 +17,8 @@ from hysteresis import (
 )
 from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
-from identify._guess import guess
-from identify._save import describe_model, rebuild_model
+from identify.files._fit_folder import describe_model, rebuild_model
+from identify.parametric._initial_guess import guess
 
 DATASETS = Path(__file__).resolve().parents[2] / "datasets"
 

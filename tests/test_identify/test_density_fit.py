@@ -10,9 +10,9 @@ import scipy.optimize
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import fit, fit_density, load, sample, save
-from identify._folds import Parts
-from identify._preisach_problem import PreisachProblem, minimum
-from identify._preisach_unknowns import Unknowns, refined
+from identify.linear._preisach_problem import PreisachProblem, minimum
+from identify.linear._preisach_unknowns import Unknowns, refined
+from identify.records._folds import Parts
 
 
 def walk(seed: int, turns: int = 40, samples: int = 800) -> np.ndarray:
@@ -65,7 +65,7 @@ def test_products_find_what_the_matrix_finds(
 ) -> None:
     record = record_of(TRUTH, walk(1))
     dense = fit_density(record, 24, strength=strength)
-    monkeypatch.setattr("identify._density_fit.DENSE", 12)
+    monkeypatch.setattr("identify.linear._density_fit.DENSE", 12)
     by_products = fit_density(record, 24, strength=strength)
     H, b = problem_of(record, 24).objective((0,), strength)
     low, high = (x @ H @ x / 2 - b @ x for x in (dense.unknowns, by_products.unknowns))

@@ -11,8 +11,8 @@ import scipy.stats
 
 from hysteresis import AbstractModel, Record, Scalar, parameter
 from identify import FitResult, breakdown, fit, sensitivity, sloppiness, whiteness
-from identify._noise import estimate_noise
-from identify._noise_model import NoiseModel
+from identify.noise._model import NoiseModel
+from identify.noise._residual_statistics import estimate_noise
 from tests.test_identify.lines import THRESHOLD, line, pressed
 
 ROWS = 600

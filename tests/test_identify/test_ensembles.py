@@ -5,11 +5,11 @@ import emcee
 import numpy as np
 import pytest
 
-from identify._chains import Chains
-from identify._checkpoint import Checkpoint, Identity
-from identify._ensembles import autocorrelation_times, judged, sample_ensembles
-from identify._posterior import Summary, modes_of
-from identify._rhat import bulk_ess, has_two_modes, rhat
+from identify.posterior._chains import Chains
+from identify.posterior._convergence import bulk_ess, has_two_modes, rhat
+from identify.posterior._emcee import autocorrelation_times, judged, sample_ensembles
+from identify.posterior._posterior import Summary, modes_of
+from identify.storage._checkpoint import Checkpoint, Identity
 
 KEEPS_NOTHING = Checkpoint(None, Identity(*"mdnpsewv"))
 
@@ -82,7 +82,7 @@ def test_too_short_a_run_says_so() -> None:
 
 def test_the_run_does_not_depend_on_how_it_was_cut_up(monkeypatch) -> None:
     whole = draw(normal, steps=100)
-    monkeypatch.setattr("identify._ensembles.MOMENT", 0.0)  # a step at a time
+    monkeypatch.setattr("identify.posterior._emcee.MOMENT", 0.0)  # a step at a time
     told = []
     cut = draw(normal, steps=100, progress=lambda *said: told.append(said))
     np.testing.assert_array_equal(cut.points, whole.points)

@@ -10,7 +10,7 @@ import pytest
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, load, save, to_json
-from identify._save import plain, read_document
+from identify.files._fit_folder import plain, read_document
 
 
 def creep_record(

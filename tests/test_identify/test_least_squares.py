@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hysteresis import Record
 from identify import fit
-from identify._least_squares import longer, prepared_longer
+from identify.parametric._multistart import longer, prepared_longer
 from tests.problems import SAMPLES, Problem, clock, tagged
 
 compiled: list[str] = []

@@ -12,8 +12,8 @@ import pytest
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Record
-from identify import _many
-from identify._work import Unit, done_by
+from identify.batch import _fit_many as _many
+from identify.batch._executor import Unit, done_by
 
 SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
 SPONGE = LinearSponge(0.3, 0.0)

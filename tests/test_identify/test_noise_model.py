@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from hysteresis import LinearSponge, Record
 from identify import fit
-from identify._likeliest import likeliest_about
-from identify._noise_fit import Linearised, kinds, lanes, noise_fit, of_free
-from identify._noise_model import NoiseModel, Rows, rows_of
+from identify.noise._model import NoiseModel, Rows, rows_of
+from identify.noise._reml import Linearised, kinds, lanes, noise_fit, of_free
+from identify.parametric._maximum_likelihood import likeliest_about
 
 ROWS = 40
 inner = st.floats(-0.95, 0.95)

@@ -6,7 +6,7 @@ import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identify._nonnegative import constrained_least_squares, nonnegative_least_squares
+from identify.linear._nnls import constrained_least_squares, nonnegative_least_squares
 
 sizes = st.tuples(st.integers(1, 25), st.integers(0, 2**32 - 1))
 

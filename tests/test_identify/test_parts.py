@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from hysteresis import Burgers, LinearSponge, Record
 from identify import estimate_noise, metrics
-from identify._folds import parts
-from identify._transform import Transform, transform
+from identify.parameters._transform import Transform, transform
+from identify.records._folds import parts
 
 positive = st.floats(1e-6, 1e6)
 

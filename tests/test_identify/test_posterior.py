@@ -13,10 +13,10 @@ from compensate import EnsembleCompensator, invert
 from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior
-from identify._noise_model import NoiseModel
-from identify._priors import prior
-from identify._settings import Setting
-from identify._target import target
+from identify.noise._model import NoiseModel
+from identify.parameters._priors import prior
+from identify.parameters._settings import Setting
+from identify.posterior._log_posterior import target
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:

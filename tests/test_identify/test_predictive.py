@@ -7,8 +7,8 @@ import pytest
 import scipy.stats
 
 from identify import LEVELS, predictive
-from identify._noise_model import NoiseModel
-from identify._predictive import _quantile
+from identify.noise._model import NoiseModel
+from identify.posterior._predictive import _quantile
 from tests.test_identify.lines import line, pressed
 
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from compensate import invert
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify._folds import parts
-from identify._preisach import fit_preisach
-from identify._preisach_design import NodeSpace, design_rows, normal_equations
-from identify._preisach_problem import PreisachProblem
-from identify._preisach_unknowns import Unknowns
+from identify.linear._preisach_design_matrix import NodeSpace, design_rows, normal_equations
+from identify.linear._preisach_fit import fit_preisach
+from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_unknowns import Unknowns
+from identify.records._folds import parts
 
 
 def history(seed: int, turns: int = 30, samples: int = 12) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy.stats import binom
 from benchmarks.recovery import Run, cases, far_from, one_run
 from hysteresis import GeneralizedMaxwell, InputError, LinearSponge, MonotoneCurve, Record
 from identify import fit
-from identify._transform import transform
+from identify.parameters._transform import transform
 
 RUNS = 6
 

@@ -10,9 +10,9 @@ import scipy.stats
 
 from hysteresis import Burgers, GeneralizedMaxwell, InputError, LinearSponge, Record
 from identify import fit, load, save
-from identify._priors import Prior, prior
-from identify._settings import data_scale, from_words, in_words, with_settings
-from identify._transform import transform
+from identify.parameters._priors import Prior, prior
+from identify.parameters._settings import data_scale, from_words, in_words, with_settings
+from identify.parameters._transform import transform
 
 BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
 

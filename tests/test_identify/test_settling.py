@@ -6,8 +6,8 @@ import numpy as np
 
 from hysteresis import Record
 from identify import fit
-from identify._composition_fit import relaxation_times
-from identify._settling import settled
+from identify.fitting._settling import settled
+from identify.linear._composition_fit import relaxation_times
 
 CYCLES, SAMPLES = 10, 60
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError
 from identify import train
-from identify._shuffle import shuffled
+from identify.training._shuffle import shuffled
 
 X = np.linspace(-1, 1, 200)
 DATA = (X, 0.5 + 2.0 * X)

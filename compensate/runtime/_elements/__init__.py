@@ -7,6 +7,7 @@ Every file has two structures, `Parameters` and `State`, and up to three functio
     find(p, s, dt, y)    the input behind the output y; the state moves there; s.status is its worth
 
 Those that need no time take no dt. Only what C has too is used: numbers, arrays of fixed length,
-arithmetic, `math`, if, while, for over a range. `compensate._c99` translates it word by word, comments
+arithmetic, `math`, if, while, for over a range. `compensate.export._python_to_c99` translates it word by
+word, comments
 included.
 """

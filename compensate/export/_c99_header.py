@@ -1,0 +1,387 @@
+"""A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
+
+import ctypes
+from typing import Any, NamedTuple
+
+from ..runtime._status import Status
+from ._operation_count import operations
+from ._python_to_c99 import Element, comment, element, number
+
+Tree = dict[str, Any]
+
+HEAD = """\
+{title}
+
+    {stem}_state state;
+    {stem}_reset(&state);
+    int status = {stem}_step(&state, {dt}reading, &estimate, &deviation);
+
+reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
+estimate: {estimate}.
+deviation: its standard deviation{unknown}; a null pointer for none.
+{time}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change nothing: the
+last estimate is held. {stem}_reset is the state before the first sample; {stem}_self_test replays what
+the file was made with. {predict}
+
+Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
+{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
+"""
+
+STATUSES = {
+    Status.OK: "as exact as the model",
+    Status.EXTRAPOLATED: "beyond what is known: continued, or the nearer end taken",
+    Status.SATURATED: "beyond the outputs the model can have: the end of its range is held",
+    Status.FLAT: "the model does not change here: the nearest input is held",
+    Status.BELOW_THRESHOLD: "no contact yet",
+    Status.INVALID: "the sample was not finite: nothing changed",
+}
+
+
+class _Part(NamedTuple):
+    """A node of the tree: its number, its inner nodes, and what its functions cost."""
+
+    tree: Tree
+    number: int
+    inner: "tuple[_Part, ...]"
+    cost: dict[str, int]
+
+
+def header(document: dict[str, Any], stem: str, *, single: bool) -> str:
+    """The text of `stem`.h, from the document that `compensate.runtime` loads."""
+    return _Header(document, stem, single).text()
+
+
+def _quantity(one: dict[str, str]) -> str:
+    """The name, with the unit where it does not have it."""
+    return one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
+
+
+class _Header:
+    def __init__(self, document: dict[str, Any], stem: str, single: bool):
+        self.document, self.stem, self.single = document, stem, single
+        self.real = f"{stem}_real"
+        self.elements: dict[str, Element] = {}
+        self.parts: list[_Part] = []
+        self.root = self._part(document["tree"])
+        self.error = document["error"] and self._part(document["error"])
+        self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
+
+    def text(self) -> str:
+        stem, upper = self.stem, self.stem.upper()
+        enum = "\n".join(f"    {upper}_{s.name} = {s.value}, /* {STATUSES[s]} */" for s in Status)
+        sections = [
+            comment(self._about(), ""),
+            f"#ifndef {upper}_H\n#define {upper}_H\n\n#include <math.h>",
+            f"typedef {'float' if self.single else 'double'} {self.real};",
+            f"enum {stem}_status {{\n{enum}\n}};",
+            *(self._element(kind) for kind in self.elements),
+            *(self._constants(part) for part in self.parts if "parameters" in part.tree),
+            self._state(),
+            *(self._functions(part) for part in self.parts),
+            self._step(),
+            self._self_test(),
+            f"#endif /* {upper}_H */\n",
+        ]
+        return "\n\n".join(section for section in sections if section)
+
+    def _about(self) -> str:
+        d, rates = self.document, self.document["rates"]
+        reading, estimate = map(_quantity, (d["reading"], d["estimate"]))
+        low, high = d["limits"]
+        return HEAD.format(
+            title=f"{d['title']}: {estimate} from {reading}.", stem=self.stem,
+            stem_upper=self.stem.upper(), dt="dt, " if rates else "",
+            reading=reading, estimate=estimate, low=low, high=high,
+            unknown="" if self.error else ", which is not known here: NaN",
+            time="dt: time since the last call, in the unit of the model's times.\n" if rates else "",
+            real="float" if self.single else "double", state=self._size(),
+            predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
+            tables=self._tables() * (4 if self.single else 8),
+            operations=f"{sum(p.cost['find'] for p in (self.root, self.error) if p) + 60:,}",
+        )  # fmt: skip
+
+    # Elements and their constants
+
+    def _part(self, tree: Tree) -> _Part:
+        inner = tuple(self._part(part) for part in tree.get("parts", ()))
+        kind = tree["kind"]
+        if kind != "series" and kind not in self.elements:
+            self.elements[kind] = element(kind, self.stem, self.single)
+        part = _Part(tree, len(self.parts), inner, self._cost(tree, inner))
+        self.parts.append(part)
+        return part
+
+    def _cost(self, tree: Tree, inner: tuple[_Part, ...]) -> dict[str, int]:
+        names = ("look", "move", "find")
+        both = {name: sum(part.cost.get(name, 0) + 12 for part in inner) for name in names}
+        if tree["kind"] == "series":
+            return both
+        home, p = self.elements[tree["kind"]], tree["parameters"]
+        if tree["kind"] == "sum":
+            looked = operations(home, "search", p, {"look": both["look"]})
+            return both | {"find": looked + both["move"] + 12}
+        if inner:
+            return {name: cost + 60 for name, cost in both.items()}
+        if tree["kind"] == "error":
+            return {"find": operations(home, "deviation", p)}
+        return {n: operations(home, n, p) + 12 for n in names if n in home.functions}
+
+    def _element(self, kind: str) -> str:
+        home = self.elements[kind]
+        states = [part.tree["state"] for part in self.parts if part.tree["kind"] == kind]
+        lengths = {
+            k: max(len(s[k]) for s in states) for k, v in states[0].items() if isinstance(v, list)
+        }
+        about = comment(f"---- {home.about}", "")
+        return "\n\n".join(
+            [
+                about,
+                home.structure("Parameters"),
+                home.structure("State", lengths),
+                home.translated(),
+            ]
+        ).rstrip()
+
+    def _constants(self, part: _Part) -> str:
+        home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
+        lines, fields = [], []
+        for key, kind in home.structures["Parameters"].items():
+            value = part.tree["parameters"][key]
+            if kind == "Reals":
+                lines.append(
+                    f"static const {self.real} {place}_{key}[{max(len(value), 1)}] = {self._list(value)};"
+                )
+                fields.append(f"    {place}_{key},")
+            else:
+                fields.append(f"    {self._number(value, kind)}, /* {key} */")
+        lines.append(
+            f"static const {home.prefix}_parameters {place} = {{\n" + "\n".join(fields) + "\n};"
+        )
+        return "\n".join(lines)
+
+    def _number(self, value: float, kind: str) -> str:
+        return str(int(value)) if kind == "int" else number(value, self.single)
+
+    def _list(self, values: list[float]) -> str:
+        words = [number(v, self.single) for v in values] or ["0"]
+        rows = [", ".join(words[k : k + 6]) for k in range(0, len(words), 6)]
+        if len(rows) == 1:
+            return f"{{{rows[0]}}}"
+        return "{\n    " + ",\n    ".join(rows) + "\n}"
+
+    def _tables(self) -> int:
+        trees = [p.tree.get("parameters", {}) for p in self.parts]
+        return sum(len(v) if isinstance(v, list) else 1 for tree in trees for v in tree.values())
+
+    # The state
+
+    def _state(self) -> str:
+        fields, values = [], []
+        for part in self.parts:
+            kind = part.tree["kind"]
+            if kind == "series":
+                fields.append(f"    struct {{ int status; }} n{part.number};")
+                values.append("        {0}")
+                continue
+            home = self.elements[kind]
+            fields.append(f"    {home.prefix}_state n{part.number};")
+            given = [
+                self._list(value) if t == "Reals" else self._number(value, t)
+                for k, t in home.structures["State"].items()
+                for value in [part.tree["state"][k]]
+            ]  # fmt: skip
+            values.append("        {" + ", ".join(given) + "}")
+        stem = self.stem
+        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
+        fields.append("    int begun;")
+        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
+        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
+        body = ",\n".join(values)
+        return "\n".join(
+            [
+                comment("Everything that changes; the caller keeps it.", ""),
+                "typedef struct {", *fields, f"}} {stem}_state;", "",
+                f"static inline void {stem}_reset({stem}_state *s)", "{",
+                f"    static const {stem}_state initial = {{\n{body}\n    }};",
+                "    *s = initial;", "}",
+            ]
+        )  # fmt: skip
+
+    def _size(self) -> int:
+        """sizeof, by the rules that C compilers share."""
+        real = ctypes.c_float if self.single else ctypes.c_double
+        members: list[tuple[str, Any]] = []
+        for part in self.parts:
+            kind = part.tree["kind"]
+            fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
+            if kind != "series":
+                same = [p.tree["state"] for p in self.parts if p.tree["kind"] == kind]
+                fields = [
+                    (k, ctypes.c_int if t == "int" else real if t != "Reals"
+                     else real * max(1, *(len(state[k]) for state in same)))
+                    for k, t in self.elements[kind].structures["State"].items()
+                ]  # fmt: skip
+            members.append(
+                (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
+            )
+        members += [(name, real) for name in ("estimate", "deviation", "waited")]
+        members.append(("begun", ctypes.c_int))
+        return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
+
+    # Functions of the nodes
+
+    def _functions(self, part: _Part) -> str:
+        kind, k = part.tree["kind"], part.number
+        if kind == "sum":
+            return self._sum(part)
+        bodies: dict[str, list[str]] = {}
+        if kind == "series":
+            walk = [f"    value = {self._call(i, 'look')};" for i in part.inner]
+            bodies["look"] = [*walk, "    return value;"]
+            bodies["move"] = [line.replace("_look", "_move") for line in bodies["look"]]
+            bodies["find"] = [f"    s->n{k}.status = {self.stem.upper()}_OK;"]
+            for i in reversed(part.inner):
+                bodies["find"] += [
+                    f"    value = {self._call(i, 'find')};",
+                    f"    if (s->n{k}.status == {self.stem.upper()}_OK) {{",
+                    f"        s->n{k}.status = s->n{i.number}.status;", "    }",
+                ]  # fmt: skip
+            bodies["find"].append("    return value;")
+        elif part.inner:
+            bodies = self._wrapped(part)
+        else:
+            home = self.elements[kind]
+            for name in ("look", "move", "find"):
+                if name in home.functions:
+                    dt = "dt, " if home.takes_time(name) else ""
+                    bodies[name] = [
+                        f"    return {home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
+                    ]
+        return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
+
+    def _wrapped(self, part: _Part) -> dict[str, list[str]]:
+        (i,), k = part.inner, part.number
+        place, prefix = f"&{self.stem}_{k}", f"{self.stem}_{part.tree['kind']}"
+        kept = f"    s->n{k}.status = s->n{i.number}.status;"
+        if part.tree["kind"] == "scaled":
+            found = self._call(i, "find", f"{prefix}_back({place}, value)")
+            bodies = {
+                name: [f"    return {prefix}_onward({place}, {self._call(i, name)});"]
+                for name in ("look", "move")
+            }
+            return bodies | {"find": [f"    value = {found};", kept, "    return value;"]}
+        seen = f"    {self.real} seen = {self._call(i, 'find')};"
+        last = f"    return {prefix}_less_feedback({place}, seen, value, s->n{k}.status);"
+        return {"find": [seen, kept, last]}
+
+    def _sum(self, part: _Part) -> str:
+        k, home, done = part.number, self.elements["sum"], {}
+        both = {
+            name: ["    return " + " + ".join(self._call(i, name) for i in part.inner) + ";"]
+            for name in ("look", "move")
+        }
+        given = {"look": f"{self.stem}_{k}_look", "whole": f"{self.stem}_state"}
+        search = home.specialised("search", given, done)
+        found = [
+            f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
+            f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
+        ]  # fmt: skip
+        looks = [self._function(k, name, body) for name, body in both.items()]
+        return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
+
+    def _call(self, part: _Part, name: str, value: str = "value") -> str:
+        return f"{self.stem}_{part.number}_{name}(s, dt, {value})"
+
+    def _function(self, k: int, name: str, body: list[str]) -> str:
+        stem, real = self.stem, self.real
+        takes = f"{stem}_state *s, {real} dt, {real} value"
+        head = f"static inline {real} {stem}_{k}_{name}({takes})"
+        uses = "\n".join(body)
+        spare = [
+            f"    (void){v};"
+            for v in ("s", "dt")
+            if f"{v}," not in uses and f"{v}->" not in uses and f"({v}" not in uses
+        ]
+        return "\n".join([head, "{", *spare, *body, "}"])
+
+    # What is called from outside
+
+    def _step(self) -> str:
+        stem, upper, real, k = self.stem, self.stem.upper(), self.real, self.root.number
+        low, high = (self._number(v, "real") for v in self.document["limits"])
+        zero, rates = self._number(0, "real"), self.document["rates"]
+        time = f"{real} dt, " if rates else ""
+        clock = f"""\
+    if (isfinite(dt) && dt > {zero}) {{
+        s->waited += dt;
+    }}
+""" if rates else ""  # fmt: skip
+        e = self.error.number if self.error else 0
+        deviation = (
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            if self.error else ""
+        )  # fmt: skip
+        text = f"""\
+/* One reading in, one estimate and its deviation out; what it is worth is returned. */
+static inline int {stem}_step(
+    {stem}_state *s, {time}{real} reading, {real} *estimate, {real} *deviation)
+{{
+    int status = {upper}_INVALID;
+{clock}    if (isfinite(reading)) {{
+        {real} seen = reading < {low} ? {low} : reading;
+        if (seen > {high}) {{
+            seen = {high};
+        }}
+        s->estimate = {stem}_{k}_find(s, s->begun ? s->waited : {zero}, seen);
+        s->waited = {zero};
+        s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
+        status = s->n{k}.status;
+        if (status == {upper}_OK && seen != reading) {{
+            status = {upper}_EXTRAPOLATED;
+        }}
+    }}
+    *estimate = s->estimate;
+    if (deviation) {{
+        *deviation = s->deviation;
+    }}
+    return status;
+}}"""
+        if not self.predicts:
+            return text
+        return f"""{text}
+
+/* The model itself: an input in, the reading it gives out. */
+static inline {real} {stem}_predict({stem}_state *s, {time}{real} input)
+{{
+{clock}    s->estimate = input;
+    {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
+    s->waited = {zero};
+    s->begun = 1;
+    return reading;
+}}"""
+
+    def _self_test(self) -> str:
+        stem, real, golden = self.stem, self.real, self.document["golden"]
+        n, rates = len(golden["reading"]), self.document["rates"]
+        given = ["dt"] * rates + ["reading", "value"]
+        arrays = "\n".join(
+            f"    static const {real} {k}[{n}] = {self._list(golden[k])};" for k in given
+        )
+        tolerance = number(golden["tolerance"] * (1e6 if self.single else 1.0), self.single)
+        return f"""\
+/* How many of {n} readings give another estimate than where this file was made; the state is reset. */
+static inline int {stem}_self_test({stem}_state *s)
+{{
+{arrays}
+    int wrong = 0;
+    {stem}_reset(s);
+    for (int k = 0; k < {n}; ++k) {{
+        {real} estimate;
+        (void){stem}_step(s, {"dt[k], " if rates else ""}reading[k], &estimate, 0);
+        if (!(fabs{"f" if self.single else ""}(estimate - value[k]) <= {tolerance})) {{
+            ++wrong;
+        }}
+    }}
+    {stem}_reset(s);
+    return wrong;
+}}"""

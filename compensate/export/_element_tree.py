@@ -1,0 +1,323 @@
+"""A model as a tree of plain numbers: what the runtimes without JAX run."""
+
+from functools import singledispatch
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import (
+    AbstractModel,
+    AbstractViscoelastic,
+    FoamCurve,
+    InputError,
+    LinearSponge,
+    MonotoneCurve,
+    MovingPreisach,
+    NonlinearMaxwell,
+    OutputDependentPreisach,
+    PrandtlIshlinskii,
+    Preisach,
+    Scaled,
+    Series,
+    Softening,
+    Sum,
+)
+from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
+from hysteresis.preisach import AbstractGridDensity, saturated_outputs
+
+from .._invert import invert
+from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
+from ..runtime._status import Status
+from ..uncertainty._calibrated import CalibratedCompensator
+
+Tree = dict[str, Any]
+
+
+def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
+    """The tree of elements of a model that can be inverted.
+
+    **Arguments:** `precision`: of the numbers it will be run with; `depth`: reversals that a Preisach model
+    remembers.
+
+    Raises `InputError` where the model has no inverse, or no element is known for one of its parts.
+    """
+    invert(model)
+    return _tree(model, float(np.finfo(precision).eps), depth)
+
+
+def error_tree(found: CalibratedCompensator) -> Tree:
+    """The error of a model, by level and branch, as an element."""
+    falling, rising = np.asarray(found.error)
+    return _node(
+        "error",
+        {
+            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
+            "width": found.width,
+        },
+        {"begun": 0, "follower": 0.0, "up": 1},
+    )  # fmt: skip
+
+
+def _node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
+    plain = {"parameters": parameters, "state": {"status": int(Status.OK)} | (state or {})}
+    values = {name: {k: _plain(v) for k, v in part.items()} for name, part in plain.items()}
+    return {"kind": kind, **values, **({"parts": list(parts)} if parts else {})}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bool | int):
+        return int(value)
+    array = np.asarray(value)
+    return array.ravel().tolist() if array.ndim else array.item()
+
+
+@singledispatch
+def _tree(model: AbstractModel, eps: float, depth: int) -> Tree:
+    raise InputError(
+        "no-element",
+        f"{type(model).__name__} cannot be exported.",
+        cause="the runtimes without JAX have no element for it.",
+        fix="use the compensator itself, or fit a model that can.",
+    )
+
+
+@_tree.register
+def _(model: LinearSponge, eps: float, depth: int) -> Tree:
+    threshold = max(float(model.threshold), -1e30)
+    least = threshold - max(1e-12, 8 * eps) * abs(threshold)
+    return _node("line", {"K": model.K, "b": model.b, "threshold": threshold, "least": least})
+
+
+@_tree.register
+def _(model: AbstractViscoelastic, eps: float, depth: int) -> Tree:
+    chain = model.chain()
+    rates, drives = np.asarray(chain.all_rates), np.asarray(chain.all_drives)
+    none = np.zeros_like(rates)
+    return _node(
+        "chain",
+        {
+            "branches": len(rates), "direct": chain.direct, "rates": rates, "drives": drives,
+            "against": model.against_chain, "constant": model.hold == "constant",
+            "offset": model.offset,
+        },
+        {"load": 0.0, "x": none, "dt": -1.0, "decay": none, "before": none, "now": none},
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: Preisach, eps: float, depth: int) -> Tree:
+    grid = model.density
+    if not isinstance(grid, AbstractGridDensity) or model.up is not None or model.dead_band:
+        what = (
+            "a fitted first state" if model.up is not None
+            else "a dead band" if model.dead_band
+            else f"a {type(grid).__name__}"
+        )  # fmt: skip
+        raise InputError(
+            "no-element",
+            f"a Preisach model with {what} cannot be exported.",
+            fix="fit a GridDensity from a known first state, without a dead band.",
+        )
+    compensator: Any = invert(model)
+    begin: Any = compensator.init()
+    held = int(begin.loops.depth)
+    if held > depth:
+        raise InputError(
+            "stack-too-small",
+            f"the first state alone has {held} reversals, and the stack holds {depth}.",
+            fix=f"give a depth of {held} or more.",
+        )
+    table = compensator.table
+    even = np.allclose(np.diff(grid.edges), (grid.high - grid.low) / grid.cells, rtol=1e-12)
+    flat = max(1e-12, 64 * eps) * (compensator.ceiling - compensator.floor) / grid.cells
+    return _node(
+        "preisach",
+        {
+            "cells": grid.cells, "scale": grid.cells / (grid.high - grid.low) if even else 0.0,
+            "edges": grid.edges, "everett": table.node, "diagonal": table.diagonal,
+            "reversible": compensator.begin, "orientation": float(model.orientation),
+            "offset": model.offset, "floor": compensator.floor, "ceiling": compensator.ceiling,
+            "flat": flat, "margin": 4 * eps * (compensator.ceiling - compensator.floor),
+            "capacity": depth,
+        },
+        {
+            "extremum": np.resize(np.asarray(begin.loops.extremum), depth),
+            "level": np.resize(np.asarray(begin.loops.level), depth),
+            "depth": held, "forgotten": 0, "rising": int(begin.rising > 0), "u": begin.u, "z": begin.z,
+        },
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: MovingPreisach, eps: float, depth: int) -> Tree:
+    floor, ceiling = saturated_outputs(model.inner)
+    return _node(
+        "moving", {"feedback": model.feedback, "floor": floor, "ceiling": ceiling},
+        parts=[_tree(model.inner, eps, depth)],
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: OutputDependentPreisach, eps: float, depth: int) -> Tree:
+    """Its relays, then its polygon."""
+    low, high = (float(end) for end in saturated_outputs(model.inner))
+    nodes = np.linspace(low, high, len(model.increments) + 1)
+    curve = MonotoneCurve(nodes, model.increments, model.offset)
+    return _node_series([_tree(model.inner, eps, depth), _endless(_tree(curve, eps, depth))])
+
+
+@_tree.register
+def _(model: PrandtlIshlinskii, eps: float, depth: int) -> Tree:
+    r, none = np.asarray(model.thresholds), np.zeros(len(model.thresholds))
+    plays = _node(
+        "plays",
+        {
+            "plays": len(r), "thresholds": r, "weights": model.weights, "slope": model.slope,
+            "rates": none if model.rates is None else model.rates,
+            "offset": model.offset if model.bends is None else 0.0, "leading": model.leading,
+        },
+        {"u": 0.0, "speed": 0.0, "z": none},
+    )  # fmt: skip
+    if model.bends is None:
+        return plays
+    # The bends are a polygon, which goes on beyond its ends as it begins.
+    bends: Any = np.asarray(model.bends)
+    nodes = np.unique(np.concatenate([bends, [0.0, bends[0] - 1.0, bends[-1] + 1.0]]))
+    outputs = np.array([float(model.bend(jnp.asarray(x))) for x in nodes])
+    curve = MonotoneCurve(nodes, np.diff(outputs), float(model.offset) + outputs[0])
+    return _node_series([plays, _endless(_tree(curve, eps, depth))])
+
+
+@_tree.register
+def _(model: MonotoneCurve | MonotoneSpline, eps: float, depth: int) -> Tree:
+    nodes, outputs = np.asarray(model.nodes), np.asarray(model.outputs())
+    starts, ends = model.cell_slopes()
+    flat = max(FLAT_WIDTH, 8 * ROUNDING * eps) * (nodes[-1] - nodes[0])
+    return _node(
+        "curve",
+        {
+            "cells": len(nodes) - 1, "nodes": nodes, "outputs": outputs, "starts": starts, "ends": ends,
+            "margin": ROUNDING * eps * np.abs(outputs).max(), "flat": flat, "endless": 0,
+        },
+        {"value": 0.0},
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: PolynomialCurve, eps: float, depth: int) -> Tree:
+    first, last = model.curve(jnp.asarray([model.low, model.high]))
+    return _node(
+        "polynomial",
+        {
+            "degree": len(model.coefficients) - 1, "coefficients": model.coefficients, "low": model.low,
+            "high": model.high, "first": first, "last": last,
+            "margin": ROUNDING * eps * max(abs(float(first)), abs(float(last))),
+        },
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: FoamCurve, eps: float, depth: int) -> Tree:
+    u1 = model.toe_length
+    u2 = u1 + model.linear_length
+    none = jnp.zeros(())
+    return _node(
+        "foam",
+        {
+            "linear": model.linear, "toe": model.toe, "plateau": model.plateau, "u1": u1, "u2": u2,
+            "u3": u2 + model.plateau_length, "rounding": model.rounding,
+            "densification": model.densification, "offset": model.offset,
+            "least": model.linear * np.minimum(model.toe, model.plateau),
+            "origin": model._integral(none),
+        },
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: Clip, eps: float, depth: int) -> Tree:
+    low, high = max(float(model.low), -1e30), min(float(model.high), 1e30)
+    return _node("clip", {"low": low, "high": high})
+
+
+@_tree.register
+def _(model: Softening, eps: float, depth: int) -> Tree:
+    weights = np.triu(np.asarray(model.weights))
+    n = len(weights)
+    part = _node(
+        "softening",
+        {
+            "cells": n, "low": model.low, "scale": n / (model.high - model.low), "weights": weights,
+            "columns": weights.sum(0), "forgetting": 1 / float(model.recovery), "leading": model.leading,
+        },
+        {"reached": np.zeros(n)},
+    )  # fmt: skip
+    return _bracketed(model, [part], eps)
+
+
+@_tree.register
+def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
+    n, cells = len(model.times), model.cells
+    none = np.zeros(n)
+    increments = np.zeros((n, cells)) if model.increments is None else np.asarray(model.increments)
+    springs = np.pad(np.cumsum(increments, 1), ((0, 0), (1, 0)))
+    strengths = np.zeros((n, cells + 1)) if model.strengths is None else np.asarray(model.strengths)
+    above, below = np.broadcast_to(strengths, (2, n, cells + 1))
+    part = _node(
+        "maxwell",
+        {
+            "branches": n, "cells": cells, "low": model.low, "scale": cells / (model.high - model.low),
+            "rates": 1 / np.asarray(model.times), "springs": springs, "increments": increments,
+            "above": above, "below": below, "offset": model.offset, "leading": model.leading,
+        },
+        {"u": model.low, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none},
+    )  # fmt: skip
+    return _bracketed(model, [part], eps)
+
+
+@_tree.register
+def _(model: Scaled, eps: float, depth: int) -> Tree:
+    parameters = {"factor": model.factor, "offset": model.offset}
+    return _node("scaled", parameters, parts=[_tree(model.inner, eps, depth)])
+
+
+@_tree.register
+def _(model: Series, eps: float, depth: int) -> Tree:
+    return _node_series([_tree(part, eps, depth) for part in model.parts])
+
+
+@_tree.register
+def _(model: Sum, eps: float, depth: int) -> Tree:
+    parts = [_tree(part, eps, depth) for part in model.parts]
+    if len(parts) == 1:
+        return parts[0]
+    if any(part["kind"] == "moving" for part in parts):
+        raise InputError("no-element", "a MovingPreisach within a sum cannot be exported.")
+    return _bracketed(model, [p["parts"][0] if _is_search(p) else p for p in parts], eps)
+
+
+def _is_search(tree: Tree) -> bool:
+    """A single part that is only looked for."""
+    return tree["kind"] == "sum" and len(tree["parts"]) == 1
+
+
+def _endless(tree: Tree) -> Tree:
+    return tree | {"parameters": tree["parameters"] | {"endless": 1}}
+
+
+def _node_series(parts: list[Tree]) -> Tree:
+    return {"kind": "series", "parts": parts}
+
+
+def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
+    compensator: Any = invert(model)
+    assert isinstance(compensator, BracketedCompensator)
+    low, high = compensator.low, compensator.high
+    return _node(
+        "sum",
+        {
+            "low": low, "high": high, "rounding": ROUNDING * eps, "finest": 2 * eps * (high - low),
+            "flat": max(FLAT_WIDTH, 256 * eps) * (high - low),
+        },
+        {"value": low}, parts,
+    )  # fmt: skip

@@ -1,0 +1,407 @@
+"""Elements of the runtime, translated word by word from Python to C99."""
+
+import ast
+import inspect
+import io
+import math
+import tokenize
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+from hysteresis import InputError
+
+from ..runtime._elements import _codes
+
+_INDENT = "    "
+_OPERATORS = {
+    ast.Add: ("+", 12), ast.Sub: ("-", 12), ast.Mult: ("*", 13), ast.Div: ("/", 13),
+    ast.FloorDiv: ("/", 13), ast.Mod: ("%", 13), ast.Lt: ("<", 10), ast.LtE: ("<=", 10),
+    ast.Gt: (">", 10), ast.GtE: (">=", 10), ast.Eq: ("==", 9), ast.NotEq: ("!=", 9),
+    ast.And: ("&&", 5), ast.Or: ("||", 4),
+}  # fmt: skip
+_ATOM = 20
+
+
+@dataclass(frozen=True)
+class Expression:
+    """C text, its type ("int" or "real"), and how strongly it binds."""
+
+    text: str
+    type: str
+    level: int = _ATOM
+
+    def within(self, level: int) -> str:
+        """The text, in parentheses where it binds less."""
+        return self.text if self.level >= level else f"({self.text})"
+
+
+@dataclass
+class Element:
+    """A module of `runtime._elements` in C: names begin with `stem` and `kind`, numbers are `real`."""
+
+    module: ModuleType
+    stem: str
+    kind: str
+    real: str
+    single: bool
+    functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
+    structures: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        source = inspect.getsource(self.module)
+        tree = ast.parse(source)
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        remarks = [t for t in tokens if t.type == tokenize.COMMENT]
+        alone = [t for t in remarks if t.line.lstrip().startswith("#")]
+        self.comments = {t.start[0]: t.string.lstrip("# ") for t in alone}
+        self.bounds = {
+            t.start[0]: t.string.partition("at most: ")[2] for t in remarks if "at most: " in t.string
+        }  # fmt: skip
+        self.about = ast.get_docstring(tree) or ""
+        self.abouts: dict[str, str] = {}
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef):
+                self.functions[node.name] = node
+            elif isinstance(node, ast.ClassDef):
+                self.abouts[node.name] = ast.get_docstring(node) or ""
+                self.structures[node.name] = {
+                    a.target.id: _kind(a.annotation)
+                    for a in node.body if isinstance(a, ast.AnnAssign) and isinstance(a.target, ast.Name)
+                }  # fmt: skip
+
+    @property
+    def prefix(self) -> str:
+        return f"{self.stem}_{self.kind}"
+
+    def borrowed(self, name: str) -> "Element":
+        """The element that a function was imported from, its names among ours."""
+        module = inspect.getmodule(getattr(self.module, name))
+        assert module is not None
+        return Element(module, self.stem, self.kind, self.real, self.single)
+
+    def takes_time(self, function: str) -> bool:
+        """Whether a function has dt."""
+        return any(a.arg == "dt" for a in self.functions[function].args.args)
+
+    def structure(self, name: str, lengths: dict[str, int] | None = None) -> str:
+        """`Parameters`, arrays as pointers to constants, or `State`, arrays of the given lengths."""
+        lines = [comment(self.abouts[name], ""), "typedef struct {"]
+        for key, kind in self.structures[name].items():
+            if kind == "Reals" and lengths is None:
+                lines.append(f"{_INDENT}const {self.real} *{key};")
+            elif kind == "Reals":
+                lines.append(f"{_INDENT}{self.real} {key}[{max((lengths or {}).get(key, 1), 1)}];")
+            else:
+                lines.append(f"{_INDENT}{'int' if kind == 'int' else self.real} {key};")
+        return "\n".join([*lines, f"}} {self.prefix}_{name.lower()};"])
+
+    def translated(self) -> str:
+        """All functions, what they call before them."""
+        done: dict[str, str] = {}
+        for name in self.functions:
+            if not _has_functions(self.functions[name]):
+                Function(self, self.functions[name], {}, done).translate()
+        return "\n\n".join(done.values())
+
+    def specialised(self, name: str, given: dict[str, str], done: dict[str, str]) -> str:
+        """A function that takes functions, with `given` for them; its name in C."""
+        return Function(self, self.functions[name], given, done).translate()
+
+
+def element(kind: str, stem: str, single: bool) -> Element:
+    """By the name of its module."""
+    module = import_module(f"{_codes.__package__}.{kind}")
+    return Element(module, stem, kind, f"{stem}_real", single)
+
+
+def comment(text: str, indent: str) -> str:
+    """Text as a C comment."""
+    lines = inspect.cleandoc(text).splitlines() or [""]
+    if len(lines) == 1:
+        return f"{indent}/* {lines[0]} */"
+    body = "\n".join(f"{indent} * {line}".rstrip() for line in lines[1:])
+    return f"{indent}/* {lines[0]}\n{body}\n{indent} */"
+
+
+def number(value: float, single: bool) -> str:
+    """A literal."""
+    if math.isnan(value) or math.isinf(value):
+        raise InputError(
+            "not-finite", "a number of the model is not finite, so it has no literal in C."
+        )
+    text = f"{value:.9g}" if single else repr(float(value))
+    text = text if any(c in text for c in ".e") else f"{text}.0"
+    return f"{text}f" if single else text
+
+
+def _has_functions(node: ast.FunctionDef) -> bool:
+    return any("Callable" in ast.unparse(a.annotation) for a in node.args.args if a.annotation)
+
+
+class Function:
+    """One function on its way to C. `given`: C names of the functions it takes, C types of what is Any."""
+
+    def __init__(
+        self, home: Element, node: ast.FunctionDef, given: dict[str, str], done: dict[str, str]
+    ):
+        self.home, self.node, self.given, self.done = home, node, given, done
+        base = given["look"].removesuffix("_look") if "look" in given else home.prefix
+        self.name = f"{base}_{node.name}"
+        self.body = node.body[bool(ast.get_docstring(node)) :]
+        self.kinds = {a.arg: _kind(a.annotation) for a in node.args.args}
+        self.types = dict(self.kinds)
+        returns = _kind(node.returns)
+        self.returns = home.real if returns == "real" else returns
+        self.locals = self._infer()
+        self.declared: dict[int, list[str]] = {}
+        for name in self.locals:
+            self.declared.setdefault(id(_first(self.body, name)), []).append(name)
+
+    def _argument(self, name: str) -> str:
+        kind, home = self.kinds[name], self.home
+        return {
+            "Any": f"{self.given.get(name)} *{name}",
+            "Parameters": f"const {home.prefix}_parameters *{name}",
+            "State": f"{home.prefix}_state *{name}",
+            "Reals": f"const {home.real} *{name}",
+            "int": f"int {name}",
+        }.get(kind, f"{home.real} {name}")
+
+    def translate(self) -> str:
+        """Its text goes to `done`, what it calls before it; the name."""
+        if self.name in self.done:
+            return self.name
+        body = self._block(self.body, _INDENT)
+        used = set().union(*map(_names, self.body))
+        taken = [name for name, kind in self.kinds.items() if kind != "Callable"]
+        unused = [f"{_INDENT}(void){name};" for name in taken if name not in used]
+        arguments = ", ".join(map(self._argument, taken))
+        about = ast.get_docstring(self.node)
+        lines = [comment(about, "")] if about else []
+        lines.append(f"static inline {self.returns} {self.name}({arguments})")
+        self.done[self.name] = "\n".join([*lines, "{", *unused, *body, "}"])
+        return self.name
+
+    # Statements
+
+    def _infer(self) -> dict[str, str]:
+        """Types of the variables: real where one thing they are set to is."""
+        found: dict[str, str] = {}
+        sets = [n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n)]
+        self.types |= {_target(n): "int" for n in sets if _target(n) not in self.kinds}
+        self.types |= {
+            n.target.id: "int" for n in ast.walk(self.node)
+            if isinstance(n, ast.For) and isinstance(n.target, ast.Name)
+        }  # fmt: skip
+        for node in [*sets, *sets, *sets]:
+            name = _target(node)
+            if name not in self.kinds:
+                kind = self._expression(node.value, quiet=True).type
+                found[name] = self.types[name] = (
+                    "real" if "real" in (kind, self.types[name]) else kind
+                )
+        return found
+
+    def _field(self, node: ast.Attribute) -> str:
+        assert isinstance(node.value, ast.Name)
+        return self.home.structures[self.types[node.value.id]][node.attr]
+
+    def _block(self, body: list[ast.stmt], indent: str) -> list[str]:
+        lines: list[str] = []
+        for before, node in zip([None, *body], body, strict=False):
+            lines += self._comments(node, before, indent)
+            fresh = self.declared.get(id(node), [])
+            lines += [f"{indent}{self._declare(n)};" for n in fresh if n != _target(node)]
+            lines += self._statement(node, indent)
+        return lines
+
+    def _declare(self, name: str) -> str:
+        kind = self.locals[name]
+        return {"int": f"int {name}", "Reals": f"const {self.home.real} *{name}"}.get(
+            kind, f"{self.home.real} {name}"
+        )
+
+    def _comments(self, node: ast.stmt, before: ast.stmt | None, indent: str) -> Iterator[str]:
+        """What stands in the lines above a statement."""
+        lines: list[str] = []
+        at = node.lineno - 1
+        while at in self.home.comments and at > ((before and before.end_lineno) or 0):
+            lines.insert(0, self.home.comments[at])
+            at -= 1
+        if lines:
+            yield comment("\n".join(lines), indent)
+
+    def _statement(self, node: ast.stmt, indent: str) -> list[str]:
+        deeper = indent + _INDENT
+        match node:
+            case ast.Assign():
+                return [f"{indent}{self._assignment(node)};"]
+            case ast.Return():
+                value = f" {self._as(node.value, self.returns)}" if node.value else ""
+                return [f"{indent}return{value};"]
+            case ast.Expr():
+                return [f"{indent}{self._expression(node.value).text};"]
+            case ast.While():
+                bound = self.home.bounds[node.lineno]
+                head = (
+                    f"{indent}while ({self._expression(node.test).text}) {{ /* at most: {bound} */"
+                )
+                return [head, *self._block(node.body, deeper), f"{indent}}}"]
+            case ast.For(target=ast.Name(id=k), iter=ast.Call(args=ends)):
+                first, last = ["0", *(self._expression(e).text for e in ends)][-2:]
+                head = f"{indent}for (int {k} = {first}; {k} < {last}; ++{k}) {{"
+                return [head, *self._block(node.body, deeper), f"{indent}}}"]
+            case ast.If(orelse=[ast.If()]):
+                nested = self._statement(node.orelse[0], indent)
+                head = self._if(node, indent, deeper)
+                return [*head, f"{indent}}} else {nested[0].strip()}", *nested[1:]]
+            case ast.If():
+                lines = self._if(node, indent, deeper)
+                if node.orelse:
+                    lines += [f"{indent}}} else {{", *self._block(node.orelse, deeper)]
+                return [*lines, f"{indent}}}"]
+        raise NotImplementedError(ast.unparse(node))
+
+    def _if(self, node: ast.If, indent: str, deeper: str) -> list[str]:
+        head = f"{indent}if ({self._expression(node.test).text}) {{"
+        return [head, *self._block(node.body, deeper)]
+
+    def _assignment(self, node: ast.Assign) -> str:
+        name = _target(node)
+        if not name:
+            place = self._expression(node.targets[0])
+            return f"{place.text} = {self._as(node.value, place.type)}"
+        fresh = name in self.declared.get(id(node), ())
+        return (
+            f"{self._declare(name) if fresh else name} = {self._as(node.value, self.types[name])}"
+        )
+
+    # Expressions
+
+    def _as(self, node: ast.expr, kind: str) -> str:
+        found = self._expression(node)
+        makes_real = kind in ("real", self.home.real) and found.type == "int"
+        return self._real(found).text if makes_real else found.text
+
+    def _real(self, found: Expression) -> Expression:
+        if found.text.lstrip("-").isdigit():
+            return Expression(number(float(found.text), self.home.single), "real")
+        return Expression(f"({self.home.real}){found.within(14)}", "real", 14)
+
+    def _expression(self, node: ast.expr, quiet: bool = False) -> Expression:
+        """`quiet`: only the type is wanted, nothing is translated for it."""
+        home = self.home
+        match node:
+            case ast.Constant(value=int()):
+                return Expression(str(int(node.value)), "int")  # type: ignore[arg-type]
+            case ast.Constant(value=float()):
+                return Expression(number(node.value, home.single), "real")  # type: ignore[arg-type]
+            case ast.Name(id=name) if name.isupper() and hasattr(_codes, name):
+                return Expression(f"{home.stem}_{name}".upper(), "int")
+            case ast.Name(id=name):
+                return Expression(name, self.types[name])
+            case ast.Attribute(value=ast.Name(id=name)):
+                return Expression(f"{name}->{node.attr}", self._field(node))
+            case ast.Subscript():
+                array, index = (self._expression(e, quiet) for e in (node.value, node.slice))
+                return Expression(f"{array.text}[{index.text}]", "real")
+            case ast.UnaryOp():
+                sign = "!" if isinstance(node.op, ast.Not) else "-"
+                inner = self._expression(node.operand, quiet)
+                return Expression(
+                    f"{sign}{inner.within(14)}", "int" if sign == "!" else inner.type, 14
+                )
+            case ast.BinOp():
+                return self._binary(node.op, node.left, node.right, quiet)
+            case ast.Compare(ops=[op], comparators=[right]):
+                found = self._binary(op, node.left, right, quiet)
+                return Expression(found.text, "int", found.level)
+            case ast.BoolOp():
+                sign, level = _OPERATORS[type(node.op)]
+                # gcc wants && within || in parentheses, and a choice within either.
+                parts = [self._expression(part, quiet).within(9) for part in node.values]
+                return Expression(f" {sign} ".join(parts), "int", level)
+            case ast.IfExp():
+                both = [self._expression(e, quiet) for e in (node.body, node.orelse)]
+                kind = "real" if "real" in (both[0].type, both[1].type) else "int"
+                yes, no = (self._real(e) if kind == "real" != e.type else e for e in both)
+                test = self._expression(node.test, quiet).within(4)
+                return Expression(f"{test} ? {yes.within(4)} : {no.within(3)}", kind, 3)
+            case ast.Call(func=ast.Name(id="int"), args=[inner]):
+                return Expression(f"(int){self._expression(inner, quiet).within(15)}", "int", 14)
+            case ast.Call(func=ast.Name(id=name)) if hasattr(math, name):
+                given = ", ".join(self._as(a, "real") for a in node.args)
+                return Expression(f"{name}{'f' * home.single}({given})", "real")
+            case ast.Call(func=ast.Name(id=name)):
+                return self._call(node, name, quiet)
+        raise NotImplementedError(ast.unparse(node))
+
+    def _binary(self, op: Any, left: ast.expr, right: ast.expr, quiet: bool) -> Expression:
+        sign, level = _OPERATORS[type(op)]
+        a, b = self._expression(left, quiet), self._expression(right, quiet)
+        kind = "int"
+        if "real" in (a.type, b.type) or isinstance(op, ast.Div):
+            kind = "real"
+            a, b = (self._real(e) if e.type == "int" else e for e in (a, b))
+        return Expression(f"{a.within(level)} {sign} {b.within(level + 1)}", kind, level)
+
+    def _call(self, node: ast.Call, name: str, quiet: bool) -> Expression:
+        if self.kinds.get(name) == "Callable":
+            return Expression(
+                f"{self.given[name]}({', '.join(self._as(e, '') for e in node.args)})", "real"
+            )
+        owner = self.home
+        if name not in owner.functions:
+            owner = owner.borrowed(name)
+        target = owner.functions[name]
+        kinds = {a.arg: _kind(a.annotation) for a in target.args.args}
+        if quiet:
+            return Expression("", _kind(target.returns))
+        given, plain = {}, []
+        for (argument, kind), value in zip(kinds.items(), node.args, strict=True):
+            if kind == "Callable":
+                assert isinstance(value, ast.Name)
+                given[argument] = self.given.get(value.id) or self._own(value.id)
+                continue
+            if kind == "Any":
+                assert isinstance(value, ast.Name)
+                of_own = f"const {self.home.prefix}_parameters"
+                given[argument] = self.given.get(value.id, of_own)
+            plain.append(self._as(value, kind))
+        called = Function(owner, target, given, self.done).translate()
+        return Expression(f"{called}({', '.join(plain)})", _kind(target.returns))
+
+    def _own(self, name: str) -> str:
+        return Function(self.home, self.home.functions[name], {}, self.done).translate()
+
+
+def _kind(annotation: ast.expr | None) -> str:
+    text = ast.unparse(annotation) if annotation else "float"
+    kinds = {"float": "real", "None": "void"}
+    return "Callable" if text.startswith("Callable") else kinds.get(text, text)
+
+
+def _first(body: list[ast.stmt], name: str) -> ast.stmt:
+    """The statement at which a variable is declared: within the smallest block that has all its uses."""
+    hits = [node for node in body if name in _names(node)]
+    blocks = [getattr(hits[0], part, []) for part in ("body", "orelse")]
+    inside = [block for block in blocks if any(name in _names(node) for node in block)]
+    heads = [getattr(hits[0], part) for part in ("test", "iter") if hasattr(hits[0], part)]
+    if len(hits) == 1 and len(inside) == 1 and not any(name in _names(head) for head in heads):
+        return _first(inside[0], name)
+    return hits[0]
+
+
+def _names(node: ast.AST) -> set[str]:
+    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+
+
+def _target(node: ast.stmt) -> str:
+    """The variable that a statement sets, if it does."""
+    match node:
+        case ast.Assign(targets=[ast.Name(id=name)]):
+            return name
+    return ""

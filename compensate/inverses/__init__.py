@@ -1,0 +1,1 @@
+"""Exact inverses, one file per model."""

@@ -1,0 +1,92 @@
+"""Inverse of any model whose output rises with its input: by bisection, sample by sample."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from hysteresis import AbstractModel
+
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
+
+ROUNDING = 32
+"""Outputs closer than so many roundings of the largest one are one output: sums are not exact."""
+
+FLAT_WIDTH = 1e-6
+"""Part of the range. After a reversal y grows with the square of u: 1e-14 in y is 1e-7 in u."""
+
+
+def inputs_between(
+    outputs: Callable[[Array], Array], ends: Float[Array, "2"], wanted: Float[Array, "2"]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The first and the last input within `ends` whose output is within `wanted`, by bisection.
+
+    `outputs`: of several inputs, none lower than that of a lower input.
+    """
+
+    def halve(_: Any, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
+        below, above = bracket
+        middle = below + (above - below) / 2
+        short = outputs(middle) < wanted
+        return jnp.where(short, middle, below), jnp.where(short, above, middle)
+
+    bracket = jnp.full_like(ends, ends[0]), jnp.full_like(ends, ends[1])
+    below, above = jax.lax.fori_loop(0, jnp.finfo(ends.dtype).nmant + 2, halve, bracket)
+    return above[0], jnp.maximum(above[0], below[1])
+
+
+class BracketedState(NamedTuple):
+    """The state of the model, and the last estimate."""
+
+    model: Any
+    value: Array
+
+
+class BracketedCompensator(AbstractCompensator[BracketedState]):
+    """u from y by bisection of u -> model.step(state, t, u) on [low, high], where that never falls.
+
+    The inputs whose output is y but for rounding are an interval. The one nearest to the last
+    estimate is taken, and is FLAT where the interval is wider than a millionth of the range. Outputs
+    beyond those of `low` and `high` are SATURATED: the end is held.
+
+    **Arguments:**
+
+    - `model`: any model whose output does not fall while its input rises, whatever came before.
+    - `low`, `high`: the inputs to look for.
+
+    A step costs about 110 of the model's.
+    """
+
+    model: AbstractModel
+    low: float = eqx.field(static=True, converter=float)
+    high: float = eqx.field(static=True, converter=float)
+
+    def init(self) -> BracketedState:
+        return BracketedState(self.model.init(), jnp.asarray(self.low, float))
+
+    def simulate(self, t: Any, y: Any, state: BracketedState | None = None) -> Estimate:
+        y = jnp.asarray(y, float)
+        return scan_steps(self, t, y, self.init() if state is None else state)[1]
+
+    def step(self, state: BracketedState, t: Any, y: Any) -> tuple[BracketedState, Estimate]:
+        y = jnp.asarray(y, state.value.dtype)
+        outputs = jax.vmap(lambda u: self.model.step(state.model, t, u)[1])
+        ends = jnp.stack([jnp.full_like(y, self.low), jnp.full_like(y, self.high)])
+        least, greatest = outputs(ends)
+        eps = jnp.finfo(y.dtype).eps
+        margin = ROUNDING * eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
+        wanted = jnp.stack([y - margin, y + margin])
+        first, last = inputs_between(outputs, ends, wanted)
+
+        valid = jnp.isfinite(y)
+        value = jnp.where(valid, jnp.clip(state.value, first, last), state.value)
+        flat = last - first > FLAT_WIDTH * (self.high - self.low)
+        beyond = (wanted[0] > greatest) | (wanted[1] < least)
+        status = jnp.where(beyond, Status.SATURATED, jnp.where(flat, Status.FLAT, Status.OK))
+        after, _ = self.model.step(state.model, t, value)
+        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state.model)
+        status = jnp.where(valid, status, Status.INVALID)
+        return BracketedState(after, value), Estimate(value, status)

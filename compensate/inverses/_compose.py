@@ -1,0 +1,124 @@
+"""Inverses of composed models: of a chain the chain of inverses, of a sum by bisection."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import (
+    AbstractModel,
+    InputError,
+    NonlinearMaxwell,
+    Scaled,
+    Series,
+    Softening,
+    Sum,
+    is_concrete,
+)
+
+from .._contract import AbstractCompensator, Estimate, Status, inverse_of
+from ._bisection import BracketedCompensator
+
+
+class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):
+    """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
+
+    - `inverses`: of the stages, last to first.
+    """
+
+    inverses: tuple[AbstractCompensator, ...]
+
+    def init(self) -> tuple[Any, ...]:
+        return tuple(inverse.init() for inverse in self.inverses)
+
+    def step(self, state: tuple[Any, ...], t: Any, y: Any) -> tuple[tuple[Any, ...], Estimate]:
+        after, estimate = [], Estimate(jnp.asarray(y), jnp.asarray(Status.OK, int))
+        for inverse, own in zip(self.inverses, state, strict=True):
+            own, found = inverse.step(own, t, _passed_on(estimate))
+            after.append(own)
+            estimate = _first_said(estimate, found)
+        return tuple(after), estimate
+
+    def simulate(self, t: Any, y: Any, state: tuple[Any, ...] | None = None) -> Estimate:
+        y = jnp.asarray(y, float)
+        estimate = Estimate(y, jnp.zeros(y.shape, int))
+        states = (None,) * len(self.inverses) if state is None else state
+        for inverse, own in zip(self.inverses, states, strict=True):
+            estimate = _first_said(estimate, inverse.simulate(t, _passed_on(estimate), own))
+        return estimate
+
+
+class ScaledCompensator(AbstractCompensator[Any]):
+    """The inner model's inverse of (y - offset) / factor."""
+
+    inner: AbstractCompensator
+    factor: Float[Array, ""]
+    offset: Float[Array, ""]
+
+    def init(self) -> Any:
+        return self.inner.init()
+
+    def step(self, state: Any, t: Any, y: Any) -> tuple[Any, Estimate]:
+        return self.inner.step(state, t, (y - self.offset) / self.factor)
+
+    def simulate(self, t: Any, y: Any, state: Any = None) -> Estimate:
+        return self.inner.simulate(t, (jnp.asarray(y, float) - self.offset) / self.factor, state)
+
+
+def _passed_on(estimate: Estimate) -> Array:
+    """What the next stage is given: nothing, where the one before had nothing, so that its clock rests."""
+    return jnp.where(estimate.status == Status.INVALID, jnp.nan, estimate.value)
+
+
+def _first_said(before: Estimate, now: Estimate) -> Estimate:
+    return Estimate(now.value, jnp.where(before.status == Status.OK, now.status, before.status))
+
+
+@inverse_of.register
+def _(model: Series) -> SeriesCompensator:
+    return SeriesCompensator(tuple(inverse_of(part) for part in reversed(model.parts)))
+
+
+@inverse_of.register
+def _(model: Scaled) -> ScaledCompensator:
+    return ScaledCompensator(
+        inverse_of(model.inner), jnp.asarray(model.factor), jnp.asarray(model.offset)
+    )
+
+
+@inverse_of.register
+def _(model: Sum) -> AbstractCompensator:
+    if len(model.parts) == 1:
+        return inverse_of(model.parts[0])
+    ranges = [found for part in model.parts if (found := _range_of(part)) is not None]
+    if not ranges:
+        raise InputError(
+            "no-range",
+            "no part of the sum says over which inputs it holds, so none can be looked for.",
+            fix="BracketedCompensator(model, low, high).",
+        )
+    low, high = (np.array(ends) for ends in zip(*ranges, strict=True))
+    return BracketedCompensator(model, float(low.max()), float(high.min()))
+
+
+@inverse_of.register
+def _(model: NonlinearMaxwell) -> BracketedCompensator:
+    return BracketedCompensator(model, model.low, model.high)
+
+
+@inverse_of.register
+def _(model: Softening) -> BracketedCompensator:
+    return BracketedCompensator(model, model.low, model.high)
+
+
+def _range_of(part: AbstractModel) -> tuple[float, float] | None:
+    """The inputs a part was made for, as far as they are known before JAX runs."""
+    place: Any = getattr(part, "density", part)
+    ends: Any = getattr(place, "low", None), getattr(place, "high", None)
+    if (nodes := getattr(place, "nodes", None)) is not None:
+        ends = nodes[0], nodes[-1]
+    if not all(is_concrete(end) for end in ends):
+        return None
+    low, high = (float(end) for end in ends)
+    return low, high

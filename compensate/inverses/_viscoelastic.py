@@ -1,0 +1,63 @@
+"""Inverse of a viscoelastic model: the same element driven from its other side."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete
+
+from .._contract import AbstractCompensator, Estimate, Status, inverse_of, last_valid
+
+
+class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState]):
+    """Each step solves y = direct u + sum of x for the side that was not measured: one division.
+
+    `element` is the model with `leading` turned over and no offset.
+    """
+
+    element: AbstractViscoelastic
+    offset: jax.Array
+
+    def init(self) -> ViscoelasticState:
+        return self.element.init()
+
+    def step(self, state: ViscoelasticState, t: Any, y: Any) -> tuple[ViscoelasticState, Estimate]:
+        valid = jnp.isfinite(y)
+        after, value = self.element.step(state, t, y - self.offset)
+        held = self.element.output(state)
+        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
+        status = jnp.where(valid, Status.OK, Status.INVALID)
+        return after, Estimate(jnp.where(valid, value, held), status)
+
+    def simulate(self, t: Any, y: Any, state: ViscoelasticState | None = None) -> Estimate:
+        y = jnp.asarray(y, float)
+        state = self.init() if state is None else state
+        valid, latest = last_valid(y)
+        if t is not None:
+            # A sample that is not finite repeats the one before it, time included: no step at all.
+            held = jnp.where(latest < 0, jnp.argmax(valid), latest)
+            t, y = jnp.asarray(t, y.dtype)[held], y[held]
+            if self.element.against_chain and is_concrete(t):
+                self._check_steps(np.asarray(t))
+        value = self.element.simulate(t, y - self.offset, state)
+        value = jnp.where(latest < 0, self.element.output(state), value[latest])
+        return Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
+
+    def _check_steps(self, t: np.ndarray) -> None:
+        limit, largest = self.element.largest_stable_step(), float(np.diff(t).max(initial=0.0))
+        if largest > limit:
+            raise InputError(
+                "unstable-step",
+                f"the inverse grows without bound at time steps of {largest:g}.",
+                cause='with hold="constant" a step must stay short beside the element\'s own times.',
+                fix=f'sample at steps below {limit:.4g}, or use hold="linear".',
+            )
+
+
+@inverse_of.register
+def _(model: AbstractViscoelastic) -> ViscoelasticCompensator:
+    turned = replace(model, leading=not model.leading, offset=jnp.zeros_like(model.offset))
+    return ViscoelasticCompensator(turned, jnp.asarray(model.offset))

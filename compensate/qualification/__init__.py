@@ -1,0 +1,1 @@
+"""Judging a compensator on data it has not seen."""

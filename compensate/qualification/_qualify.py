@@ -1,0 +1,401 @@
+"""Whether a compensator can be used: its errors on a record, the loop it leaves, its time, in words."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from hysteresis import AbstractModel, InputError, Record
+
+from .._contract import AbstractCompensator, Status
+from ..uncertainty._flat_intervals import flat_intervals
+from ._loop_widths import Loop, loop_widths
+
+NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
+"""What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
+part of the output's range by which the model's answer to an estimate misses the output."""
+
+BAND = 1.6449
+"""Standard deviations on either side that hold 90 % of a normal distribution."""
+
+
+class Errors(NamedTuple):
+    """Errors estimate - input over some rows, in the input's unit.
+
+    - `rmse`, `max_abs`, `bias`: root mean square, largest, mean. `q95`: what 95 % of them stay within.
+    """
+
+    rows: int
+    rmse: float
+    q95: float
+    max_abs: float
+    bias: float
+
+
+class Latency(NamedTuple):
+    """Seconds of one compiled step, called from Python on this machine; `tail` is the 99.9 % quantile."""
+
+    median: float
+    tail: float
+    steps: int
+
+
+class Doubt(NamedTuple):
+    """What a posterior leaves open, in the input's unit.
+
+    - `worst`: the largest error of any draw, or of the 90 % band's ends where draws are not told apart.
+    - `coverage`: share of the true inputs within the 90 % band, value +- 1.64 deviations.
+    """
+
+    worst: float
+    coverage: float
+
+
+@dataclass(frozen=True)
+class Qualification:
+    """What `qualify` found; `level` and `reasons` are its verdict.
+
+    - `errors`: over all counted rows; `nrmse_percent`: 100 rmse / range of the input there.
+    - `by_branch`, `by_rate`, `by_level`: of rising and falling inputs, of thirds of the rows by |du/dt|
+      (empty without a clock), and by input.
+    - `loop`: `loop_widths`. `statuses`: share of the rows by `Status`.
+    - `output_range`: outputs whose estimates were OK, None where none was.
+    - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
+      of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
+      model. `latency`: of one step. `doubt`: of an ensemble, None without one.
+    """
+
+    level: Literal["PASS", "CAUTION", "FAIL"]
+    reasons: tuple[str, ...]
+    errors: Errors
+    nrmse_percent: float
+    by_branch: dict[str, Errors]
+    by_rate: dict[str, Errors]
+    by_level: dict[str, Errors]
+    loop: Loop
+    statuses: dict[str, float]
+    output_range: tuple[float, float] | None
+    round_trip: float | None
+    flat_width: float | None
+    latency: Latency
+    doubt: Doubt | None
+    max_error: float | None
+    rate: float | None
+    names: dict[str, str]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Plain data for JSON: NaN is None."""
+        found = asdict(self)
+        level, reasons = found.pop("level"), found.pop("reasons")
+        for name in ("errors", "loop", "latency", "doubt"):
+            if (value := getattr(self, name)) is not None:
+                found[name] = value._asdict()
+        for name in ("by_branch", "by_rate", "by_level"):
+            found[name] = {k: errors._asdict() for k, errors in getattr(self, name).items()}
+        found["loop"]["ratio"] = self.loop.ratio
+        return {"verdict": {"level": level, "reasons": list(reasons)}} | _plain(found)
+
+    @property
+    def text(self) -> str:
+        """For a terminal: the verdict, then the figures."""
+        unit, other = self.names["input_unit"], self.names["output_unit"]
+        lines = [f"{self.level}: {self.names['input']} estimated from {self.names['output']}"]
+        lines += [f"  {reason}" for reason in self.reasons]
+        head = f"error{'' if unit == '1' else f' in {unit}'}"
+        lines.append(f"{head:38}{'rows':>8}{'rms':>11}{'95 %':>11}{'worst':>11}{'mean':>11}")
+        parts = {"all": self.errors} | self.by_branch | self.by_rate | self.by_level
+        lines += [
+            f"  {name:36}{e.rows:8d}{e.rmse:11.3g}{e.q95:11.3g}{e.max_abs:11.3g}{e.bias:11.2g}"
+            for name, e in parts.items()
+        ]
+        if np.isfinite(self.loop.ratio):
+            before, after = (_quantity(x, unit) for x in self.loop[:2])
+            lines.append(
+                f"loop width: {before} before, {after} after, {self.loop.ratio:.3g} of it is left"
+                f" (mean of {self.loop.cycles} cycles)"
+            )
+        wide = f", within {_quantity(self.flat_width, unit)}" if self.flat_width else ""
+        lines.append(f"samples: {_shares(self.statuses)}{wide}")
+        if self.output_range is not None:
+            low, high = self.output_range
+            lines.append(f"OK for {self.names['output']} of {low:.3g} to {_quantity(high, other)}")
+        if self.round_trip is not None:
+            lines.append(f"round trip: within {_quantity(self.round_trip, other)} where OK")
+        median, tail = (f"{1e6 * x:.3g} µs" for x in self.latency[:2])
+        lines.append(f"one step: {median}, {tail} once in a thousand ({self.latency.steps} timed)")
+        if self.doubt is not None:
+            lines.append(
+                f"posterior: {_quantity(self.doubt.worst, unit)} at worst;"
+                f" 90 % band holds {100 * self.doubt.coverage:.3g} %"
+            )
+        return "\n".join(lines)
+
+
+def qualify(
+    compensator: AbstractCompensator,
+    record: Record,
+    model: AbstractModel | None = None,
+    ensemble: Any = None,
+    max_error: float | None = None,
+    rate: float | None = None,
+) -> Qualification:
+    """A verdict on a compensator from a record it has not seen, each sequence from the virgin state.
+
+    FAIL: an estimate that is not finite, an error above `max_error`, a median step longer than 1 / `rate`.
+    CAUTION: one step in a thousand longer than that; more than 1 % of the rows not OK; more than half of
+    the loop's width left, or no loop to tell by; an NRMSE above 5 %; a round trip that misses by more
+    than a millionth; draws of the ensemble with errors above `max_error`.
+
+    **Arguments:**
+
+    - `record`: input and output as measured; the rows of its mask count, all of them drive.
+    - `model`: what `compensator` inverts, for the round trip.
+    - `ensemble`: `simulate(t, y)` of it gives `value` and `deviation`, (samples,), and may give `draws`,
+        (draws, samples): an `EnsembleCompensator`.
+    - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
+
+    Raises `InputError` `bad-need`, `no-rows`, or `no-inverse` where the record has several inputs.
+    """
+    _check(record, max_error, rate)
+    u, y, used = record.input, record.output, record.mask
+    estimate, status = _run(compensator.simulate, record, y)
+    error = estimate - u
+    fine = used & (status == Status.OK)
+    span = float(np.ptp(u[used]))
+    errors = _errors(error[used])
+    shares = Counter(status[used].tolist())
+    back = flat_width = None
+    if model is not None:
+        again = _run(model.simulate, record, estimate)
+        back = float(np.abs(again - y)[fine].max(initial=0.0))
+        flat_width = _flat_width(model, record, estimate, used & (status == Status.FLAT))
+    found: dict[str, Any] = {
+        "errors": errors,
+        "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
+        "by_branch": {
+            name: _errors(error[rows])
+            for name, sign in (("rising", 1), ("falling", -1))
+            if (rows := used & (record.branch == sign)).any()
+        },
+        "by_rate": _thirds("|du/dt|", _speeds(record), error, used),
+        "by_level": _thirds(record.input_name, u, error, used),
+        "loop": loop_widths(record, estimate),
+        "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
+        "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
+        "round_trip": back,
+        "flat_width": flat_width,
+        "latency": latency(compensator, record),
+        "doubt": None if ensemble is None else _doubt(ensemble, record),
+        "max_error": max_error,
+        "rate": rate,
+        "names": {
+            "input": record.input_name, "input_unit": record.input_unit,
+            "output": record.output_name, "output_unit": record.output_unit,
+        },
+    }  # fmt: skip
+    level, reasons = _judge(found, float(np.ptp(y[used])))
+    return Qualification(level=level, reasons=reasons, **found)
+
+
+def latency(
+    compensator: AbstractCompensator, record: Record, steps: int = 2000, seconds: float = 1.0
+) -> Latency:
+    """Time one compiled step after the other on a record's first rows, for so many steps or seconds."""
+    step = jax.jit(lambda state, t, y: compensator.step(state, t, y))
+    clock = np.zeros(len(record)) if record.time is None else record.time
+    rows = np.arange(min(steps, int(np.append(record.starts[1:], len(record))[0])))
+    state = compensator.init()
+    for k in rows[[0, 0, 0]]:  # compiled twice: a first state may be weakly typed
+        state, _ = jax.block_until_ready(step(state, clock[k], record.output[k]))
+    state, taken = compensator.init(), []
+    end = time.perf_counter() + seconds
+    for k in np.resize(rows, steps):
+        begin = time.perf_counter()
+        state, _ = jax.block_until_ready(step(state, clock[k], record.output[k]))
+        taken.append(time.perf_counter() - begin)
+        if begin > end:
+            break
+    return Latency(float(np.median(taken)), float(np.quantile(taken, 0.999)), len(taken))
+
+
+def _check(record: Record, max_error: float | None, rate: float | None) -> None:
+    for name, option, value in (("max_error", "--max-error", max_error), ("rate", "--rate", rate)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(
+                "bad-need", f"{name}={value:g} can never be met.", fix=f"a positive {option}."
+            )
+    if record.channels:
+        raise InputError(
+            "no-inverse",
+            f"the record has {len(record.channels)} inputs, and one output does not tell them apart.",
+            place=record.source,
+        )
+    if not record.mask.any():
+        raise InputError("no-rows", "no row counts.", place=record.source)
+
+
+def _run(simulate: Callable[[Any, Any], Any], record: Record, driving: np.ndarray) -> Any:
+    """`simulate` of each sequence, put together: what it gives, as arrays (..., samples).
+
+    Sequences are drawn out to a power of two, which nothing before notices: few lengths to compile.
+    """
+    found = []
+    for _, rows in record.sequences():
+        n = rows.stop - rows.start
+        more = (1 << (n - 1).bit_length()) - n
+        t = None
+        if record.time is not None:
+            t = record.time[rows]
+            t = np.append(t, t[-1] + (t[-1] - t[0]) / max(n - 1, 1) * np.arange(1, more + 1))
+        values = simulate(t, np.append(driving[rows], np.repeat(driving[rows.stop - 1], more)))
+        found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], values))
+    return jax.tree.map(lambda *parts: np.concatenate(parts, -1), *found)
+
+
+def _flat_width(
+    model: AbstractModel, record: Record, estimate: np.ndarray, flat: Bool[np.ndarray, " rows"]
+) -> float:
+    low, high = float(record.input.min()), float(record.input.max())
+    widest = 0.0
+    for _, rows in record.sequences():
+        if flat[rows].any():
+            t = None if record.time is None else record.time[rows]
+            open_ = flat_intervals(model, t, estimate[rows], low, high, flat[rows])
+            widest = max(widest, float(open_.width.max()))
+    return widest
+
+
+def _errors(error: Float[np.ndarray, " rows"]) -> Errors:
+    size = np.abs(error)
+    return Errors(
+        len(error),
+        float(np.sqrt(np.mean(error**2))),
+        float(np.quantile(size, 0.95)),
+        float(size.max()),
+        float(error.mean()),
+    )
+
+
+def _speeds(record: Record) -> Float[np.ndarray, " samples"] | None:
+    if record.time is None:
+        return None
+    speed = np.zeros(len(record))
+    for _, rows in record.sequences():
+        if rows.stop - rows.start > 1:
+            speed[rows] = np.abs(np.gradient(record.input[rows], record.time[rows]))
+    return speed
+
+
+def _thirds(
+    name: str,
+    value: Float[np.ndarray, " samples"] | None,
+    error: Float[np.ndarray, " samples"],
+    used: Bool[np.ndarray, " samples"],
+) -> dict[str, Errors]:
+    """Errors over thirds of the counted rows by a value; fewer where many share one, none if all do."""
+    if value is None:
+        return {}
+    edges = np.quantile(value[used], [0.0, 1 / 3, 2 / 3, 1.0])
+    edges = edges[np.append(True, np.diff(edges) > 0.01 * np.abs(edges).max())]
+    third = np.digitize(value, edges[1:-1])
+    return {
+        f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}": _errors(error[rows])
+        for k in range(len(edges) - 1 if len(edges) > 2 else 0)
+        if (rows := used & (third == k)).any()
+    }
+
+
+def _doubt(ensemble: Any, record: Record) -> Doubt:
+    def drawn(t: Any, y: Any) -> tuple[Any, Any, Any]:
+        found = ensemble.simulate(t, y)
+        return found.value, found.deviation, getattr(found, "draws", None)
+
+    value, deviation, draws = _run(drawn, record, record.output)
+    error, used = np.abs(value - record.input), record.mask
+    worst = error + BAND * deviation if draws is None else np.abs(draws - record.input)
+    inside = error <= BAND * deviation
+    return Doubt(float(worst[..., used].max()), float(inside[used].mean()))
+
+
+def _judge(
+    found: dict[str, Any], output_span: float
+) -> tuple[Literal["PASS", "CAUTION", "FAIL"], tuple[str, ...]]:
+    """The level, and sentences: how far off, then what is gravest."""
+    fails, cautions, facts = [], [], []
+    names, errors, need = found["names"], found["errors"], found["max_error"]
+    unit = names["input_unit"]
+    said = (
+        f"Estimates are off by {_quantity(errors.rmse, unit)} rms ({found['nrmse_percent']:.2g} % of the"
+        f" range), by {_quantity(errors.max_abs, unit)} at most."
+    )
+    if not np.isfinite(errors.max_abs):
+        fails.append("Some estimates are not finite.")
+    elif need is not None and errors.max_abs > need:
+        fails.append(
+            f"The largest error is above the {_quantity(need, unit)} asked for;"
+            f" 95 % of the rows stay within {_quantity(errors.q95, unit)}."
+        )
+    elif need is not None:
+        facts.append(f"No error is above the {_quantity(need, unit)} asked for.")
+    if (rate := found["rate"]) is not None:
+        median, tail = found["latency"][:2]
+        if median > 1 / rate:
+            fails.append(f"A step takes {1e6 * median:.3g} µs: too long for {rate:g} Hz.")
+        elif tail > 1 / rate:
+            cautions.append(
+                f"One step in a thousand takes {1e6 * tail:.3g} µs: too long for {rate:g} Hz."
+            )
+        else:
+            facts.append(f"A step takes {1e6 * median:.3g} µs: {rate:g} Hz can be kept up.")
+    if found["nrmse_percent"] > ERROR:
+        cautions.append(f"The error is above {ERROR:g} % of the range.")
+    if 1 - found["statuses"].get("OK", 0.0) > NOT_OK:
+        cautions.append(f"Not every estimate is OK: {_shares(found['statuses'])}.")
+    if flat := found["flat_width"]:
+        facts.append(
+            f"Where the model is flat the nearest input is held: up to {_quantity(flat, unit)} are open."
+        )
+    ratio = found["loop"].ratio
+    if not np.isfinite(ratio):
+        cautions.append("No whole cycle has a loop, so how much of one is removed is not known.")
+    elif ratio > LEFT:
+        cautions.append(f"Of the loop's width {ratio:.2g} is left: little hysteresis is removed.")
+    else:
+        facts.append(f"Of the loop's width {ratio:.2g} is left.")
+    if (back := found["round_trip"]) is not None and back > ROUND_TRIP * output_span:
+        cautions.append(
+            f"Run forward, the estimates miss the output by up to"
+            f" {_quantity(back, names['output_unit'])}: this is not the model's inverse."
+        )
+    if (doubt := found["doubt"]) is not None:
+        if need is not None and doubt.worst > need and not fails:
+            cautions.append(
+                f"Within the posterior errors reach {_quantity(doubt.worst, unit)}, above what is asked."
+            )
+        facts.append(
+            f"The posterior's 90 % band holds {100 * doubt.coverage:.2g} % of the true inputs."
+        )
+    level = "FAIL" if fails else "CAUTION" if cautions else "PASS"
+    return level, (said, *fails, *cautions, *facts)
+
+
+def _shares(statuses: dict[str, float]) -> str:
+    return ", ".join(f"{100 * share:.3g} % {name}" for name, share in statuses.items())
+
+
+def _quantity(x: float, unit: str) -> str:
+    return f"{x:.3g}" if unit == "1" else f"{x:.3g} {unit}"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(v) for name, v in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(v) for v in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,1 @@
+"""Compensators with a standard deviation: ensembles, calibrated, filtered."""

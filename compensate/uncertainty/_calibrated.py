@@ -1,0 +1,201 @@
+"""How far an estimate is off: the spread of its models, and what their own error was found to be."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import InputError, Record
+
+from .._contract import AbstractCompensator, Status
+from ._ensemble import UncertainEstimate
+
+SCORES = 200
+"""Draws of a model's error that a calibration keeps."""
+
+TURN = 0.02
+"""Part of the inputs' range by which an estimate has to come back to be on another branch."""
+
+CANDIDATES = 81
+"""Errors to choose from, an eighth apart."""
+
+TINY = 1e-30
+"""The scale of residuals that are all 0."""
+
+PRIOR_VISITS = 2.0
+"""As many visits of a level are added with the mean error: few say little about one level."""
+
+
+class CalibratedState(NamedTuple):
+    """The inner state; a play behind the estimates, NaN before the first; whether it rose last."""
+
+    inner: Any
+    follower: Array
+    rising: Array
+
+
+class CalibratedCompensator(AbstractCompensator[CalibratedState]):
+    """An inner compensator, with its model's own error beside the spread:
+
+        deviation^2 = spread^2 + error(level, branch)^2,     draws = value + deviation scores
+
+    The error runs linearly between `levels` of the estimate, falling and rising, and `scores` are what
+    residuals were found to be over their deviation, whatever that distribution. The value is the
+    inner one's. A play of half width `width` behind the estimates tells the branch.
+    """
+
+    inner: AbstractCompensator
+    levels: Float[Array, " levels"]
+    error: Float[Array, "2 levels"]
+    scores: Float[Array, " scores"]
+    width: float = eqx.field(static=True)
+
+    def init(self) -> CalibratedState:
+        return CalibratedState(self.inner.init(), jnp.asarray(jnp.nan, float), jnp.asarray(1))
+
+    def step(
+        self, state: CalibratedState, t: Any, y: Any
+    ) -> tuple[CalibratedState, UncertainEstimate]:
+        inner, found = self.inner.step(state.inner, t, y)
+        way = _way(self.width, (state.follower, state.rising), (found.value, found.status))
+        return CalibratedState(inner, *way), self._widened(found, way[1])
+
+    def simulate(self, t: Any, y: Any, state: CalibratedState | None = None) -> UncertainEstimate:
+        state = self.init() if state is None else state
+        found = self.inner.simulate(t, y, state.inner)
+        return self._widened(found, _ways(self.width, state.follower, state.rising, found))
+
+    def around(self, inner: AbstractCompensator) -> "CalibratedCompensator":
+        """The same error for another compensator: of the same model, fitted to more."""
+        return replace(self, inner=inner)
+
+    def _widened(self, found: Any, rising: Array) -> UncertainEstimate:
+        falling_error, rising_error = (jnp.interp(found.value, self.levels, e) for e in self.error)
+        error = jnp.where(rising > 0, rising_error, falling_error)
+        deviation = jnp.hypot(getattr(found, "deviation", jnp.zeros_like(error)), error)
+        draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
+        return UncertainEstimate(found.value, found.status, deviation, draws)
+
+
+def _way(
+    width: float, way: tuple[Array, Array], sample: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """A play behind the estimates, which only moves with them, and the direction it moved last."""
+    (before, rising), (value, status) = way, sample
+    after = jnp.where(jnp.isnan(before), value, jnp.clip(before, value - width, value + width))
+    after = jnp.where(status == Status.INVALID, before, after)
+    moved = jnp.sign(after - before)
+    return after, jnp.where(moved > 0, 1, jnp.where(moved < 0, -1, rising))
+
+
+@eqx.filter_jit
+def _ways(width: float, before: Array, rising: Array, found: Any) -> Array:
+    def step(way: Any, sample: Any) -> tuple[Any, Array]:
+        after = _way(width, way, sample)
+        return after, after[1]
+
+    return jax.lax.scan(step, (before, rising), (found.value, found.status))[1]
+
+
+def calibrated(
+    compensator: AbstractCompensator,
+    record: Record,
+    cycles: int | None = None,
+    levels: int = 8,
+    ahead: float = 1.0,
+) -> CalibratedCompensator:
+    """A compensator that knows what error its model makes, from residuals r = estimate - input:
+
+        error = argmax over e of  sum over visits of mean over samples of log N(r; 0, spread^2 + e^2),
+
+    for each level and branch. A visit is one way through one level: neighbouring samples err alike, so it
+    is one fact, however many samples it has. Those of all levels and branches count as two more.
+    The scores are the quantiles of +-r over the deviation that the other cycles give it (sequences,
+    where there are several), so that what varies between them is in the band.
+
+    **Arguments:**
+
+    - `record`: rows outside its mask are history. Residuals of the rows a model was fitted to are too
+      small where samples drift: fit without the last cycle, calibrate on it, and carry the error over to
+      the compensator of the whole fit, `calibrated(before, last).around(invert(...))`.
+    - `cycles`: only so many, the last ones of each sequence; all by default.
+    - `levels`: into which the range of the estimates is divided.
+    - `ahead`: how many times further from the fit the estimates will be than the record is, in cycles,
+      where samples drift: the error then grows with its square root, as a random walk's.
+
+    Raises `InputError` where no row is left.
+    """
+    value, status, spread, rising, width = _residuals(compensator, record)
+    counted = record.mask & (status != Status.INVALID)
+    if cycles is not None:
+        counted &= np.concatenate([_last(record, rows, cycles) for _, rows in record.sequences()])
+    if not counted.any():
+        raise InputError("no-rows", "no row is left to learn the error from.")
+    value, spread, rising = value[counted], spread[counted], rising[counted]
+    r, firsts = value - record.input[counted], record.starts
+    if len(record.labels) == 1:
+        # A cycle of which less than half is counted goes with the one before.
+        whole = [
+            k for k in range(1, record.n_cycles + 1) if counted[record.cycle == k].mean() >= 0.5
+        ]
+        firsts = np.array([np.flatnonzero(record.cycle == k)[0] for k in whole[1:]], int)
+    group = np.searchsorted(firsts, np.flatnonzero(counted), side="right")
+    edges = np.linspace(value.min(), value.max(), levels + 1)
+    place = rising * levels + np.clip(np.searchsorted(edges, value) - 1, 0, levels - 1)
+    ways = 2 * levels
+    visits, visit = np.unique(group * ways + place, return_inverse=True)
+    of_visit = visits // ways
+
+    candidates = np.geomspace(1e-3, 10, CANDIDATES) * max(float(np.std(r)), TINY)
+    variance = spread**2 + candidates[:, None] ** 2
+    likelihood = -(np.log(variance) + r**2 / variance) / 2
+    facts = np.stack([np.bincount(visit, row) for row in likelihood]) / np.bincount(visit)
+
+    def error(of: np.ndarray) -> np.ndarray:
+        total = np.stack(
+            [np.bincount(visits[of] % ways, row, minlength=ways) for row in facts[:, of]]
+        )
+        total += PRIOR_VISITS * facts[:, of].mean(1, keepdims=True)
+        return candidates[total.argmax(0)].reshape(2, levels)
+
+    middles, scores = (edges[1:] + edges[:-1]) / 2, np.empty(len(r))
+    for one in np.unique(of_visit):
+        others = of_visit != one if (of_visit != one).any() else of_visit == one
+        low, high = (np.interp(value, middles, e) for e in error(others))
+        score = np.abs(r) / np.hypot(spread, np.where(rising, high, low))
+        scores = np.where(of_visit[visit] == one, score, scores)
+    half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
+    errors = np.sqrt(ahead) * error(of_visit >= 0)
+    symmetric = np.concatenate([-half[::-1], half])
+    learnt = (jnp.asarray(part) for part in (middles, errors, symmetric))
+    return CalibratedCompensator(compensator, *learnt, width=width)
+
+
+def _residuals(compensator: AbstractCompensator, record: Record) -> tuple[Any, ...]:
+    """Value, status and spread, every sequence from the virgin state; whether it rises, and `width`."""
+    longest = int(np.diff([*record.starts, len(record)]).max())
+    width = TURN / 2 * float(np.ptp(record.input))
+    found, ways = [], []
+    for _, rows in record.sequences():
+        # One length for all, so that one program serves: no reading moves nothing.
+        more = (0, longest - (rows.stop - rows.start))
+        y = jnp.asarray(np.pad(record.output[rows], more, constant_values=np.nan))
+        t = None if record.time is None else jnp.asarray(np.pad(record.time[rows], more, "edge"))
+        estimate = compensator.simulate(t, y)
+        way = _ways(width, jnp.asarray(jnp.nan, float), jnp.asarray(1), estimate)
+        keep = rows.stop - rows.start
+        found.append([np.asarray(part)[:keep] for part in estimate[:3]])
+        ways.append(np.asarray(way)[:keep])
+    parts = [np.concatenate(part) for part in zip(*found, strict=True)]
+    return (*parts, *[np.zeros(len(record))] * (3 - len(parts)), np.concatenate(ways) > 0, width)
+
+
+def _last(record: Record, rows: slice, cycles: int) -> np.ndarray:
+    """The rows of the last cycles of which at least half is counted."""
+    number = record.cycle[rows]
+    share = np.bincount(number, record.mask[rows]) / np.maximum(np.bincount(number), 1)
+    return np.isin(number, 1 + np.flatnonzero(share[1:] >= 0.5)[::-1][:cycles])

@@ -1,0 +1,126 @@
+"""Many models run backwards side by side: a mean and a spread."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from hysteresis import AbstractModel, InputError, is_concrete
+
+from .._contract import AbstractCompensator, Status, inverse_of
+
+
+class UncertainEstimate(NamedTuple):
+    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`."""
+
+    value: Float[Array, "*samples"]
+    status: Int[Array, "*samples"]
+    deviation: Float[Array, "*samples"]
+    draws: Float[Array, "draws *samples"] | None = None
+
+    def quantile(self, q: Any) -> Array:
+        """The input's quantiles, (*q, *samples): of the draws, else value + deviation Phi^-1(q)."""
+        q = jnp.asarray(q, float)
+        if self.draws is not None:
+            return jnp.quantile(self.draws, q, axis=0)
+        away = jnp.multiply.outer(jax.scipy.special.ndtri(q), self.deviation)
+        return away + jnp.expand_dims(self.value, range(q.ndim))
+
+
+class EnsembleState(NamedTuple):
+    """The draws' own states, and how many samples with a reading there were."""
+
+    members: Any
+    count: Array
+
+
+class EnsembleCompensator(AbstractCompensator[EnsembleState]):
+    """The inverses of all draws of a model, side by side: value and deviation are their mean and spread.
+
+    Draw d sees the reading y_k + sigma_d n_dk, n standard normal by (`seed`, d, k) alone, so that a
+    stream equals the batch: the spread is the model's and the reading's together. Raw inverses take
+    noise for reversals, and the reading has its own already: see `FilteredCompensator`.
+
+    Where any draw's status is not OK, the commonest of those is told: one draw that is held already
+    cuts the band short.
+
+    **Arguments:**
+
+    - `models`: one model with a leading draw axis on every array, such as `Posterior.model`.
+    - `output_sigma`: standard deviation of the reading's noise, () or (draws,); None for none.
+    - `seed`: of that noise.
+    - `inverse`: makes the compensator of one model, e.g. `lambda m: BracketedCompensator(m, 0, 1)`.
+
+    Raises `InputError` where the first draw has no inverse, or a deviation is negative or not finite.
+    """
+
+    members: AbstractCompensator
+    output_sigma: Float[Array, " draws"]
+    seed: int = eqx.field(static=True)
+
+    def __init__(
+        self,
+        models: AbstractModel,
+        output_sigma: Any = None,
+        seed: int = 0,
+        inverse: Callable[[Any], AbstractCompensator] = inverse_of,
+    ):
+        models = jax.tree.map(jnp.asarray, models)
+        inverse(jax.tree.map(lambda leaf: leaf[0], models))  # looks at numbers, which vmap hides
+        draws = jax.tree.leaves(models)[0].shape[0]
+        # What all draws share, such as nodes, stays known before JAX runs: ranges are read from it.
+        same = jax.tree.map(_is_shared, models)
+        shared, drawn = eqx.partition(models, same)
+        shared = jax.tree.map(lambda leaf: leaf[0], shared)
+        make = eqx.filter_vmap(lambda own: inverse(eqx.combine(own, shared)), axis_size=draws)
+        self.members, self.seed = make(drawn), seed
+        sigma = np.asarray(0.0 if output_sigma is None else output_sigma, float)
+        if sigma.shape not in ((), (draws,)) or not (np.isfinite(sigma) & (sigma >= 0)).all():
+            raise InputError(
+                "output-sigma",
+                f"output_sigma is no standard deviation for each of {draws} draws.",
+                fix="give one number, or one for each draw, none negative.",
+            )
+        self.output_sigma = jnp.asarray(np.broadcast_to(sigma, (draws,)))
+
+    def init(self) -> EnsembleState:
+        members = eqx.filter_vmap(lambda member: member.init())(self.members)
+        return EnsembleState(members, jnp.asarray(0))
+
+    def step(self, state: EnsembleState, t: Any, y: Any) -> tuple[EnsembleState, UncertainEstimate]:
+        y = jnp.asarray(y, float)
+        run = eqx.filter_vmap(lambda member, own, reading: member.step(own, t, reading))
+        readings = self._readings(y, state.count)
+        members, found = run(self.members, state.members, readings)
+        count = state.count + jnp.isfinite(y).astype(state.count.dtype)
+        return EnsembleState(members, count), _together(found)
+
+    def simulate(self, t: Any, y: Any, state: EnsembleState | None = None) -> UncertainEstimate:
+        y = jnp.asarray(y, float)
+        state = self.init() if state is None else state
+        valid = jnp.isfinite(y).astype(state.count.dtype)
+        readings = jax.vmap(self._readings)(y, state.count + jnp.cumsum(valid) - valid).T
+        run = eqx.filter_vmap(lambda member, own, reading: member.simulate(t, reading, own))
+        return _together(run(self.members, state.members, readings))
+
+    def _readings(self, y: Float[Array, ""], count: Int[Array, ""]) -> Float[Array, " draws"]:
+        """A sample without reading uses up no noise."""
+        key = jax.random.fold_in(jax.random.key(self.seed), count)
+        return y + self.output_sigma * jax.random.normal(key, self.output_sigma.shape, y.dtype)
+
+
+def _is_shared(leaf: Array) -> bool:
+    return is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
+
+
+@jax.jit
+def _together(found: Any) -> UncertainEstimate:
+    votes = jnp.stack([(found.status == s).sum(0) for s in Status if s != Status.OK])
+    codes = jnp.asarray([s for s in Status if s != Status.OK], found.status.dtype)
+    status = jnp.where(votes.max(0) > 0, codes[votes.argmax(0)], Status.OK)
+    value = found.value
+    return UncertainEstimate(value.mean(0), status, value.std(0), value)

@@ -1,0 +1,1 @@
+"""The armor: calibration, touches, three-dimensional view."""

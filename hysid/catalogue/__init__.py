@@ -1,0 +1,1 @@
+"""Measured data by third parties: what there is, and fetching it."""

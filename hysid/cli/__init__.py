@@ -1,0 +1,1 @@
+"""The command line: console, options, one file per command."""

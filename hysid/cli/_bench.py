@@ -1,0 +1,65 @@
+"""`hysid bench` on the command line: the benchmarks of the repository, one after the other."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = (
+    "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
+    "microchannel", "ruggedness",
+)  # fmt: skip
+"""Modules of `benchmarks` that judge the package; those that are there are run in this order."""
+
+
+def bench(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help=f"{', '.join(NAMES)}.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Reduced sizes, a few minutes each.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run the benchmarks, all or by name: each row with its bar, and whether it is met."""
+    from ._app import _print, _say
+
+    there = _there()
+    if unknown := [name for name in names or () if name not in there]:
+        raise typer.BadParameter(f"no benchmark {unknown[0]!r}; there are {', '.join(there)}")
+    found: dict[str, Any] = {}
+    failed: dict[str, int] = {}
+    for name in names or there:
+        command = [sys.executable, "-m", f"benchmarks.{name}", *["--quick"] * quick]
+        _say(f"hysid bench: {' '.join(command[1:])}")
+        if not as_json:
+            done = subprocess.run(command, cwd=ROOT)
+        else:
+            done = subprocess.run([*command, "--json"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+            if not done.returncode:
+                found[name] = json.loads(done.stdout)
+        if done.returncode:
+            failed[name] = done.returncode
+    lines = [f"{name}: ended with exit status {code}" for name, code in failed.items()]
+    _print({"benchmarks": found, "failed": failed}, as_json, lines or ["All ran."])
+    if failed:
+        raise SystemExit(1)
+
+
+def _there() -> list[str]:
+    """The benchmarks of this checkout. Raises `InputError` where there are none."""
+    there = [name for name in NAMES if (ROOT / "benchmarks" / f"{name}.py").is_file()]
+    if not there:
+        from hysteresis import InputError
+
+        raise InputError(
+            "no-benchmarks",
+            "the benchmarks are not here.",
+            cause="hysid was installed from a wheel, which leaves them out.",
+            fix="run hysid bench from an editable install of the repository.",
+        )
+    return there

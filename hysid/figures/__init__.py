@@ -1,0 +1,1 @@
+"""Matplotlib figures, number formatting, notebook display."""

@@ -1,0 +1,277 @@
+"""Figures of whether a fit can be believed: what `identify` found in, a matplotlib Figure out."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from identify import Bands, Profile, Sloppiness, Starts, Whiteness
+
+from ._base import BLUE, DIM, GREEN, GREY, INK, SIZE, SKY, VERMILLION, styled
+from ._format import label, pretty
+
+ACROSS = 4
+"""Small charts beside each other."""
+
+EDGE = "#666666"
+WIDE = 9.8
+
+
+class Belief(NamedTuple):
+    """One parameter before and after the data: values and densities of prior, Laplace and draws; None
+    where there is none."""
+
+    name: str
+    unit: str
+    prior: Callable[[np.ndarray], np.ndarray] | None
+    laplace: tuple[float, float] | None
+    draws: Float[np.ndarray, " draws"] | None
+
+
+@styled
+def residual_correlation(found: Whiteness) -> Figure:
+    """Correlation of residuals with themselves, the input and its speed, with the band in which 99 of 100
+    lags of white residuals lie, and, dotted, the one that holds all lags as often."""
+    charts = [("rows before", "autocorrelation", found.itself)]
+    charts.append(("rows before", "with the input", found.input))
+    if found.speed is not None:
+        charts.append(("rows before", "with the input's speed", found.speed))
+    figure = Figure(figsize=(WIDE, 2.9), layout="constrained")
+    grid = figure.subplots(1, len(charts), sharey=True, squeeze=False)[0]
+    most = max(np.abs(c.values).max() for _, _, c in charts)
+    for axes, (x_label, title, c) in zip(grid, charts, strict=True):
+        axes.axhspan(-c.band, c.band, color=SKY, alpha=0.35, lw=0, label="99 % band of one lag")
+        for side in (-1, 1):
+            name = "99 % band of all lags" if side > 0 else None
+            axes.axhline(side * c.family, color=EDGE, lw=0.8, ls=":", label=name)
+        beyond = np.abs(c.values) > c.family
+        wide = len(c.lags) <= 60
+        axes.vlines(c.lags, 0, c.values, color=BLUE, lw=2 if wide else 0.9)
+        axes.vlines(c.lags[beyond], 0, c.values[beyond], color=VERMILLION, lw=2 if wide else 0.9,
+                    label="beyond")  # fmt: skip
+        axes.axhline(0, color=EDGE, lw=0.8)
+        axes.set(xlabel=x_label, title=title)
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        axes.set_ylim(-1.15 * max(most, c.family), 1.15 * max(most, c.family))
+    grid[0].set_ylabel("correlation")
+    handles, names = grid[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=3)
+    return figure
+
+
+@styled
+def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
+    """The error of every start, the best first, and how far from the best its parameters ended.
+
+    Distances are in the free space: 1 is a factor of e for a positive parameter. The first `refined`
+    starts were followed to their end.
+    """
+    errors = np.sqrt(starts.objective)
+    rank, same = np.arange(1, len(errors) + 1), errors <= 1.01 * errors[0]
+    figure = Figure(figsize=(SIZE[0], 4.2), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+    for axes, y in ((above, errors), (below, np.maximum(starts.distance, 1e-6))):
+        axes.plot(rank, y, color=DIM, lw=1, zorder=1)
+        for which, colour, mark, name in (
+            (same, GREEN, "o", "at the least error"), (~same, GREY, "s", "elsewhere")
+        ):  # fmt: skip
+            ended = which & (rank <= refined)
+            axes.plot(rank[which], y[which], mark, mec=colour, mfc="white", ms=5, label=name)
+            axes.plot(rank[ended], y[ended], mark, color=colour, ms=5)
+        axes.set_yscale("log")
+        finite = y[np.isfinite(y) & (y > 0)]
+        if len(finite) and finite.max() < 3 * finite.min():
+            axes.set_ylim(0.5 * finite.min(), 3 * finite.max())
+        _log_ticks(axes.yaxis)
+    above.set_ylabel(label("rms error", unit))
+    below.set(xlabel="start, best first" + (" (filled: followed to its end)" if refined else ""))
+    below.set_ylabel("distance")
+    below.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    handles, names = above.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    return figure
+
+
+@styled
+def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> Figure:
+    """Profile likelihoods: the drop of the log-likelihood as one parameter moves and all others make up
+    for it.
+
+    The line is the drop at the interval's ends; dashed, the parabola of the standard error, where there
+    is one.
+    """
+    figure, grid = _small(len(found), 1.95)
+    for k, (axes, p) in enumerate(zip(grid, found, strict=False)):
+        top = 1.6 * p.bound
+        _axis(axes, np.append(p.values[p.drop < 1.3 * p.bound], p.best), p.name, p.unit)
+        if k < len(errors) and (error := errors[k]):
+            x = np.linspace(p.best - 3 * error, p.best + 3 * error, 121)
+            axes.plot(x, ((x - p.best) / error) ** 2 / 2, color=GREY, lw=1, ls="--",
+                      label="standard error", scalex=False)  # fmt: skip
+        axes.plot(p.values, p.drop, color=BLUE, lw=1.6, marker=".", ms=3, label="profile")
+        axes.axhline(p.bound, color=VERMILLION, lw=0.9, label=f"{100 * p.level:.0f} %")
+        axes.plot(p.best, 0, "o", color=INK, ms=4)
+        for end in (p.low, p.high):
+            if end is not None:
+                axes.plot([end, end], [0, p.bound], color=VERMILLION, lw=0.8, ls=":")
+        for other in p.others:
+            axes.plot(other, np.interp(other, p.values, p.drop), "o", mec=INK, mfc="white", ms=4)
+        axes.set_ylim(top, -0.08 * top)
+    figure.supylabel("log-likelihood below its greatest", fontsize=9.5)
+    _shared_legend(figure, grid[: len(found)])
+    return figure
+
+
+@styled
+def beliefs(found: Sequence[Belief]) -> Figure:
+    """What was known of each parameter before the data, dashed, and after: draws and Laplace's
+    approximation."""
+    figure, grid = _small(len(found), 1.75)
+    for axes, b in zip(grid, found, strict=False):
+        seen = [] if b.draws is None else [np.quantile(b.draws, [0.002, 0.998])]
+        if b.laplace is not None:
+            at, error = b.laplace
+            seen.append(np.array([at - 3.5 * error, at + 3.5 * error]))
+        is_log = _axis(axes, np.concatenate(seen), b.name, b.unit)
+        low, high = axes.get_xlim()
+        x = np.geomspace(low, high, 200) if is_log else np.linspace(low, high, 200)
+        # A density over a logarithmic axis is that of the logarithm.
+        per = x if is_log else 1.0
+        if b.draws is not None:
+            edges = np.geomspace(low, high, 33) if is_log else np.linspace(low, high, 33)
+            count, _ = np.histogram(b.draws, edges)
+            width = np.diff(np.log(edges) if is_log else edges)
+            axes.stairs(count / (len(b.draws) * width), edges, fill=True, color=SKY, alpha=0.6,
+                        label="posterior")  # fmt: skip
+        if b.laplace is not None:
+            at, error = b.laplace
+            density = np.exp(-(((x - at) / error) ** 2) / 2) / (error * np.sqrt(2 * np.pi))
+            axes.plot(x, density * per, color=VERMILLION, lw=1.3, label="Laplace")
+        if b.prior is not None:
+            axes.plot(x, b.prior(x) * per, color=INK, lw=1, ls="--", label="prior")
+        axes.set_yticks([])
+        axes.set_ylim(bottom=0)
+        axes.grid(axis="y", visible=False)
+    figure.supylabel("density", fontsize=9.5)
+    _shared_legend(figure, grid[: len(found)])
+    return figure
+
+
+@styled
+def spectrum(found: Sloppiness) -> Figure:
+    """Combinations of parameters from the best known to the worst: how each is made up, and its error."""
+    n = len(found.names)
+    figure = Figure(figsize=(1.6 + 0.62 * n, 1.5 + 0.36 * n), layout="constrained")
+    axes = figure.subplots()
+    axes.grid(False)
+    mesh = axes.pcolormesh(np.arange(n + 1), np.arange(n + 1), np.abs(found.vectors), cmap="Blues",
+                           vmin=0, vmax=1)  # fmt: skip
+    with np.errstate(divide="ignore"):
+        errors = 1 / np.sqrt(found.eigenvalues)
+    names = [f"{100 * e:.1g} %" if e < 0.3 else f"×{_factor(e)}" for e in errors]
+    axes.set_xticks(np.arange(n) + 0.5, names, rotation=45, ha="right")
+    axes.set_yticks(np.arange(n) + 0.5, found.names)
+    axes.invert_yaxis()
+    axes.tick_params(length=0)
+    axes.set_xlabel("error of the combination")
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.85, label="part in it")
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    return figure
+
+
+@styled
+def bands(
+    found: Bands,
+    x: Float[np.ndarray, " rows"] | None = None,
+    *,
+    x_label: str = "row",
+    y_label: str = "output",
+    about: bool = False,
+    gaps: Sequence[int] | np.ndarray = (),
+) -> Figure:
+    """Measured rows over the 50, 90 and 99 % predictive bands.
+
+    **Arguments:** `x` of the rows, their numbers unless given; `about`: with the median taken away, so
+    that the bands' widths can be seen; `gaps`: rows before which nothing is connected.
+    """
+    x = found.rows.astype(float) if x is None else x
+    take = found.middle if about else np.zeros_like(found.middle)
+
+    def gapped(y: np.ndarray) -> np.ndarray:
+        return np.insert(y, gaps, np.nan)
+
+    figure = Figure(figsize=SIZE, layout="constrained")
+    axes = figure.subplots()
+    across = gapped(x)
+    for k, name in reversed([*enumerate(("50 %", "90 %", "99 %"))]):
+        pale = tuple(1 - (1 - c) * (0.85, 0.5, 0.22)[k] for c in to_rgb(SKY))
+        low, high = (gapped(end[k] - take) for end in (found.low, found.high))
+        axes.fill_between(across, low, high, color=pale, lw=0, label=name)
+    few = len(x) < 300
+    axes.plot(across, gapped(found.measured - take), color=INK, lw=0 if about and few else 0.8,
+              marker="o" if few else "", ms=2.5, mew=0, label="measured")  # fmt: skip
+    if about:
+        axes.axhline(0, color=EDGE, lw=0.8)
+    axes.set(xlabel=x_label, ylabel=y_label)
+    handles, names = axes.get_legend_handles_labels()
+    figure.legend(handles[::-1], names[::-1], loc="outside upper left", ncols=4, handlelength=1.4)
+    return figure
+
+
+def _small(count: int, height: float) -> tuple[Figure, list[Any]]:
+    """A grid of small charts."""
+    across = min(count, 3 if count in (5, 6) else ACROSS)
+    down = -(-count // across)
+    width = WIDE if across > 2 else 4.9 * across
+    figure = Figure(figsize=(width, 0.6 + height * down), layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    return figure, list(grid.flat)
+
+
+def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
+    """The range of a parameter's axis; logarithmic where it spans decades, and then True."""
+    low, high = float(seen.min()), float(seen.max())
+    is_log = low > 0 and high > 30 * low
+    if is_log:
+        axes.set_xscale("log")
+        axes.set_xlim(low / 1.2, high * 1.2)
+        _log_ticks(axes.xaxis)
+    else:
+        margin = 0.08 * (high - low) or abs(high) or 1.0
+        axes.set_xlim(low - margin, high + margin)
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.5g}".replace("-", "−")))
+    axes.set_xlabel(label(name, pretty(unit)))
+    return is_log
+
+
+def _log_ticks(axis: Any) -> None:
+    axis.set_major_locator(LogLocator(numticks=4))
+    axis.set_major_formatter(
+        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else _power(x))
+    )
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _power(x: float) -> str:
+    raised = f"{np.log10(x):.3g}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}"
+
+
+def _factor(error: float) -> str:
+    return f"{np.exp(error):.2g}" if error < 7 else "∞"
+
+
+def _shared_legend(figure: Figure, grid: Sequence[Any]) -> None:
+    """One legend of all charts, each name once."""
+    found: dict[str, Any] = {}
+    for axes in grid:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(name, handle)
+    figure.legend(list(found.values()), list(found), loc="outside upper left", ncols=len(found))

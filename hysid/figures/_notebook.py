@@ -1,0 +1,243 @@
+"""How our objects look in a notebook: a table, what to think of it, and a small picture."""
+
+import base64
+import io
+import warnings
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from compensate import AbstractCompensator, Status
+from hysteresis import InputError, Record, check_identifiable, parameters
+from identify import FitResult, Posterior
+
+from . import _base as f
+from ._format import label, number, plain_name, pretty, quantity
+
+MOST_ROWS, MOST_POINTS = 12, 1200
+COLOURS = {"PASS": f.GREEN, "CAUTION": f.ORANGE, "FAIL": f.VERMILLION}
+SWEEP = 120
+"""Readings of a compensator's picture."""
+
+
+def html(thing: Any) -> str:
+    """A record, a fit, a posterior or a compensator as HTML: one `div` that needs nothing else.
+
+    Raises `InputError` `no-picture` for anything else.
+    """
+    if isinstance(thing, Record):
+        return _record(thing)
+    if isinstance(thing, FitResult):
+        return _fit(thing)
+    if isinstance(thing, Posterior):
+        return _posterior(thing)
+    if isinstance(thing, AbstractCompensator):
+        return _compensator(thing)
+    raise InputError(
+        "no-picture",
+        f"a {type(thing).__name__} has no page of its own.",
+        fix="give a Record, a FitResult, a Posterior or a compensator.",
+    )
+
+
+def _record(record: Record) -> str:
+    rows = [("rows", f"{len(record):,}, of which {int(record.mask.sum()):,} count")]
+    rows.append(("sequences", f"{len(record.labels):,}, with {record.n_cycles:,} complete cycles"))
+    sides = (("input", record.input, record.input_name, record.input_unit),
+             ("output", record.output, record.output_name, record.output_unit))  # fmt: skip
+    for role, x, name, unit in sides:
+        seen = x[np.isfinite(x)]
+        span = f"{number(seen.min())} to {quantity(seen.max(), unit)}" if len(seen) else "empty"
+        rows.append((f"{role}: {plain_name(name, unit)}", span))
+    if record.time is not None and len(record) > 1:
+        step = float(np.median(np.diff(record.time)))
+        rows.append(("median step", quantity(step, record.time_unit)))
+    try:
+        minded = check_identifiable(record)
+    except InputError as error:
+        minded = [f"Cannot be used: {error}"]
+    curve = f.Curve("", *_path(record, record.output, record.mask), f.BLUE)
+    figure = f.chart([curve], *_axes(record))
+    return _page(
+        f"Record {record.source or 'of arrays'}",
+        [
+            *_listed("Mind: ", minded),
+            _table(("", ""), rows),
+            _image(figure, "Output against input"),
+        ],
+    )
+
+
+def _fit(fit: FitResult) -> str:
+    badge, reasons = fit.verdict
+    rows = [
+        (p.name, number(p.value, p.stderr), "" if p.stderr is None else f"± {number(p.stderr)}",
+         pretty(p.unit), p.status)
+        for p in fit.parameters
+    ]  # fmt: skip
+    errors = [
+        (part, quantity(m.rmse, fit.train.output_unit), f"{number(m.nrmse_percent)} %",
+         f"{m.r2:.4f}")
+        for part, m in fit.metrics.items() if m is not None
+    ]  # fmt: skip
+    curves = []
+    for record, colour, words in ((fit.train, f.BLUE, "training"), (fit.test, f.GREEN, "held out")):
+        if record is not None:
+            curves.append(f.Curve(f"measured, {words}",
+                                  *_path(record, record.output, record.mask), colour, "under"))  # fmt: skip
+    seen = fit.train if fit.test is None else fit.test
+    curves.append(f.Curve(fit.name, *_path(seen, fit.predict(seen), seen.mask), f.VERMILLION))
+    figure = f.chart(curves, *_axes(seen))
+    return _page(
+        fit.name,
+        [
+            *_listed("", reasons),
+            _table(("parameter", "value", "error", "unit", "status"), rows),
+            _table(("rows", "rms error", "of the range", "R²"), errors),
+            _image(figure, f"Measured loops, and the {fit.name} model"),
+        ],
+        badge,
+    )
+
+
+def _posterior(posterior: Posterior) -> str:
+    ensembles, draws, count = posterior.draws.shape
+    said = [f"{ensembles * draws:,} draws by {posterior.method}", *posterior.notes]
+    rows = [
+        (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}",
+         ", ".join(s.words))
+        for s in posterior.summaries
+    ]  # fmt: skip
+    shown = min(count, 6)
+    figure = Figure(figsize=(1.5 * shown, 1.5), layout="constrained")
+    _histograms(figure, posterior, shown)
+    return _page(
+        "Posterior",
+        [
+            *_listed("", said),
+            _table(("parameter", "mean", "sd", "5 %", "95 %", "R-hat", "ESS", ""), rows),
+            _image(figure, "Histograms of the draws"),
+        ],
+        "PASS" if posterior.converged else "CAUTION",
+        "converged" if posterior.converged else "not converged",
+    )
+
+
+@f.styled
+def _histograms(figure: Figure, posterior: Posterior, shown: int) -> None:
+    grid = figure.subplots(1, shown, squeeze=False)
+    for axes, name, x in zip(
+        grid[0], posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=False
+    ):
+        axes.hist(x.ravel(), 40, color=f.SKY)
+        axes.set(yticks=[], title=name if len(name) < 16 else f"{name[:15]}…")
+        axes.grid(False)
+        axes.locator_params(axis="x", nbins=2)
+
+
+def _compensator(compensator: AbstractCompensator) -> str:
+    rows = []
+    for name, info, value in parameters(compensator):
+        if value is None:
+            continue
+        x = np.asarray(value)
+        text = (
+            number(float(x))
+            if x.ndim == 0
+            else f"{x.size:,} numbers, mean {number(float(x.mean()))}"
+        )
+        rows.append((name, text, pretty(info.unit), info.meaning))
+    low, high = _reach(compensator)
+    y = np.interp(np.linspace(0, 3, SWEEP), [0, 1, 2, 3], [low, high, low, (low + high) / 2])
+    found = compensator.simulate(np.linspace(0, 3, SWEEP), y)
+    value, ok = np.asarray(found.value, float), np.asarray(found.status) == Status.OK
+    held = [Status(int(s)).name for s in np.unique(np.asarray(found.status)[~ok])]
+    curves = [
+        f.Curve("held or continued", y, np.where(ok, np.nan, value), f.GREY),
+        f.Curve("", y, np.where(ok, value, np.nan), f.BLUE),
+    ]
+    figure = f.chart(curves if held else curves[1:], "reading", "estimate of the input")
+    said = [
+        f"From readings to estimates: from {number(low)} to {number(high)}, back, and up again."
+    ]
+    if held:
+        said.append(f"Parts of it are {', '.join(held)}.")
+    return _page(
+        type(compensator).__name__,
+        [
+            *_listed("", said),
+            _table(("parameter", "value", "unit", "meaning"), rows),
+            _image(figure, "Estimates of the input against readings"),
+        ],
+    )
+
+
+def _reach(compensator: Any) -> tuple[float, float]:
+    """Readings that its model can have where it is known, else 0 to 1."""
+    part = getattr(compensator, "members", compensator)
+    ends = (np.asarray(getattr(part, end, np.nan), float) for end in ("floor", "ceiling"))
+    low, high = (float(np.mean(x)) for x in ends)
+    return (low, high) if np.isfinite([low, high]).all() and low < high else (0.0, 1.0)
+
+
+def _path(record: Record, y: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return f.trace(record.input, np.asarray(y, float), keep, record.starts, MOST_POINTS)
+
+
+def _axes(record: Record) -> tuple[str, str]:
+    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
+    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
+    return x, y
+
+
+def _page(title: str, parts: Iterable[str], level: str = "", word: str = "") -> str:
+    badge = ""
+    if level:
+        style = f"background:{COLOURS[level]};color:#fff;padding:0 0.5em;border-radius:0.6em"
+        badge = f' <span style="{style}">{escape(word or level)}</span>'
+    head = f"<p><strong>{escape(title)}</strong>{badge}</p>"
+    return f'<div class="hysid">{head}{"".join(parts)}</div>'
+
+
+def _listed(before: str, sentences: Sequence[str]) -> list[str]:
+    if not sentences:
+        return []
+    items = "".join(f"<li>{escape(before + sentence)}</li>" for sentence in sentences)
+    return [f"<ul>{items}</ul>"]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def row(kind: str, cells: Sequence[str]) -> str:
+        filled = "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells)
+        return f"<tr>{filled}</tr>"
+
+    if not rows:
+        return ""
+    shown = [row("td", cells) for cells in rows[:MOST_ROWS]]
+    if len(rows) > MOST_ROWS:
+        more = f"and {len(rows) - MOST_ROWS:,} more"
+        shown.append(f'<tr><td colspan="{len(head)}">{more}</td></tr>')
+    top = f"<thead>{row('th', head)}</thead>" if any(head) else ""
+    return f"<table>{top}<tbody>{''.join(shown)}</tbody></table>"
+
+
+def _image(figure: Figure, alt: str) -> str:
+    """As an image of its own: names inside one drawing cannot clash with those of another."""
+    text = base64.b64encode(svg(figure)).decode()
+    return f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,{text}"/>'
+
+
+@f.styled
+def svg(figure: Figure) -> bytes:
+    """A figure as SVG, the same bytes for the same figure."""
+    import matplotlib
+
+    page = io.BytesIO()
+    named: Any = {"svg.fonttype": "none", "svg.hashsalt": "hysid"}
+    with matplotlib.rc_context(named), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # of a column's name: the browser has it
+        figure.savefig(page, format="svg", metadata={"Date": None})
+    return page.getvalue()

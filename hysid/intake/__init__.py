@@ -1,0 +1,1 @@
+"""From a file and a selection of its rows to records."""

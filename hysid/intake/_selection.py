@@ -1,0 +1,240 @@
+"""Which rows and columns of a file a command works on: options in, records out."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
+
+from ._constant_input import CONSTANT, at_hold, with_constant
+
+Pair = tuple[Record, Record | None]
+"""What is fitted, and what is held out of it."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The selecting options of a command line, as fit.json remembers them.
+
+    `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`. With a `step`,
+    the constant input of creep or relaxation, there is no `input` column; with `hold` it is the level
+    that column is held at. Several are channels.
+    """
+
+    input: str | tuple[str, ...] | None
+    output: str
+    time: str | None = None
+    dt: float | None = None
+    group: tuple[str, ...] = ()
+    each: str | None = None
+    where: tuple[str, ...] = ()
+    nan: str = "raise"
+    segments: str | None = None
+    decimal: str = "."
+    units_row: int | None = None
+    na_values: tuple[str, ...] = ()
+    input_unit: str | None = None
+    output_unit: str | None = None
+    test_where: tuple[str, ...] = ()
+    test_cycles: int | None = None
+    test_tail: float | None = None
+    step: float | None = None
+    input_time: str | None = None
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.input is None) == (self.step is None):
+            raise InputError(
+                "input-or-step",
+                "give the input's column (--input COL), or the constant it had (--step VALUE).",
+            )
+        if self.step is not None and not (np.isfinite(self.step) and self.step):
+            raise InputError(
+                "no-step",
+                f"a step of {self.step:g} moves nothing.",
+                fix="give the constant force or displacement (--step VALUE).",
+            )
+        if self.hold and not isinstance(self.input, str):
+            raise InputError(
+                "no-hold",
+                "one column is held, and there is not one.",
+                fix="name it (--input COL), or leave --hold out.",
+            )
+        held_out = (self.test_where or None, self.test_cycles, self.test_tail)
+        if sum(h is not None for h in held_out) > 1:
+            raise InputError(
+                "two-hold-outs",
+                "give one of --test-where, --test-cycles and --test-tail.",
+            )
+        if self.time is not None and self.dt is not None:
+            raise InputError("two-clocks", "give --time COL or --dt SECONDS, not both.")
+        if self.input_time is not None and (self.time is None or self.is_step):
+            raise InputError(
+                "no-clock",
+                "--input-time COL is the input's own clock beside that of the output.",
+                fix="give --time COL too, the output's.",
+            )
+
+    @classmethod
+    def from_json(cls, document: dict[str, Any]) -> "Selection":
+        """A selection that `as_json` wrote."""
+        options: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in document.items()
+        }
+        return cls(**options)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+    @property
+    def is_step(self) -> bool:
+        """Creep or relaxation: the input is one constant, given or held."""
+        return self.step is not None or self.hold
+
+    @property
+    def input_words(self) -> str:
+        """What the input is called."""
+        if isinstance(self.input, tuple):
+            return f"{len(self.input)} channels combined"
+        return self.input or CONSTANT
+
+    def without_hold_out(self) -> "Selection":
+        """The same rows with none held out."""
+        return replace(self, test_where=(), test_cycles=None, test_tail=None)
+
+    def check_columns(self) -> None:
+        """Raise `InputError` where one column is to be both the input and the output."""
+        inputs = self.input if isinstance(self.input, tuple) else (self.input,)
+        if self.output in (*inputs, self.time):
+            role = "input" if self.output in inputs else "time"
+            raise InputError(
+                "same-column",
+                f"{self.output!r} is given as {role} and as output.",
+                fix=f"name another column (--{role} COL, or --output COL).",
+            )
+
+    def table(self, file: Path) -> Table:
+        """The whole file."""
+        return read_table(
+            file, decimal=self.decimal, units_row=self.units_row, na_values=self.na_values
+        )
+
+    def records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
+        """Training and test record for every value of `each`, "" without it; the faults of others.
+
+        Raises `InputError` where no value can be read.
+        """
+        for condition in self.test_where:
+            parse_condition(condition)(table)  # a column that is not there is said now
+        where = dict(_equality(condition) for condition in self.where)
+        if self.each is None:
+            return {"": self._split(self._read(table, where))}, {}
+        rows = np.ones(len(table.line), bool)
+        for condition in self.where:
+            rows &= parse_condition(condition)(table)
+        if self.each not in table.columns:
+            parse_condition(f"{self.each}=?")(table)  # says what columns there are
+        cells = table.text[self.each][rows]
+        if (empty := np.flatnonzero(cells == "")).size:
+            raise InputError(
+                "no-value",
+                f"{empty.size} rows have no {self.each}.",
+                place=f"{table.path}, line {table.line[rows][empty[0]]}",
+                fix="fill them in, or choose other rows (--where).",
+            )
+        good: dict[str, Pair] = {}
+        faults: dict[str, InputError] = {}
+        for value in dict.fromkeys(cells.tolist()):
+            try:
+                good[value] = self._split(self._read(table, where | {self.each: [value]}))
+            except InputError as error:
+                faults[value] = error
+        if not good:
+            raise all_of(faults)
+        return good, faults
+
+    def _read(self, table: Table, where: dict[str, list[str]]) -> Record:
+        held_out_by = {
+            condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
+        }
+        if self.step is not None:
+            table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
+        elif self.hold and isinstance(self.input, str):
+            table, level = at_hold(table, self.input, self.time, where)
+            table = with_constant(table, self.input, level, self.output, self.time, {})
+        return read_csv(
+            table,
+            input=self.input or CONSTANT,
+            output=self.output,
+            time=self.time,
+            dt=self.dt,
+            group=self.group or None,
+            where=where,
+            nan=self.nan,  # type: ignore[arg-type]
+            input_unit=self.input_unit,
+            output_unit=self.output_unit,
+            keep=tuple(sorted(held_out_by)),
+            segments=self.segments,  # type: ignore[arg-type]
+            input_time=self.input_time,
+        )
+
+    def _split(self, record: Record) -> Pair:
+        if self.test_cycles is not None:
+            return record.split_cycles(self.test_cycles)
+        if self.test_tail is not None:
+            return record.split_tail(self.test_tail)
+        if not self.test_where:
+            return record, None
+        held = np.ones(len(record), bool)
+        for condition in self.test_where:
+            held &= parse_condition(condition)(record)
+        share = {label: held[rows].mean() for label, rows in record.sequences()}
+        if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
+            return record.split_groups([label for label, part in share.items() if part])
+        return record.split_rows(held)
+
+
+def selection_of(options: Mapping[str, Any]) -> Selection:
+    """The selection that these keys of a configuration file give."""
+    return Selection.from_json({"input": None, **options})
+
+
+def all_of(faults: Mapping[str, InputError]) -> InputError:
+    """One error for several values of `each`: the same fault once, of different ones the first."""
+    first, *others = dict.fromkeys(map(str, faults.values()))
+    if not others:
+        return next(iter(faults.values()))
+    value, fault = next(iter(faults.items()))
+    if {error.code for error in faults.values()} == {fault.code}:
+        problem = f"{value}: {fault.problem} {len(faults) - 1} more have the same fault."
+        return InputError(fault.code, problem, place=fault.place, cause=fault.cause, fix=fault.fix)
+    return InputError("nothing-fits", f"{value}: {first} {len(faults) - 1} more failed.")
+
+
+def folders_of(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
+    """The folder of every fit of a document by its value of `each`, `{"": "."}` of one alone.
+
+    Raises `InputError` where one is not right below `folder`: nothing is read or written elsewhere.
+    """
+    folders = document.get("folders", {"": "."})
+    names = list(folders.values()) if isinstance(folders, dict) else [folders]
+    odd = [n for n in names if not isinstance(n, str) or n == ".." or {*n} & {"/", "\\", ":"}]
+    if odd or not isinstance(folders, dict):
+        raise InputError(
+            "outside-folder",
+            f"fit.json names the folder {(odd or names)[0]!r}, which is none below this one.",
+            place=str(folder),
+            cause="it was edited.",
+            fix="fit again.",
+        )
+    return folders
+
+
+def _equality(condition: str) -> tuple[str, list[str]]:
+    parse_condition(condition)  # raises where it is none
+    name, _, values = condition.partition("=")
+    return name.strip(), [value.strip() for value in values.split(",")]

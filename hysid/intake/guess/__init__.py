@@ -1,0 +1,1 @@
+"""`hysid init`: what the columns of an unknown file are."""

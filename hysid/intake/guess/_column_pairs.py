@@ -1,0 +1,159 @@
+"""Which columns drive and which follow: pairs of quantities that make a hysteresis loop, weighed."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hysteresis import Table
+
+from ._number_format import LARGEST
+from ._quantities import Kind, kind_of, unit_of
+
+_PLAIN = ("N", "mm", "V", "A", "Pa")
+SENSED = ("voltage", "resistance", "capacitance", "sensor", "current")
+
+PAIRS: dict[tuple[str, str], float] = {
+    ("force", "displacement"): 1.0,
+    ("stress", "strain"): 1.0,
+    ("torque", "angle"): 1.0,
+    ("force", "strain"): 0.9,
+    ("stress", "displacement"): 0.9,
+    ("field", "moment"): 1.0,
+    ("current", "field"): 1.0,
+    ("current", "moment"): 1.0,
+    ("voltage", "displacement"): 0.9,  # a piezo actuator
+    ("voltage", "strain"): 0.9,
+    ("current", "displacement"): 0.8,
+    ("field", "strain"): 0.8,
+    ("stress", "force"): 0.7,
+    **{("force", sensed): 0.9 for sensed in SENSED[:4]},
+    **{("stress", sensed): 0.9 for sensed in SENSED[:4]},
+    **{("torque", sensed): 0.8 for sensed in SENSED[:4]},
+    **{("strain", sensed): 0.85 for sensed in SENSED[:4]},
+    **{("displacement", sensed): 0.8 for sensed in SENSED[:4]},
+    **{("angle", sensed): 0.8 for sensed in SENSED[:4]},
+}
+"""What drives, what follows, and how usual that is. What drives lags nothing: the output lags it."""
+
+
+class Column(NamedTuple):
+    """A column of numbers: its name, unit and kind, its cells (n,), and the share that is missing."""
+
+    name: str
+    unit: str
+    kind: Kind
+    x: np.ndarray
+    missing: float
+
+
+class Pair(NamedTuple):
+    """Input, output, and how well they fit the parts, in [0, 1]."""
+
+    input: Column
+    output: Column
+    score: float
+
+
+def columns_of(table: Table) -> dict[str, Column]:
+    """The columns of numbers by name; those of words, and those without a value, are left out."""
+    found = {}
+    for name, x in table.columns.items():
+        if x.dtype.kind != "f":
+            continue
+        x = np.where(np.abs(x) <= LARGEST, x, np.nan)
+        if not np.isfinite(x).any():
+            continue
+        unit = unit_of(name, table.units.get(name))
+        missing = float(np.mean(~np.isfinite(x)))
+        found[name] = Column(name, unit, kind_of(name, unit), x, missing)
+    return found
+
+
+def pairs(columns: list[Column]) -> list[Pair]:
+    """Pairs of an input and an output, the best first.
+
+    A pair's score is the product of how usual it is, how sure the kinds are, and how far one column
+    follows the other (the rank correlation). Without any known pair, all of unknown kind are tried.
+    """
+    found = []
+    for a in columns:
+        for b in columns:
+            if a is b:
+                continue
+            usual = PAIRS.get((a.kind.name, b.kind.name), 0.0)
+            if usual:
+                follows = abs(rank_correlation(a.x, b.x))
+                sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
+                sure *= 0.5 if b.kind.commanded else 1.0
+                found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows)))
+    return sorted(found, key=lambda pair: -pair.score)
+
+
+def rank_correlation(x: np.ndarray, y: np.ndarray, most: int = 4000) -> float:
+    """Spearman's, over at most so many rows; 0 where one does not move."""
+    good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    good = good[:: max(1, len(good) // most)]
+    if good.size < 3:
+        return 0.0
+    a, b = (np.unique(v[good], return_inverse=True)[1].astype(float) for v in (x, y))
+    return correlation(a, b)
+
+
+def correlation(x: np.ndarray, y: np.ndarray) -> float:
+    """Pearson's, over the rows where both are numbers; 0 where one does not move."""
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = x[good], y[good]
+    if len(x) < 3 or not (np.ptp(x) and np.ptp(y)):
+        return 0.0
+    # Of order one: squares of tiny numbers vanish, and those of huge ones overflow.
+    return float(np.corrcoef(x / np.abs(x).max(), y / np.abs(y).max())[0, 1])
+
+
+def leftover(u: np.ndarray, y: np.ndarray, branch: np.ndarray, bins: int = 50) -> float:
+    """What of y its input u and the branch leave open, over the range of y.
+
+    `rms(y - mean of y in the bin of u on that branch) / range(y)`
+    """
+    good = np.isfinite(u) & np.isfinite(y)
+    u, y, branch = u[good], y[good], branch[good]
+    span, height = np.ptp(u) if u.size else 0.0, np.ptp(y) if y.size else 0.0
+    if not (span and height):
+        return 1.0
+    cell = np.minimum((bins * (u - u.min()) / span).astype(int), bins - 1) + bins * (branch > 0)
+    count = np.bincount(cell, minlength=2 * bins)
+    mean = np.bincount(cell, y, 2 * bins) / np.maximum(count, 1)
+    return float(np.sqrt(np.mean((y - mean[cell]) ** 2)) / height)
+
+
+def held(x: np.ndarray) -> float:
+    """The share of rows at the two commonest levels, each a hundredth of the range wide."""
+    good = x[np.isfinite(x)]
+    span = float(np.ptp(good)) if good.size else 0.0
+    if not span:
+        return 1.0
+    counts = np.sort(np.bincount(np.round(100 * (good - good.min()) / span).astype(int)))
+    return float(counts[-2:].sum() / good.size)
+
+
+def duplicates(columns: list[Column]) -> list[Column]:
+    """The same columns, of those that are one quantity in two units or signs the better one.
+
+    Better: a reading before a command, a unit of its own, then SI's, then positive values.
+    """
+    kept: list[Column] = []
+    for column in columns:
+        twin = next((k for k, other in enumerate(kept) if _same(column, other)), None)
+        if twin is None:
+            kept.append(column)
+        elif _worth(column) > _worth(kept[twin]):
+            kept[twin] = column
+    return kept
+
+
+def _same(a: Column, b: Column) -> bool:
+    return a.kind.name == b.kind.name and abs(correlation(a.x, b.x)) > 1 - 1e-9
+
+
+def _worth(column: Column) -> tuple[bool, bool, bool, float]:
+    read = not column.kind.commanded
+    return read, column.unit != "1", column.unit in _PLAIN, float(np.nanmean(column.x))

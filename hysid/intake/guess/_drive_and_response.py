@@ -1,0 +1,255 @@
+"""Input and output of a file: the best pair of quantities, and which of the two drives."""
+
+import shlex
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hysteresis import InputError, Record, Table, loop_direction
+
+from ._column_pairs import Column, Pair, correlation, duplicates, held, leftover, pairs
+
+MISSING = 0.05
+"""Above this share of gaps a column cannot drive: history needs every sample."""
+FAINT = 0.4
+"""Below this score a pair that has a rival is no answer."""
+HELD = 0.7
+"""Above this share of its rows at two levels a column is held: it was the commanded one."""
+FLAT = 2.0
+"""How much less the other direction must leave open before it is taken although it leads."""
+
+
+class Choice(NamedTuple):
+    """Input (None with a constant step) and output, how sure, why; further options; other choices."""
+
+    input: Column | None
+    output: Column
+    sure: str
+    why: dict[str, str]
+    options: dict[str, Any]
+    alternatives: list[str]
+
+
+def choose(
+    table: Table,
+    columns: list[Column],
+    still: list[Column],
+    time: str | None,
+    options: Mapping[str, Any],
+    given: Mapping[str, Any],
+) -> Choice:
+    """What drives and what follows among columns that move; `still` are those that do not.
+
+    Raises `InputError` `one-column`, `cannot-decide`, `no-column`.
+    """
+    place = table.path
+    inputs: list[str] = list(given.get("input") or ())
+    for name in [*inputs, *([given["output"]] if given.get("output") else [])]:
+        if name not in {c.name for c in columns}:
+            table.number(name)  # says what columns there are, or which cell is no number
+    if len(inputs) > 1:
+        return _channels(columns, inputs, given, place)
+    if given.get("step") or all(c.name == given.get("output") for c in columns):
+        return _step(table, columns, still, time, given)
+    asked_in, asked_out = inputs[0] if inputs else None, given.get("output")
+    usable = [c for c in columns if c.name in (asked_in, asked_out)]
+    usable += duplicates([c for c in columns if c not in usable])
+    if len(usable) < 2 and asked_in is None:
+        return _step(table, columns, still, time, given)
+    found = [
+        p for p in pairs(usable)
+        if asked_in in (None, p.input.name) and asked_out in (None, p.output.name)
+    ]  # fmt: skip
+    turned = [Pair(p.output, p.input, p.score) for p in pairs(usable)]
+    if not found and (asked_in or asked_out):
+        found = [
+            p for p in turned
+            if asked_in in (None, p.input.name) and asked_out in (None, p.output.name)
+        ]  # fmt: skip
+    if asked_in and asked_out:
+        by_name = {c.name: c for c in columns}
+        why = {"input": "as given", "output": "as given"}
+        return Choice(by_name[asked_in], by_name[asked_out], "sure", why, {}, [])
+    if not found:
+        return _unknown(table, usable, options, given, place)
+    best = found[0]
+    second = next(
+        (
+            p
+            for p in found[1:]
+            if {p.input.name, p.output.name} != {best.input.name, best.output.name}
+        ),
+        None,
+    )
+    if best.score < FAINT and second is not None and second.score > 0.8 * best.score:
+        raise _undecided(columns, place)
+    clear = second is None or second.score < 0.8 * best.score
+    sure = "sure" if clear and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
+    choice = _directed(table, best, options, asked_in, asked_out)
+    more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
+    return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
+
+
+def _directed(
+    table: Table,
+    pair: Pair,
+    options: Mapping[str, Any],
+    asked_in: str | None,
+    asked_out: str | None,
+) -> Choice:
+    """A pair the right way round.
+
+    A loop whose output lags is the one that a model with memory describes: cause before effect. It is
+    turned where the cause has gaps, where the effect is what was held, and where the cause hardly moves
+    while the effect does (a slack specimen), so that no function leads from one to the other.
+    """
+    a, b = pair.input, pair.output
+    why = {"input": "the cause", "output": "the effect"}
+    record, other = _record(table, a, b, options), _record(table, b, a, options)
+    fixed = asked_in == a.name or asked_out == b.name
+    reason = ""
+    if fixed:
+        reason = ""
+    elif a.missing > max(MISSING, 2 * b.missing):
+        reason = f"{a.name!r} has gaps ({a.missing:.0%}), and what drives must be complete"
+    elif held(b.x) > HELD > held(a.x):
+        reason = f"{b.name!r} is held: the rig commanded it"
+    elif b.kind.name in ("displacement", "strain", "angle"):
+        ours, theirs = (leftover(r.input, r.output, r.branch) for r in (record, other))
+        if ours > FLAT * theirs and ours > 0.03:
+            reason = (
+                f"{b.name!r} goes on while {a.name!r} hardly changes, so the way back is no function "
+                f"(it leaves {ours:.0%} open, this one {theirs:.0%})"
+            )
+    if reason:
+        a, b, record = b, a, other
+        why = {"input": reason, "output": "what answers it"}
+    turn = loop_direction(record) if record.n_cycles else 0.0
+    if turn:
+        falls = _falls(record)
+        lags = (turn > 0) != falls
+        why["output"] += f"; it {'lags' if lags else 'leads'} the input (loop {turn:+.2f})"
+    return Choice(a, b, "", why, {}, [_said(b.name, a.name)])
+
+
+def _falls(record: Record) -> bool:
+    return correlation(record.input, record.output) < 0
+
+
+def _record(
+    table: Table, a: Column, b: Column, options: Mapping[str, Any], most: int = 40_000
+) -> Record:
+    """Rows where both are numbers, in their sequences, without a clock."""
+    keys = [*(options.get("group") or ()), *([options["each"]] if options.get("each") else [])]
+    keys = [k for k in keys if k in table.text]
+    good = np.flatnonzero(np.isfinite(a.x) & np.isfinite(b.x))[:most]
+    parts = (
+        np.array(["/".join(str(table.text[k][i]) for k in keys) for i in good.tolist()])
+        if keys
+        else None
+    )
+    return Record.from_arrays(a.x[good], b.x[good], groups=parts)
+
+
+def _step(
+    table: Table,
+    columns: list[Column],
+    still: list[Column],
+    time: str | None,
+    given: Mapping[str, Any],
+) -> Choice:
+    """Creep or relaxation: a constant input, and what it does over time."""
+    asked = given.get("output")
+    found = [c for c in columns if asked in (None, c.name) and c.kind.name != "unknown"] or [
+        c for c in columns if asked in (None, c.name)
+    ]
+    if time is None or not found:
+        numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
+        raise InputError(
+            "one-column",
+            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. Of these"
+            f" {len(found) or 'none'} could drive or follow, and a loop takes two that move.",
+            place=table.path,
+            cause="one column, words for numbers, or another separator than , ; tab |.",
+            fix="export input and output side by side; for creep a time column, one more, --step VALUE.",
+        )
+    output = found[0]
+    why = {"output": "the one column that moves over time"}
+    value, unit, sure = given.get("step"), given.get("input_unit"), "sure"
+    kept = next(
+        (
+            c
+            for c in still
+            if c.kind.name in ("force", "stress", "strain", "displacement", "torque")
+        ),
+        None,
+    )
+    if value is not None:
+        why["step"] = "as given"
+    elif kept is not None and float(np.nanmax(kept.x)):
+        value, unit = float(np.nanmax(kept.x)), kept.unit
+        why["step"] = f"{kept.name!r} is {value:g} in every row: creep or relaxation under it"
+        unit = None if unit == "1" else unit
+    elif output.kind.name in ("compliance", "modulus"):
+        value, sure = 1.0, "likely"
+        why["step"] = f"a {output.kind.name} is the answer to a unit step"
+    else:
+        raise InputError(
+            "cannot-decide",
+            f"Only {output.name!r} moves over time; nothing says what was held constant.",
+            place=table.path,
+            fix="hysid init FILE --step VALUE, the constant force or displacement; or a file with both.",
+        )
+    options = {"step": value} | ({"input_unit": unit} if unit else {})
+    return Choice(None, output, sure, why, options, [])
+
+
+def _channels(
+    columns: list[Column], inputs: list[str], given: Mapping[str, Any], place: str
+) -> Choice:
+    by_name = {c.name: c for c in columns}
+    output = given.get("output")
+    if output is None:
+        raise InputError(
+            "cannot-decide", "Several inputs, and no output.", place=place, fix="--output COL."
+        )
+    why = {"input": f"one of {len(inputs)} channels", "output": "as given"}
+    return Choice(by_name[inputs[0]], by_name[output], "sure", why, {"input": inputs}, [])
+
+
+def _unknown(
+    table: Table,
+    columns: list[Column],
+    options: Mapping[str, Any],
+    given: Mapping[str, Any],
+    place: str,
+) -> Choice:
+    """Two columns whose names say nothing: the loop's direction says which one lags."""
+    asked = {given.get("output"), *(given.get("input") or ())} - {None}
+    if len(columns) != 2:
+        raise _undecided(columns, place)
+    a, b = columns
+    if b.name in (given.get("input") or ()) or a.name == given.get("output"):
+        a, b = b, a
+    elif not asked:
+        record = _record(table, a, b, options)
+        falls = _falls(record)
+        if (loop_direction(record) < 0) != falls:
+            a, b = b, a
+    why = {"input": "the names say nothing; this way round the output lags", "output": "it lags"}
+    return Choice(a, b, "guess", why, {}, [_said(b.name, a.name)])
+
+
+def _undecided(columns: list[Column], place: str) -> InputError:
+    names = ", ".join(f"{c.name!r} ({c.kind.name})" for c in columns[:20])
+    return InputError(
+        "cannot-decide",
+        f"Nothing says which of these drives and which follows: {names}.",
+        place=place,
+        fix='hysid init FILE --input "COL" --output "COL", by their exact headers.',
+    )
+
+
+def _said(input: str, output: str) -> str:
+    return f"--input {shlex.quote(input)} --output {shlex.quote(output)}"

@@ -1,0 +1,339 @@
+"""What a file from a rig holds: how it is written, what drives, what follows, what to hold out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Record, Table, check_identifiable, read_table
+
+from .._selection import all_of, selection_of
+from ._column_pairs import Column, columns_of, held
+from ._drive_and_response import Choice, choose
+from ._hold_out import hold_out
+from ._number_format import reading
+from ._quantities import words_of
+from ._remedies import settle
+from ._sequence_columns import (
+    RUNS,
+    SPECIMENS,
+    Sequences,
+    constant_within,
+    counts_rows,
+    sequences_of,
+)
+
+SURE, LIKELY, GUESS = "sure", "likely", "guess"
+STAYS = 0.7
+"""Of its rows: an input that is held for more was to be held."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing seen: an option's name, its value in words, how sure, and why."""
+
+    what: str
+    value: str
+    sure: str
+    why: str
+
+
+@dataclass
+class Guess:
+    """What `hysid init` makes of a file.
+
+    - `selection`, `fit`: options as a configuration file has them.
+    - `found`: what was seen and assumed; `alternatives`: options that would do as well.
+    - `warnings`: what stands against identifying a model; `text`: the record, as `hysid check` says it.
+    """
+
+    selection: dict[str, Any] = field(default_factory=dict)
+    fit: dict[str, Any] = field(default_factory=dict)
+    found: list[Finding] = field(default_factory=list)
+    alternatives: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    text: str = ""
+    rows: int = 0
+    sequences: int = 0
+    cycles: int = 0
+
+    def says(self, what: str, value: Any, sure: str, why: str) -> None:
+        """Note a thing seen, or assumed."""
+        self.found.append(Finding(what, str(value), sure, why))
+
+
+def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
+    """Options for `hysid fit` from the file alone, beside those `given`, which are not doubted.
+
+    Raises `InputError` as reading does, and `no-header`, `one-column`, `cannot-decide` where the file does
+    not say what drives and what follows; the message says what to give.
+    """
+    given = {key: value for key, value in (given or {}).items() if value}
+    out = Guess()
+    table = _read(file, out, given)
+    columns = columns_of(table)
+    time = _time(table, columns, given, out)
+    sequences = sequences_of(table, time)
+    _sequences(sequences, given, out)
+    still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}
+    measured = _measured(table, columns, sequences, {*still, time or ""}, given)
+    choice = choose(table, measured, [columns[n] for n in still], time, out.selection, given)
+    _columns(choice, given, out)
+    _clocks(columns, choice, time, given, out)
+    selection, notes = settle(table, out.selection)
+    out.selection = selection
+    for what, value, why in notes:
+        out.says(what, value, LIKELY, why)
+    _hold(table, out)
+    kept, why = hold_out(table, out.selection, sequences.split)
+    out.selection |= {k: v for k, v in kept.items() if not _held_out(given)}
+    out.says("held out", _words(kept) or "nothing", LIKELY, why)
+    _memory(table, columns, choice, out)
+    _check(table, out)
+    return out
+
+
+def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
+    try:
+        table = read_table(file)
+    except InputError as error:
+        if "no header" in error.cause:
+            raise _no_header(str(file), error.problem) from None
+        if error.code != "decimal-comma":
+            raise
+        table = None
+    options, notes = reading(file, table, given)
+    if options or table is None:
+        table = read_table(file, **options)
+    if all(_number(name) for name in table.columns):
+        raise _no_header(str(file), f"{len(table.columns)} columns.")
+    out.selection |= {k: list(v) if isinstance(v, tuple) else v for k, v in options.items()}
+    names = ", ".join(f"{name!r}" for name in table.columns)
+    out.says("file", f"{len(table.line)} rows", SURE, f"columns {names}")
+    for note in table.notes:
+        out.says("reading", note, SURE, "")
+    for what, value, why in notes:
+        out.says(what, value, SURE, why)
+    return table
+
+
+def _no_header(place: str, problem: str) -> InputError:
+    return InputError(
+        "no-header",
+        f"The first line is numbers: nothing says what the columns are. {problem}",
+        place=place,
+        fix="write a line above it that names each column with its unit, as in "
+        "time (s),force (N),displacement (mm).",
+    )
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _time(
+    table: Table, columns: Mapping[str, Column], given: Mapping[str, Any], out: Guess
+) -> str | None:
+    """The clock: a column named so that rises."""
+    if given.get("dt"):
+        out.selection["dt"] = given["dt"]
+        return None
+    if given.get("time"):
+        out.selection["time"] = given["time"]
+        return given["time"]
+    clocks = [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
+    if not clocks:
+        unnamed = [c for c in columns.values() if c.kind.name == "unknown" and _rises(c.x) == 1.0]
+        unnamed = [c for c in unnamed if not (RUNS | SPECIMENS) & set(words_of(c.name))]
+        clocks = [c for c in unnamed if not counts_rows(c.x) and _step(c.x) > 0][:1]
+        if clocks and list(columns).index(clocks[0].name):
+            clocks = []  # a clock without its name stands first
+    if not clocks and (stamped := _stamps(table)):
+        out.selection["dt"] = stamped[1]
+        out.says("dt", stamped[1], LIKELY, f"{stamped[0]!r} is dates and times: their mean step")
+        return None
+    if not clocks:
+        out.says(
+            "time",
+            "none",
+            LIKELY,
+            "no column rises as a clock does: give --dt SECONDS if speed matters",
+        )
+        return None
+    best = max(clocks, key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0))
+    sure = SURE if best.kind.name == "time" else GUESS
+    out.selection["time"] = best.name
+    out.says("time", best.name, sure, f"it rises, by {_step(best.x):.4g} in the median")
+    return best.name
+
+
+def _stamps(table: Table) -> tuple[str, float] | None:
+    """A column of dates and times, and the seconds between its rows in the mean."""
+    for name, x in table.columns.items():
+        if x.dtype.kind == "f" or len(x) < 2:
+            continue
+        try:
+            first, last = (datetime.fromisoformat(str(x[k])) for k in (0, -1))
+            seconds = (last - first).total_seconds() / (len(x) - 1)
+        except (ValueError, TypeError):  # no date, or one with a time zone and one without
+            continue
+        if seconds > 0:
+            return name, float(f"{seconds:.4g}")
+    return None
+
+
+def _rises(x: np.ndarray) -> float:
+    """The share of steps that do not go back; 0 where it does not move."""
+    step = np.diff(x[np.isfinite(x)])
+    return float(np.mean(step >= 0)) if step.size and np.any(step > 0) else 0.0
+
+
+def _step(x: np.ndarray) -> float:
+    step = np.diff(x[np.isfinite(x)])
+    return float(np.median(step)) if step.size else 0.0
+
+
+def _sequences(sequences: Sequences, given: Mapping[str, Any], out: Guess) -> None:
+    for key in ("group", "each"):
+        value = given.get(key) or getattr(sequences, key)
+        if value:
+            out.selection[key] = list(value) if isinstance(value, tuple) else value
+    for key in ("where", "segments", "input_unit", "output_unit", "input_time"):
+        if given.get(key):
+            out.selection[key] = given[key]
+    for what, value, why in sequences.said:
+        if not given.get(what):
+            out.says(what, value, LIKELY, why)
+
+
+def _measured(
+    table: Table,
+    columns: Mapping[str, Column],
+    sequences: Sequences,
+    not_these: set[str],
+    given: Mapping[str, Any],
+) -> list[Column]:
+    """Columns that may drive or follow."""
+    keys = sequences.group + ((sequences.each,) if sequences.each else ())
+    found = []
+    for name, column in columns.items():
+        asked = name in (given.get("output"), *(given.get("input") or ()))
+        aside = column.kind.name in ("time", "index", "aside", "label", "speed", "temperature")
+        few = len(np.unique(column.x[np.isfinite(column.x)])) < min(5, 2 + len(column.x) // 8)
+        if not asked and (
+            name in not_these or name in sequences.labels or aside or few
+            or counts_rows(column.x) or constant_within(table, name, keys)
+        ):  # fmt: skip
+            continue
+        found.append(column)
+    return found
+
+
+def _columns(choice: Choice, given: Mapping[str, Any], out: Guess) -> None:
+    for role in ("input", "output"):
+        column: Column | None = getattr(choice, role)
+        if column is not None:
+            out.selection[role] = column.name
+            sure = SURE if given.get(role) else choice.sure
+            unit = "no unit" if column.unit == "1" else column.unit
+            out.says(role, column.name, sure, f"{column.kind.name}, {unit}; {choice.why[role]}")
+    out.selection |= choice.options
+    if "step" in choice.options:
+        out.says("step", choice.options["step"], choice.sure, choice.why["step"])
+    out.alternatives += choice.alternatives
+
+
+def _clocks(
+    columns: Mapping[str, Column],
+    choice: Choice,
+    time: str | None,
+    given: Mapping[str, Any],
+    out: Guess,
+) -> None:
+    """Clocks named after the columns they belong to."""
+    if given.get("time") or choice.input is None:
+        return
+    own = {}
+    for role, column in (("input", choice.input), ("output", choice.output)):
+        words = set(words_of(column.name))
+        own[role] = next(
+            (
+                c.name for c in columns.values()
+                if c.kind.name == "time" and set(words_of(c.name)) & words and _rises(c.x) > 0.9
+            ),
+            None,
+        )  # fmt: skip
+    if own["output"] and own["output"] != time:
+        out.selection["time"] = own["output"]
+        out.found = [f for f in out.found if f.what != "time"]
+        out.says("time", own["output"], SURE, "the output's own clock")
+    if own["input"] and own["output"] and own["input"] != own["output"]:
+        out.selection["input_time"] = own["input"]
+        out.says("input_time", own["input"], SURE, "the input was read at times of its own")
+
+
+def _hold(table: Table, out: Guess) -> None:
+    """An input that goes one way and stays there asks for the spectrum of what goes on meanwhile."""
+    if selection_of(out.selection).is_step or not isinstance(out.selection["input"], str):
+        return
+    if not {"time", "dt"} & set(out.selection):
+        return
+    records = [record for record, _ in selection_of(out.selection).records(table)[0].values()]
+    if not all(_goes_and_stays(record) for record in records):
+        return
+    out.selection["hold"] = True
+    why = "it goes one way and stays: creep or relaxation, of which the hold tells"
+    if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
+        del out.selection["group"]
+        out.selection["each"] = group[0]
+        why += ", one fit for each"
+    out.says("hold", "true", LIKELY, why)
+
+
+def _goes_and_stays(record: Record) -> bool:
+    one_way = all(np.ptp(record.branch[rows]) == 0 for _, rows in record.sequences())
+    return one_way and np.ptp(record.input) > 0 and held(record.input) > STAYS
+
+
+def _held_out(given: Mapping[str, Any]) -> bool:
+    return any(given.get(key) for key in ("test_where", "test_cycles", "test_tail"))
+
+
+def _memory(table: Table, columns: Mapping[str, Column], choice: Choice, out: Guess) -> None:
+    """First-order reversal curves come down from saturation before they rise."""
+    reversal = any({"reversal", "reversals", "umkehr"} & set(words_of(name)) for name in columns)
+    if reversal and choice.input is not None and choice.input.kind.name in ("field", "current"):
+        out.fit["initial"] = "positive"
+        out.says("initial", "positive", LIKELY, "reversal curves start from positive saturation")
+
+
+def _check(table: Table, out: Guess) -> None:
+    """The record as it will be fitted, and what stands against it."""
+    good, faults = selection_of(out.selection).without_hold_out().records(table)
+    if not good:
+        raise all_of(faults)
+    records: list[Record] = [train for train, _ in good.values()]
+    out.rows = sum(len(r) for r in records)
+    out.sequences = sum(len(r.labels) for r in records)
+    out.cycles = sum(r.n_cycles for r in records)
+    (first, (record, _)), *_ = good.items()
+    out.text = (f"{out.selection['each']} = {first}\n" if first else "") + record.describe()
+    seen: dict[str, None] = {}
+    for record in [] if selection_of(out.selection).is_step else records:
+        try:
+            seen |= dict.fromkeys(check_identifiable(record))
+        except InputError as error:
+            seen[str(error)] = None
+    out.warnings += list(seen)[:8]
+    out.warnings += [f"{value}: {error}" for value, error in faults.items()][:4]
+
+
+def _words(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} = {value}" for key, value in options.items())

@@ -1,0 +1,93 @@
+"""What to hold out, so that the models are ranked on what they have not seen."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Record, Table
+
+from .._selection import selection_of
+from ._column_pairs import held
+
+SHARE = 0.25
+
+
+def hold_out(
+    table: Table, options: Mapping[str, Any], split: tuple[str, str] | None
+) -> tuple[dict[str, Any], str]:
+    """The hold-out as an option of `hysid fit`, and why that one.
+
+    In this order: what the file itself calls a test; a quarter of the sequences, within the range of the
+    others; the last cycles; the last part of a long way; nothing.
+    """
+    for proposed, why in _proposals(table, options, split):
+        if not proposed:
+            return {}, why
+        try:
+            good, faults = selection_of(dict(options) | proposed).records(table)
+        except InputError:
+            continue
+        if len(good) > len(faults):
+            return proposed, why
+    return {}, "there is too little to hold out"
+
+
+def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] | None):
+    if split is not None:
+        yield {"test_where": [f"{split[0]}={split[1]}"]}, "the file names these rows itself"
+    if selection_of(options).is_step:
+        yield {"test_tail": 0.2}, "the last fifth: can the model foretell?"
+        return
+    good, _ = selection_of(options).records(table)
+    record = next(iter(good.values()))[0]
+    group = tuple(options.get("group") or ())
+    if group and len(good) == 1 and len(record.labels) >= 4:
+        chosen = _sequences(table, record, group[0])
+        if chosen:
+            yield {"test_where": [chosen]}, "whole sequences, within the range of the others"
+    counts = min(int(r.cycle_counts.min()) for r, _ in good.values())
+    if counts >= 2:
+        n = max(1, counts // 3)
+        yield (
+            {"test_cycles": n},
+            f"the last of {counts} cycles" if n == 1 else f"the last {n} of {counts} cycles",
+        )
+    if group and len(good) == 1 and 2 <= len(record.labels) <= 3:
+        yield (
+            {"test_where": [f"{group[0]}={list(record.labels)[-1].split('/')[0]}"]},
+            "the last sequence",
+        )
+    if counts < 2 and all(held(r.input) > 0.7 for r, _ in good.values()):
+        yield {"test_tail": 0.2}, "the last fifth of the hold: can the model foretell?"
+    turns = sum(int(np.count_nonzero(np.diff(r.branch))) for r, _ in good.values())
+    if turns >= 3:
+        yield {"test_tail": SHARE}, "too few complete cycles: the last quarter of the rows"
+    yield {}, "one loop: without a second one no model can be tested on what it has not seen"
+
+
+def _sequences(table: Table, record: Record, column: str) -> str:
+    """A condition that holds out about a quarter of the sequences: those of middling range."""
+    values = list(dict.fromkeys(table.text[column].tolist()))
+    whole = all(v.lstrip("-").isdigit() for v in values)
+    if whole and len(values) >= 12:
+        return f"{column}%4=0"
+    spans = {}
+    for label, rows in record.sequences():
+        key = label.split("/")[0].split("#")[0]
+        u = record.input[rows]
+        low, high = spans.get(key, (np.inf, -np.inf))
+        spans[key] = min(low, float(np.nanmin(u))), max(high, float(np.nanmax(u)))
+    low, high = min(a for a, _ in spans.values()), max(b for _, b in spans.values())
+    slack = 0.02 * (high - low)
+    widest = max(spans, key=lambda k: spans[k][1] - spans[k][0])
+    inside = [k for k in spans if k != widest and "," not in k]
+    others = {k: v for k, v in spans.items() if k == widest}
+    inside = [
+        k for k in inside
+        if min(a for a, _ in others.values()) - slack <= spans[k][0]
+        and spans[k][1] <= max(b for _, b in others.values()) + slack
+    ]  # fmt: skip
+    count = max(1, int(SHARE * len(spans)))
+    chosen = inside[:: max(1, len(inside) // count)][-count:] if inside else []
+    return f"{column}={','.join(chosen)}" if chosen else ""

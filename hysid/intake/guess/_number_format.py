@@ -1,0 +1,73 @@
+"""How a file writes its numbers: decimal sign, a row of odd units, words for missing values."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import Table, read_table
+from hysteresis.records._units import is_unit
+from hysteresis.records.importers import is_number
+
+LARGEST = 1e300
+"""No measurement is larger."""
+Notes = list[tuple[str, str, str]]
+
+
+def reading(
+    file: Path, table: Table | None, given: Mapping[str, Any]
+) -> tuple[dict[str, Any], Notes]:
+    """Options of `read_table` that make numbers of a file's cells, beside those given; and what was seen.
+
+    `table`: as read without options; None where only a decimal comma can be read.
+    """
+    options = {k: given[k] for k in ("decimal", "units_row", "na_values") if given.get(k)}
+    notes: Notes = []
+    if table is None:
+        options.setdefault("decimal", ",")
+        table = read_table(file, decimal=options["decimal"])
+    commas = [x for x in table.text.values() if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
+    if commas and "decimal" not in options and table.decimal == ".":
+        options["decimal"] = ","
+        notes.append(("decimal", ",", f"{len(commas)} columns are numbers with a decimal comma"))
+    decimal = options.get("decimal", table.decimal)
+    odd: Counter[str] = Counter()
+    for name, cells in table.text.items():
+        x = table.columns[name]
+        if x.dtype.kind == "f":
+            odd.update(cells[np.abs(x) > LARGEST].tolist())  # infinite ones are among them
+        if x.dtype.kind == "f" or _share(cells[1:], decimal) < 0.5:
+            continue
+        odd.update(c for c in cells.tolist() if c and not _good(c, decimal))
+    if "units_row" not in options and _is_units(table, decimal):
+        options["units_row"] = int(table.line[0])
+        notes.append(("units_row", str(table.line[0]), "a row of units under the header"))
+        odd.subtract(Counter(cells[0] for cells in table.text.values()))
+    words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
+    if words and "na_values" not in options:
+        options["na_values"] = tuple(words)
+        notes.append(("na_values", ", ".join(words), "words among numbers: read as missing"))
+    return options, notes
+
+
+def _is_units(table: Table, decimal: str) -> bool:
+    """Whether the first row has words where all others have numbers."""
+    if table.units or len(table.line) < 3:
+        return False
+    first = [cells[0] for cells in table.text.values() if _share(cells[1:], decimal) > 0.8]
+    words = [c for c in first if c and not _good(c, decimal)]
+    named = 2 * sum(map(is_unit, words)) >= len(words)
+    return len(words) > 1 and (named or len(words) == len(first))
+
+
+def _share(cells: np.ndarray, decimal: str) -> float:
+    """The share of numbers among the cells that are not empty, of at most a thousand."""
+    some = [c for c in cells[:: max(1, len(cells) // 1000)].tolist() if c]
+    return sum(_good(c, decimal) for c in some) / len(some) if some else 0.0
+
+
+def _good(cell: str, decimal: str) -> bool:
+    other = "," if decimal == "." else "."
+    return is_number(cell) and other not in cell

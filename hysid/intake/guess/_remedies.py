@@ -1,0 +1,104 @@
+"""What the reader refuses, and what is done about it: each remedy is one option, and is said."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Table
+
+from .._selection import all_of, selection_of
+from ._quantities import unit_of, words_of
+
+Options = dict[str, Any]
+Note = tuple[str, str, str]
+_INSIDE = ("N", "mN", "kN", "gf", "mm", "um", "V", "mV", "A", "mA", "Pa", "kPa", "MPa")
+
+
+def settle(table: Table, options: Options) -> tuple[Options, list[Note]]:
+    """Options with which the file can be read, and what was added.
+
+    Every fault that the reader names has at most one remedy here, tried once; what is left is raised.
+    """
+    notes: list[Note] = []
+    options = _units(table, dict(options), notes)
+    tried: set[tuple[str, str]] = set()
+    while True:
+        try:
+            good, faults = selection_of(options).records(table)
+        except InputError as error:
+            fault = error
+        else:
+            if not faults or len(faults) < len(good):
+                return options, notes
+            fault = all_of(faults)
+        remedy = _REMEDIES.get(fault.code)
+        if remedy is None or (fault.code, fault.place) in tried:
+            raise fault
+        tried.add((fault.code, fault.place))
+        added, why = remedy(table, options, fault)
+        for key in ("time",) if "dt" in added else ():
+            options.pop(key, None)
+        options |= added
+        notes += [(key, str(value), why) for key, value in added.items()]
+
+
+def _units(table: Table, options: Options, notes: list[Note]) -> Options:
+    """A unit within a header ("force_N_raw"), and grams for a force."""
+    for role in ("input", "output"):
+        name = options.get(role)
+        if not isinstance(name, str) or f"{role}_unit" in options or name not in table.columns:
+            continue
+        unit = unit_of(name, table.units.get(name))
+        inside = [w for w in name.split("_")[1:] if w in _INSIDE]
+        if unit == "1" and inside:
+            options[f"{role}_unit"] = inside[0]
+            notes.append((f"{role}_unit", inside[0], "it stands within the header"))
+        elif unit in ("g", "kg") and {"force", "load", "kraft"} & set(words_of(name)):
+            options[f"{role}_unit"] = f"{unit}f"
+            notes.append(
+                (f"{role}_unit", f"{unit}f", f"a force in {unit}: the weight of that mass")
+            )
+    return options
+
+
+def _interpolate(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    return {"nan": "interpolate"}, f"the input has gaps, filled in a straight line: {fault.problem}"
+
+
+def _omit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    return {"nan": "omit"}, f"rows without output do not count: {fault.problem}"
+
+
+def _segments(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    return {"segments": "auto"}, f"a new sequence wherever time goes back: {fault.problem}"
+
+
+def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    t = table.columns[options["time"]]
+    step = np.diff(t[np.isfinite(t)])
+    if not (step > 0).any():
+        raise fault
+    # Where a new run begins, or a break ends, the clock leaps.
+    forward = step[(step >= 0) & (step < 20 * step[step > 0].mean())]
+    dt = float(f"{forward.mean():.4g}")
+    return {"dt": dt}, f"an even clock, as this one is coarser than the sampling: {fault.problem}"
+
+
+def _unknown_unit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    name = fault.place.rpartition("column ")[2]
+    if name == repr(options.get("time")):
+        added, _ = _even(table, options, fault)
+        return added, f"{fault.problem} Its steps are taken for seconds"
+    role = "input" if name == repr(options.get("input")) else "output"
+    return {f"{role}_unit": "1"}, f"{fault.problem} Give the unit, or leave it as a bare number"
+
+
+_REMEDIES: Mapping[str, Callable[[Table, Options, InputError], tuple[Options, str]]] = {
+    "nan-input": _interpolate,
+    "nan-output": _omit,
+    "time-backwards": _segments,
+    "time-repeated": _even,
+    "nan-time": _even,
+    "unknown-unit": _unknown_unit,
+}

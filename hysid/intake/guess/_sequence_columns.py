@@ -1,0 +1,141 @@
+"""What tells the sequences of a file apart: runs, specimens, a split that is there already."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hysteresis import Table
+
+from ._quantities import words, words_of
+
+RUNS = words(
+    "trial trials run runs test tests curve sweep rep repeat repetition replicate versuch lauf messung "
+    "essai experiment id file segment group series loop record sequence press block event"
+)
+SPECIMENS = words(
+    "sample specimen probe material location sensor electrode device pruefling proben echantillon site"
+)
+SPLITS = {"train", "training", "test", "testing", "val", "validation", "holdout", "held-out", "fit"}
+
+
+class Sequences(NamedTuple):
+    """Columns of groups, of specimens and of a split, their sentences, and what is no measurement.
+
+    - `group`: columns whose values name independent sequences of one model.
+    - `each`: the column with a model for each value, or None.
+    - `split`: `(column, value)` of rows to hold out that the file itself names, or None.
+    - `labels`: columns that only name or count something.
+    """
+
+    group: tuple[str, ...]
+    each: str | None
+    split: tuple[str, str] | None
+    labels: frozenset[str]
+    said: tuple[tuple[str, str, str], ...]
+
+
+def sequences_of(table: Table, time: str | None) -> Sequences:
+    """What tells the sequences of a file apart.
+
+    A column counts when it holds words, or whole numbers under a name for runs or specimens, and each of
+    its values several rows. Where time goes on across its changes it cuts nothing: no group.
+    """
+    rows = len(table.line)
+    labels, said = set(), []
+    groups: list[str] = []
+    specimens: list[str] = []
+    split = None
+    for name, x in table.columns.items():
+        values, code = np.unique(table.text[name], return_inverse=True)
+        named, text = set(words_of(name)), x.dtype.kind != "f"
+        if text:
+            labels.add(name)
+        if len(values) < 2 or 4 * len(values) > rows:
+            continue
+        lowered = {v.lower() for v in values.tolist()}
+        if (
+            text
+            and len(lowered) <= 3
+            and lowered <= SPLITS
+            and lowered & {"test", "testing", "holdout"}
+        ):
+            held = next(v for v in values.tolist() if v.lower() in ("test", "testing", "holdout"))
+            split = (name, held)
+            continue
+        kinds = named & (RUNS | SPECIMENS)
+        whole = not text and np.all(np.isfinite(x)) and np.all(x == np.round(x))
+        runs = 1 + int(np.count_nonzero(np.diff(code)))
+        if not (text or (whole and kinds)) or named & {"z"}:
+            continue
+        if runs > max(4 * len(values), 20) and not named & SPECIMENS:
+            continue
+        if text and not kinds and (runs > 2 * len(values) or len(values) > 50):
+            continue
+        labels.add(name)
+        if named & SPECIMENS and not named & RUNS and len(values) <= 40:
+            specimens.append(name)
+        elif named & RUNS or text:
+            groups.append(name)
+    each = min(specimens, key=lambda n: len(np.unique(table.text[n])), default=None)
+    if each is not None:
+        said.append(("each", each, "one specimen, one model: a fit for each of its values"))
+    groups = [g for g in groups if _cuts(table, g, time)]
+    if len(groups) > 1:  # the finest; others come in where its values are not in one piece
+        groups.sort(key=lambda g: -len(np.unique(table.text[g])))
+    chosen = tuple(groups[:1])
+    if chosen:
+        more = [
+            n for n in (*groups[1:], *([split[0]] if split else [])) if _mends(table, chosen[0], n)
+        ]
+        chosen += tuple(more[:1])
+        count = len(set(zip(*(table.text[n].tolist() for n in chosen), strict=True)))
+        said.append(("group", ", ".join(chosen), f"{count} independent sequences of one model"))
+    if split:
+        said.append(
+            ("test_where", f"{split[0]}={split[1]}", "the file says which rows are for testing")
+        )
+    return Sequences(chosen, each, split, frozenset(labels), tuple(said))
+
+
+def constant_within(table: Table, name: str, keys: tuple[str, ...]) -> bool:
+    """Whether a column has one value in each sequence: a label, not a measurement."""
+    if not keys:
+        return False
+    parts = np.array(
+        ["/".join(cells) for cells in zip(*(table.text[k].tolist() for k in keys), strict=True)]
+    )
+    _, code = np.unique(parts, return_inverse=True)
+    x = table.columns[name]
+    low, high = np.full(code.max() + 1, np.inf), np.full(code.max() + 1, -np.inf)
+    np.fmin.at(low, code, x)
+    np.fmax.at(high, code, x)
+    return bool(
+        code.max() > 0
+        and np.mean(high - low <= 1e-3 * max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)) > 0.9
+    )
+
+
+def counts_rows(x: np.ndarray) -> bool:
+    """Whether a column only numbers the rows, from the start or within each sequence."""
+    step = np.diff(x)
+    return len(x) > 2 and bool(np.all(np.isfinite(x))) and float(np.mean(step == 1)) > 0.75
+
+
+def _cuts(table: Table, name: str, time: str | None) -> bool:
+    """Whether time stops or starts anew where this column changes."""
+    if time is None:
+        return True
+    t = table.columns[time]
+    change = np.flatnonzero(table.text[name][1:] != table.text[name][:-1])
+    step = np.diff(t)
+    known = np.abs(step[np.isfinite(step)])
+    typical = float(np.median(known)) if known.size else 0.0
+    return bool(np.any((step[change] < 0) | (step[change] > 20 * typical)))
+
+
+def _mends(table: Table, name: str, other: str) -> bool:
+    """Whether values of a column lie in several pieces that another one tells apart."""
+    pieces = lambda key: 1 + int(np.count_nonzero(key[1:] != key[:-1]))  # noqa: E731
+    one, two = table.text[name], table.text[other]
+    both = np.char.add(np.char.add(one, "/"), two)
+    return pieces(one) > len(np.unique(one)) and len(np.unique(both)) > len(np.unique(one))

@@ -1,0 +1,147 @@
+"""The job behind `hysid batch`: a fit of every file, in turn, over processes, or over a Dask cluster."""
+
+import glob
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import identify
+from hysteresis import InputError
+
+from ..intake._constant_input import step_options
+from ..intake._selection import Selection, all_of
+from ._fit_and_predict import _check_writable, _folder_names
+
+PATIENCE = 5
+"""Seconds to wait for a scheduler."""
+
+
+def batch(
+    pattern: str,
+    selection: Selection,
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    jobs: int = 1,
+    resume: bool = True,
+    say: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Fit every file that the pattern names, each to a folder of its own below `out`.
+
+    Raises `InputError` where no file is found, none can be fitted, or the scheduler does not answer.
+    """
+    files = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
+    files = [file for file in files if file.is_file()]
+    if not files:
+        raise InputError(
+            "no-files",
+            "no file has such a name.",
+            place=pattern,
+            cause="a slip in the pattern, or another folder than this one.",
+            fix="put it between quotation marks, as in 'data/*.csv'; ** goes down into folders.",
+        )
+    _check_writable(out)
+    function = identify.fit
+    if selection.is_step:
+        function, options = identify.fit_step, step_options(options)
+    else:
+        options = {"noise": "auto"} | options  # as `hysid fit`
+    with _workers(scheduler, jobs) as executor:
+        found = identify.fit_many(
+            _Files(files, selection), executor=executor, out=out, resume=resume, progress=say,
+            extra={"selection": selection.as_json()}, function=function, **options,
+        )  # fmt: skip
+    if not found.kept:
+        raise all_of(found.failed)
+    return {
+        "fitted": len(found),
+        "skipped": len(found.skipped),
+        "failed": {name: str(error) for name, error in found.failed.items()},
+        "fits": found.table()[: len(found)],
+        "file": str(out / "batch.csv"),
+    }
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Records of files by the names of their folders: read when their turn comes."""
+
+    files: list[Path]
+    selection: Selection
+
+    def items(self) -> Iterator[tuple[str, Any]]:
+        """Name, and record with what is held out, or why there is none."""
+        for name, file in zip(_names(self.files), self.files, strict=True):
+            try:
+                records, faults = self.selection.records(self.selection.table(file))
+            except InputError as error:
+                yield name, error
+                continue
+            folders = _folder_names([*records, *faults])
+            for value, found in {**records, **faults}.items():
+                yield f"{name}/{folders[value]}" if value else name, found
+
+
+def _names(files: list[Path]) -> list[str]:
+    """A folder's name for each file: its own, with its folders' where several have the same."""
+    stems = Counter(file.stem.casefold() for file in files)
+    shared = Path(os.path.commonpath([file.absolute().parent for file in files]))
+    names: list[str] = []
+    for file in files:
+        name = file.stem
+        if stems[name.casefold()] > 1:
+            name = "-".join(file.absolute().relative_to(shared).with_suffix("").parts)
+        folder = next(iter(_folder_names([name]).values())).lstrip(".") or "_"
+        while folder.casefold() in map(str.casefold, names):
+            folder += "_"
+        names.append(folder)
+    return names
+
+
+@contextmanager
+def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
+    """What `fit_many` takes for an executor."""
+    if scheduler is None:
+        yield None if jobs == 1 else lambda: _pool(jobs)
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            "no-distributed",
+            "Dask's distributed is not installed.",
+            place=f"--scheduler {scheduler}",
+            fix="pip install 'hysid[cluster]', or spread the files over processes (--jobs N).",
+        ) from None
+    try:
+        client = Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(
+            "no-scheduler",
+            f"no Dask scheduler answers there within {PATIENCE} s ({type(error).__name__}).",
+            place=f"--scheduler {scheduler}",
+            cause="it is not running, or the address is another: tcp://HOST:8786.",
+            fix="start one (dask scheduler), or spread the files over processes (--jobs N).",
+        ) from None
+    with client:
+        yield client.get_executor(retries=2, pure=False)
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    # Forked processes inherit locks of JAX's threads.
+    return ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_one_thread)
+
+
+def _one_thread() -> None:
+    """Processes side by side each keep to one thread; said before JAX starts its own."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_multi_thread_eigen=false"
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[variable] = "1"

@@ -1,0 +1,148 @@
+"""What `hysid init` writes and says of a guess."""
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from hysteresis import InputError
+
+from ..intake._selection import selection_of
+from ..intake.guess._guess import Guess, guess
+
+COMMENTS = {
+    "input": "what drives: its exact header",
+    "output": "what follows",
+    "step": "the constant input of creep or relaxation",
+    "hold": "creep or relaxation: only where the input is held",
+    "time": "the clock",
+    "dt": "sampling step in seconds, instead of a time column",
+    "input_time": "the input's own clock: it is interpolated to the output's",
+    "group": "independent sequences of one model",
+    "each": "one fit for each value",
+    "decimal": "decimal sign of the file",
+    "units_row": "line that holds units; 0 for none",
+    "na_values": "words that mean a missing value",
+    "nan": "raise, omit (rows without output do not count) or interpolate",
+    "segments": "auto: a new sequence where time goes back",
+    "input_unit": "unit of the input, where its header has none or another",
+    "output_unit": "unit of the output, likewise",
+    "test_where": "held out: rows with these values",
+    "test_cycles": "held out: the last so many cycles of each sequence",
+    "test_tail": "held out: this last part of each sequence",
+}
+"""What each key of the file means, in the order in which they are written."""
+
+
+def init(
+    file: Path, out: Path | None, given: Mapping[str, Any], *, overwrite: bool = False
+) -> dict[str, Any]:
+    """Guess, write the configuration, and say what was seen.
+
+    Raises `InputError` `exists` where a configuration is there already, and as `guess` does.
+    """
+    config = out or file.with_suffix(".toml")
+    if config.exists() and not overwrite:
+        raise InputError(
+            "exists",
+            "this file is there already.",
+            place=str(config),
+            fix="name another (--out FILE.toml), or --overwrite it.",
+        )
+    found = guess(file, given)
+    config.parent.mkdir(parents=True, exist_ok=True)
+    config.write_text(toml(file, found), "utf-8")
+    folder = config.with_suffix("")
+    said = [shlex.quote(str(p)) for p in (file, config, folder)]
+    command = f"hysid fit {said[0]} --config {said[1]} --out {said[2]}"
+    document = {
+        "file": str(config),
+        "source": str(file),
+        "selection": found.selection,
+        "fit": found.fit,
+        "found": [asdict(f) for f in found.found],
+        "alternatives": found.alternatives,
+        "warnings": found.warnings,
+        "rows": found.rows,
+        "sequences": found.sequences,
+        "cycles": found.cycles,
+        "next": command,
+    }
+    again = f"hysid init {said[0]}{f' --out {said[1]}' if out else ''} --overwrite"
+    return document | {"lines": _lines(file, config, found, command, again)}
+
+
+def toml(file: Path, found: Guess) -> str:
+    """A configuration file: every key with its meaning, how sure it is, and what else could stand there."""
+    said = {f.what: f for f in found.found}
+    held = said["held out"]
+    lines = [
+        f"# What hysid init made of {file.name}. Change what is wrong; hysid fit reads it with --config.",
+        "",
+        "[selection]",
+    ]
+    for key, meaning in COMMENTS.items():
+        if key not in found.selection:
+            continue
+        finding = held if key.startswith("test_") else said.get(key)
+        lines.append(f"# {meaning}")
+        if finding is not None and finding.why:
+            lines.append(f"#   {finding.sure}: {_plain(finding.why)}")
+        lines.append(f"{key} = {_value(found.selection[key])}")
+    if not any(key.startswith("test_") for key in found.selection):
+        lines += ["# held out: nothing", f"#   {_plain(held.why)}", "# test_tail = 0.2"]
+    if not {"time", "dt"} & set(found.selection):
+        lines += [
+            "# no clock was found: without one, models that depend on speed are left out",
+            "# dt = 0.01",
+        ]
+    if found.alternatives:
+        lines += ["# other choices:", *(f"#   {_plain(a)}" for a in found.alternatives)]
+    lines += ["", "[fit]"]
+    is_step = selection_of(found.selection).is_step
+    if not is_step:
+        lines += [
+            '# auto, or names with commas between: "LinearSponge,Preisach,Burgers"',
+            'model = "auto"',
+        ]
+    for key, value in found.fit.items():
+        why = said[key].why if key in said else ""
+        lines += [f"# {_plain(why)}", f"{key} = {_value(value)}"]
+    lines += ["seed = 0"]
+    if not is_step:
+        lines += [
+            "",
+            "# What is known of parameters, as in",
+            "# [parameters]",
+            "# E1 = {start = 2.0, bounds = [0.1, 100.0]}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    """As TOML writes it: JSON's strings and numbers are TOML's too."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _plain(text: str) -> str:
+    """One line without control characters, which no comment may hold."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _lines(file: Path, config: Path, found: Guess, command: str, again: str) -> list[str]:
+    selection = selection_of(found.selection)
+    lines = [f"{file}: {selection.input_words} -> {selection.output}", ""]
+    width = max(len(f.what) for f in found.found)
+    for f in found.found:
+        why = f": {f.why}" if f.why else ""
+        lines.append(f"  {f.what:{width}}  {f.value} ({f.sure}{why})")
+    lines += ["", *(f"  {line}" for line in found.text.split("\n"))]
+    if found.alternatives:
+        lines += ["", "It could also be:"]
+        lines += [f"  {again} {a}" for a in found.alternatives]
+    lines += ["", *(f"Mind: {w}" for w in found.warnings)] if found.warnings else []
+    return [*lines, "", f"Wrote {config}: look at it, then", f"  {command}"]

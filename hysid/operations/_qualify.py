@@ -1,0 +1,124 @@
+"""`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import identify
+from compensate import EnsembleCompensator, Qualification, invert
+from compensate import qualify as qualified
+from hysteresis import InputError, Record
+
+from ..intake._selection import all_of, folders_of
+from ._fit_and_predict import _for_new_file, _selection_of
+
+DRAWS, ROWS = 50, 200_000
+"""Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
+a draw of a composition, which is found by bisection, takes 0.2 ms."""
+
+
+def qualify(
+    folder: Path,
+    file: Path,
+    *,
+    max_error: float | None = None,
+    rate: float | None = None,
+    changes: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Qualify the compensator of a fit, or of each of several, and write DIR/qualify.json.
+
+    In the file of the fit itself only the rows held out from it count; where none were, the verdict
+    is CAUTION at best. `text` is for a terminal, and not in the file.
+    """
+    document = identify.read_document(folder)
+    asked = _selection_of(document)
+    if asked.is_step or isinstance(asked.input, tuple):
+        what = "a constant input" if asked.is_step else f"{len(asked.input or ())} inputs"
+        raise InputError(
+            "no-inverse",
+            f"this fit has {what}, which one output does not give back.",
+            place=str(folder),
+            fix="qualify the fit of one input that moves.",
+        )
+    selection = replace(asked, **(changes or {}))
+    source = selection.table(file)
+    narrowed, compared, said = _for_new_file(selection, source, inverse=True)
+    if not compared:  # both readings are needed: reading them says which is not there
+        narrowed = replace(narrowed, input=asked.input, output=asked.output)
+    folders = folders_of(folder, document)
+    fits = {value: identify.load(folder / name) for value, name in folders.items()}
+    fitted_here = any(fit.train.sha256 == source.sha256 for fit in fits.values())
+    records, faults = (narrowed if fitted_here else narrowed.without_hold_out()).records(source)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    found: dict[str, Qualification] = {}
+    for value, (record, held_out) in records.items():
+        if value in folders:
+            one = _of_one(fits[value], folder / folders[value], held_out or record, max_error, rate)
+            found[value] = _seen(one) if fitted_here and held_out is None else one
+    if not found:
+        raise InputError(
+            "no-match",
+            f"no value of {asked.each} in the file was fitted: {', '.join(folders)}.",
+            place=str(file),
+        )
+    result = _together(found) | {"notes": said, "file": str(folder / "qualify.json")}
+    identify.write_json(folder / "qualify.json", result | {"source": file.name})
+    head = {value: f"{asked.each} = {value}\n" if value else "" for value in found}
+    return result | {"text": "\n".join(head[value] + one.text for value, one in found.items())}
+
+
+def _of_one(
+    fitted: identify.FitResult,
+    place: Path,
+    record: Record,
+    max_error: float | None,
+    rate: float | None,
+) -> Qualification:
+    identify.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
+    identify.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    # Estimates are of the input on the model's clock.
+    record = fitted.clocks.applied(record)
+    compensator = invert(fitted.model)
+    ensemble, facts = None, []
+    if lag := fitted.clocks.lag:
+        when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
+        facts.append(f"Estimates are of the input {when}: the fit took out that lag.")
+    if (posterior := identify.load_posterior(place)) is not None:
+        try:
+            ensemble = EnsembleCompensator(_some_of(posterior, len(record)))
+        except InputError as error:
+            facts.append(f"Its posterior cannot be run backwards: {error}")
+    found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
+    return replace(found, reasons=(*found.reasons, *facts))
+
+
+def _some_of(posterior: identify.Posterior, rows: int) -> Any:
+    """One model with some of the posterior's draws, evenly from all, on its leading axis."""
+    count = int(np.prod(posterior.draws.shape[:2]))
+    wanted = min(DRAWS, max(5, ROWS // rows))
+    chosen = np.unique(np.linspace(0, count - 1, wanted).astype(int))
+    return jax.tree.map(lambda a: a[chosen], posterior.model)
+
+
+def _seen(found: Qualification) -> Qualification:
+    why = "The fit was made from these rows, so nothing is known about unseen data."
+    level = "CAUTION" if found.level == "PASS" else found.level
+    return replace(found, level=level, reasons=(*found.reasons, why))
+
+
+def _together(found: dict[str, Qualification]) -> dict[str, Any]:
+    """The one document, or of several the gravest verdict, the mean error, and `each`."""
+    if "" in found:
+        return found[""].document
+    levels = [one.level for one in found.values()]
+    reasons = [f"{value}: {one.level}. {one.reasons[0]}" for value, one in found.items()]
+    level = next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels)
+    return {
+        "verdict": {"level": level, "reasons": reasons},
+        "nrmse_percent": float(np.mean([one.nrmse_percent for one in found.values()])),
+        "each": {value: one.document for value, one in found.items()},
+    }

@@ -1,0 +1,167 @@
+"""What the sections of a report are made of, and the fit they are about."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import identify
+from compensate import invert
+from hysteresis import InputError, Record
+
+from ..figures._format import label, plain_name
+from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
+
+TARGET = "report.html"
+"""The report of a fit, in its folder."""
+
+
+class Picture(NamedTuple):
+    """A figure on the page: base64 PNG, its size, words in its place, and what to look for."""
+
+    data: str
+    width: int
+    height: int
+    alt: str
+    caption: str
+
+
+class Small(NamedTuple):
+    """One of many small charts of one style, as SVG paths in a box of `size`; `ticks` are x, y, anchor and
+    text."""
+
+    name: str
+    href: str | None
+    level: str
+    words: str
+    alt: str
+    size: tuple[int, int]
+    grid: str
+    measured: str
+    model: str
+    ticks: list[tuple[float, float, str, str]]
+
+
+class Link(NamedTuple):
+    """A cell that leads to another page."""
+
+    text: str
+    href: str
+
+
+class Table(NamedTuple):
+    """Rows of text under headers; `strong` is the row to stand out."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str | Link, ...]]
+    strong: int | None = None
+
+
+@dataclass
+class Section:
+    """A heading and what is under it: text, tables, small charts, pictures, notes, then parts with headings
+    of their own."""
+
+    title: str
+    text: list[str] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    small: list[Small] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    parts: list["Section"] = field(default_factory=list)
+
+    @property
+    def id(self) -> str:
+        return self.title.lower().replace(" ", "-").rstrip("?")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A loaded fit with what several sections need, computed once."""
+
+    folder: Path
+    document: dict[str, Any]
+    fit: identify.FitResult
+    posterior: identify.Posterior | None
+
+    @property
+    def input(self) -> str:
+        return plain_name(self.fit.train.input_name, self.fit.train.input_unit)
+
+    @property
+    def output(self) -> str:
+        return plain_name(self.fit.train.output_name, self.fit.train.output_unit)
+
+    @property
+    def input_label(self) -> str:
+        return label(self.input, self.fit.train.input_unit)
+
+    @property
+    def output_label(self) -> str:
+        return label(self.output, self.fit.train.output_unit)
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of the input and of the output."""
+        return self.fit.train.input_unit, self.fit.train.output_unit
+
+    @property
+    def judged(self) -> tuple[str, Record]:
+        """The held-out record where there is one, else the training one, and its rows in words."""
+        fit = self.fit
+        return ("training", fit.train) if fit.test is None else ("held-out", fit.test)
+
+    @property
+    def one_clock(self) -> bool:
+        """A single sequence with a clock, held-out rows included: time can be the axis."""
+        fit = self.fit
+        several = len(fit.train.labels) > 1 or not (fit.test is None or self.same_rows)
+        return fit.train.time is not None and not several
+
+    @cached_property
+    def same_rows(self) -> bool:
+        """The held-out record is the training one with another mask."""
+        train, test = self.fit.train, self.fit.test
+        return test is not None and all(
+            np.array_equal(getattr(train, k), getattr(test, k), equal_nan=True)
+            for k in ("input", "output", "starts")
+        )
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Residuals of all rows that count."""
+        records = [r for r in (self.fit.train, self.fit.test) if r is not None]
+        masks = [r.mask for r in records]
+        used = self.fit.internals["used"]
+        return residual_rows(
+            records[:1] if self.same_rows else records,
+            [*self.predicted.values()],
+            used,
+            masks[1] if self.same_rows else None,
+        )
+
+    @cached_property
+    def predicted(self) -> dict[str, np.ndarray]:
+        """The model's output on each record, all rows; both are as the model saw them."""
+        records = {"train": self.fit.train, "test": self.fit.test}
+        return {k: identify.predict(self.fit.model, r) for k, r in records.items() if r is not None}
+
+    @cached_property
+    def round_trip(self) -> RoundTrip | InputError:
+        """What the compensator makes of the judged record, or why there is none."""
+        if self.fit.channels is not None:
+            count = len(self.fit.channels.names)
+            return InputError("no-inverse", f"one output does not tell {count} inputs apart.")
+        try:
+            return round_trip(self.fit.model, invert(self.fit.model), self.judged[1])
+        except InputError as error:
+            return error
+
+
+def picture(figure: Any, alt: str, caption: str) -> Picture:
+    from ..figures import _base as _figures
+
+    return Picture(*_figures.png(figure), alt=alt, caption=caption)

@@ -1,0 +1,202 @@
+"""The report of a fit: one self-contained page, made anew from the files in the fit's folder."""
+
+import math
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis import Burgers, InputError, LinearSponge, Preisach
+
+from ..figures._format import pretty, quantity
+from . import _section_creep as _report_step
+from ._case import TARGET, Case, Section
+from ._section_channels import channels
+from ._section_diagnostics import believed
+from ._section_fit import candidates, data, loops, parameters, residuals
+from ._section_model import compensator, density, posterior
+
+TEMPLATE = "report.html.j2"
+HEADLINES = {
+    "PASS": "It can be used inside the range it was trained on.",
+    "CAUTION": "It can be used with care: read the reasons.",
+    "FAIL": "Do not use this model.",
+}
+
+
+SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
+    data,
+)  # fmt: skip
+STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, data,
+)  # fmt: skip
+
+
+def write_report(folder: str | Path) -> Path:
+    """Write `folder`/report.html about the fit, and the posterior if any, that the folder holds.
+
+    Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
+    """
+    folder = Path(folder)
+    document = identify.read_document(folder)
+    if "each" in document:
+        raise InputError(
+            "several-fits",
+            "this folder holds several fits, one for each value of a column.",
+            place=str(folder),
+            fix=f"report on one of its folders: {', '.join(map(str, document['each']))}.",
+        )
+    try:
+        case = Case(folder, document, identify.load(folder), identify.load_posterior(folder))
+        for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
+            document[key]
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, OSError) as error:
+        raise InputError(
+            "damaged-file",
+            f"the fit cannot be read: {type(error).__name__} {error}.",
+            place=str(folder),
+            cause="fit.json was edited, or written by another version.",
+            fix="fit again.",
+        ) from error
+    of_step = "spectrum" in case.fit.internals
+    sections = [
+        make(case)
+        for make in (STEP_SECTIONS if of_step else SECTIONS)
+        if (make is not density or "linear" in case.fit.internals)
+        and (make is not channels or case.fit.channels is not None)
+    ]
+    data = document["data"]
+    return render(
+        folder / TARGET,
+        title=_report_step.title(case)
+        if of_step
+        else f"{case.fit.name} model of {case.output} from {case.input}",
+        subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
+        f" {data['rows_test']:,} held-out rows",
+        level=case.fit.verdict.level,
+        headline=HEADLINES[case.fit.verdict.level],
+        reasons=case.fit.verdict.reasons,
+        facts=facts(case),
+        model=in_words(case),
+        command=next_command(case),
+        sections=sections,
+    )
+
+
+def facts(case: Case) -> list[tuple[str, str]]:
+    unit = case.units[1]
+    word, _ = case.judged
+    metrics = case.fit.metrics
+    judged = metrics["test"] or metrics["train"]
+    assert judged is not None
+    assert metrics["train"] is not None
+    facts = [
+        (f"{word} error, rms", quantity(judged.rmse, unit)),
+        (f"{word} error, largest", quantity(judged.max_abs, unit)),
+        (f"{word} error, of the range", quantity(judged.nrmse_percent, "%")),
+    ]
+    if metrics["test"] is not None:
+        fitted = case.fit.internals["used"]
+        rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
+        share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
+        facts.append(("fitted rows, of the range", quantity(share, "%")))
+    if "spectrum" in case.fit.internals:
+        return facts + _report_step.facts(case)
+    if not isinstance(case.round_trip, InputError):
+        facts.append(
+            (f"compensator on {word} rows, rms", quantity(case.round_trip.rms, case.units[0]))
+        )
+    return facts
+
+
+PARTS_IN_WORDS = {
+    "curve": "a rising curve",
+    "Maxwell": "branches that relax, with springs of their own",
+    "strengths": "relaxation that is felt more at some levels than at others",
+    "softening": "stiffness of what was never reached before",
+    "relays": "relays that remember where the input turned",
+}
+
+
+def in_words(case: Case) -> str:
+    model, (input_unit, output_unit) = case.fit.model, case.units
+    if "spectrum" in case.fit.internals:
+        return _report_step.in_words(case)
+    if isinstance(model, LinearSponge):
+        slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
+        text = f"A straight line, {slope} × {case.input} + {quantity(float(model.b), output_unit)}"
+        if math.isfinite(float(model.threshold)):
+            text += f", from {quantity(float(model.threshold), input_unit)} on and nothing below"
+        return f"{text}: no memory, so no loop."
+    if isinstance(model, Burgers):
+        return (
+            "A Burgers element, a spring and a dashpot in series with a spring beside a dashpot:"
+            f" its {case.output} creeps and depends on the rate."
+        )
+    if (composed := case.fit.internals.get("composition")) is not None:
+        said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
+        text = f"A sum of {', '.join(said)}"
+        if composed.meaning.first:
+            text += ", of an input that a curve has mapped"
+        if composed.meaning.floor is not None:
+            text += f", on a floor at {quantity(composed.meaning.floor, output_unit)}"
+        if lag := case.fit.clocks.lag:
+            text += f"; its input is taken {quantity(lag, case.fit.train.time_unit)} earlier"
+        return f"{text}."
+    if not isinstance(model, Preisach):
+        first = (type(model).__doc__ or type(model).__name__).split("\n")[0]
+        return first if first.endswith(".") else f"{first.rstrip(':,')}."
+    return (
+        "A Preisach model, a density of relays beside a memoryless curve:"
+        f" its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
+        " remembers where that turned, and does not depend on the rate."
+    )
+
+
+def next_command(case: Case) -> tuple[str, str]:
+    folder, fit = shlex.quote(str(case.folder)), case.fit
+    inputs = [fit.train.input_name] if fit.channels is None else fit.channels.names
+    columns = " ".join(
+        f"--{role} {shlex.quote(name)}"
+        for role, name in (*(("input", name) for name in inputs), ("output", fit.train.output_name))
+    )
+    source = shlex.quote(fit.train.source or "FILE")
+    if "spectrum" in fit.internals:
+        return _report_step.next_command(case, source)
+    if not fit.trusted:
+        return "Look at the data, then fit again", f"hysid check {source} {columns}"
+    if fit.test is None:
+        return (
+            "Hold something out and fit again",
+            f"hysid fit {source} {columns} --test-cycles 1 --out DIR",
+        )
+    if case.posterior is None:
+        return "Find out how much the data leave open", f"hysid sample {folder}"
+    if fit.channels is not None:
+        return "Run the model over new data", f"hysid predict {folder} FILE"
+    return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
+
+
+def render(file: Path, **words: Any) -> Path:
+    """Fill the template. Raises `InputError` `cannot-write`."""
+    import jinja2
+
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    text = page.get_template(TEMPLATE).render(**words)
+    try:
+        file.write_text(text, "utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(
+            "cannot-write",
+            f"{file.name} cannot be written: {error.strerror}.",
+            place=str(file.parent),
+            fix="make the folder writable, or copy it and report on the copy.",
+        ) from error
+    return file

@@ -1,0 +1,36 @@
+"""The section of a report on what combines several channels into one input."""
+
+import numpy as np
+
+from ..figures._format import label, number, plain_name, quantity
+from ._case import Case, Section, Table, picture
+
+
+def channels(case: Case) -> Section:
+    from ..figures import _base as f
+
+    combined, unit = case.fit.channels, case.units[1]
+    assert combined is not None
+    nodes, values = np.asarray(combined.nodes), np.asarray(combined.values)
+    names = [plain_name(*of) for of in zip(combined.names, combined.units, strict=True)]
+    axes = [label(*of) for of in zip(names, combined.units, strict=True)]
+    section = Section("Channels", [
+        f"The input is a sum of curves, one for each of {len(names)} channels, in the unit of the"
+        f" {case.output}: what the {case.output} would be without memory."
+        " Beyond its ends a curve is held. Curves that fall beside others that rise cancel what the"
+        f" channels feel and the {case.output} does not."
+    ])  # fmt: skip
+    figure = f.panels(axes, nodes, values, label("part of the input", unit))
+    caption = "What each channel adds, over the values it was fitted on; a flat one adds nothing."
+    section.pictures.append(picture(figure, f"Curves of {len(names)} channels", caption))
+    share = np.ptp(values, axis=1)
+    rows = [
+        (names[c], quantity(float(nodes[c, 0]), combined.units[c]),
+         quantity(float(nodes[c, -1]), combined.units[c]), quantity(float(share[c]), unit),
+         number(float(np.corrcoef(nodes[c], values[c])[0, 1])) if share[c] > 0 else "none")
+        for c in np.argsort(-share)
+    ]  # fmt: skip
+    columns = ("Channel", "From", "To", "Range of its curve", "Sense")
+    said = "The sense is the correlation of curve and channel: 1 rises throughout, −1 falls."
+    section.tables.append(Table(said, columns, [tuple(row) for row in rows]))
+    return section

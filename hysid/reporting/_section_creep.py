@@ -1,0 +1,216 @@
+"""Sections of a report on creep and relaxation: the curve, its spectrum, what it says of later times."""
+
+import shlex
+from typing import Any
+
+import numpy as np
+
+from hysteresis import GeneralizedKelvinVoigt, Record
+from identify import Spectrum
+
+from ..figures._format import label, number, plain_name, pretty, quantity
+from ._case import Case, Link, Section, Table, picture
+
+LATER = (1.5, 3.0, 10.0, 30.0, 100.0)
+"""Times of the table, in spans of the record."""
+SHOWN = 3.0
+"""Spans of the record that the pictures show, at least."""
+WORDS = {"creep": "Creep", "relaxation": "Relaxation"}
+
+
+def curve(case: Case) -> Section:
+    """The measured answer, the model and its range, over linear and logarithmic time."""
+    from ..figures import _base as f
+    from ..figures._creep import Range, step_answer
+
+    found, step = spectrum_of(case), step_of(case)
+    drawn = []
+    for record, word, colour in _records(case):
+        rows = record.mask & np.isfinite(record.output)
+        assert record.time is not None
+        t, y = record.time[rows], record.output[rows]
+        # Evenly in log time, so that the first seconds of a day are seen.
+        picks = np.searchsorted(t, np.geomspace(t[t > 0][0], t[-1], f.MOST // 8))
+        at = np.unique(np.append(np.linspace(0, len(t) - 1, min(len(t), 300)).astype(int), picks))
+        drawn.append(f.Curve(f"measured, {word}", t[at], y[at], colour, "dots"))
+    last = max(SHOWN * found.span, *(c.x[-1] for c in drawn))
+    section = Section(WORDS[found.kind], [_span_in_words(case, found)])
+    # Creep spans decades in both; a range of relaxation may reach down to 0.
+    for log in ("", "xy" if found.kind == "creep" and step > 0 else "x"):
+        t = np.geomspace(found.step, last, 200) if log else np.linspace(found.step, last, 200)
+        value, low, high = (step * part for part in found.predict(t))
+        figure = step_answer(
+            drawn, Range(t, value, low, high), found.span, time_label(case), case.output_label, log
+        )
+        how = "logarithmic" if log else "linear"
+        caption = (
+            f"Over {how} time. Behind the dashed line no row was fitted: there the range holds all"
+            " that slow processes could still do without the fitted rows showing it."
+        )
+        alt = f"{case.output} over {how} time: measured, model and range"
+        section.pictures.append(picture(figure, alt, caption))
+    t = found.span * np.array(LATER)
+    table: list[tuple[str | Link, ...]] = []
+    for when, value, low, high in zip(t, *found.predict(t), strict=True):
+        ends = sorted((step * low, step * high))
+        cells = [quantity(float(x), case.units[1]) for x in (step * value, *ends)]
+        table.append((quantity(float(when), case.fit.train.time_unit), *cells))
+    columns = (plain_time(case).capitalize(), "Model", "At least", "At most")
+    section.tables.append(Table("What the record says of later times, 90 %.", columns, table))
+    return section
+
+
+def spectrum(case: Case) -> Section:
+    """Strengths over time constants, and what other orders would have given."""
+    from ..figures._creep import spectrum as drawn
+
+    found, model, unit = spectrum_of(case), case.fit.model, case.fit.train.time_unit
+    creep = isinstance(model, GeneralizedKelvinVoigt)
+    known = {p.name: p for p in case.fit.parameters}
+    order = range(1, found.order + 1)
+    E = np.array([known[f"E{k}"].value for k in order])
+    error = np.array([known[f"E{k}"].stderr or np.nan for k in order])
+    other = np.array([known[f"{'eta' if creep else 'tau'}{k}"].value for k in order])
+    section = Section("Spectrum")
+    if found.order:
+        tau, strength = (other / E, 1 / E) if creep else (other, E)
+        error = error / E**2 if creep else error
+        of_strength = " / ".join(case.units[::-1]).removesuffix(" / 1")
+        figure = drawn(
+            tau, strength, error, (found.step, found.span),
+            label("time constant", unit), label("compliance" if creep else "stiffness", of_strength),
+        )  # fmt: skip
+        caption = (
+            "What each delayed element gives, and when. In the grey no row tells: an element there is"
+            " known as a spring or a dashpot only."
+        )
+        section.pictures.append(picture(figure, "Strengths over time constants", caption))
+    least = min(row.evidence for row in found.table)
+    held_out = {
+        c["model"]: "none"
+        if (t := c["metrics"]["test"]) is None
+        else quantity(t["nrmse_percent"], "%")
+        for c in case.document["candidates"]
+    }
+    rows: list[tuple[str | Link, ...]] = [
+        (
+            f"{row.order}",
+            f"{row.parameters}",
+            quantity(100 * row.rms, "%"),
+            number(row.evidence - least),
+            held_out[f"{type(model).__name__} of order {row.order}"],
+        )
+        for row in found.table
+    ]
+    section.tables.append(
+        Table(
+            "Orders tried. The least evidence (Bayesian information criterion) is best; ten more is"
+            " out of the question.",
+            ("Time constants", "Parameters", "Relative error, rms", "Evidence above the best",
+             "Held-out error, of the range"),
+            rows,
+            strong=found.order,
+        )
+    )  # fmt: skip
+    return section
+
+
+def residuals(case: Case) -> Section:
+    """What is left over, relative to the output, over logarithmic time."""
+    from ..figures import _base as f
+
+    found, step = spectrum_of(case), step_of(case)
+    curves = []
+    for record, word, colour in _records(case):
+        rows = record.mask & np.isfinite(record.output)
+        assert record.time is not None
+        t, y = record.time[rows], record.output[rows]
+        relative = 100 * (step * found.predict(t).value / y - 1)
+        at = f.thin(f.MOST // 2, relative)
+        curves.append(f.Curve(word, np.log10(np.maximum(t[at], found.step)), relative[at], colour))
+    x_label = f"log10 of {plain_time(case)} ({pretty(case.fit.train.time_unit) or 'no unit'})"
+    figure = f.chart(curves, x_label, "predicted / measured − 1 (%)", zero=True)
+    noise = found.noise
+    text = (
+        f"Relative to the {case.output}, as the fit weighs them: {number(100 * noise.sigma)} % rms over"
+        f" the fitted rows, correlated over {number(noise.correlation_time)} of them."
+    )
+    caption = "It should look like noise; a wave is a time constant that is missing, or the rig's."
+    return Section("Residuals", [text], [picture(figure, "Relative residuals over time", caption)])
+
+
+def in_words(case: Case) -> str:
+    """The model in a sentence."""
+    found, model = spectrum_of(case), case.fit.model
+    count = f"{found.order} time constant{'s' if found.order != 1 else ''}"
+    names = {p.name for p in case.fit.parameters if p.value}
+    if isinstance(model, GeneralizedKelvinVoigt):
+        parts = ["a spring"] * ("E0" in names) + ["a dashpot"] * ("eta0" in names)
+        kind = "creeps: Kelvin-Voigt elements in series"
+    else:
+        parts, kind = ["a spring"] * ("E_inf" in names), "relaxes: Maxwell elements side by side"
+    beside = f" and {' and '.join(parts)}" if parts else ""
+    return f"The {case.output} {kind}, {count}{beside}."
+
+
+def facts(case: Case) -> list[tuple[str, str]]:
+    """The figures under the verdict, besides the errors."""
+    found = spectrum_of(case)
+    decades = np.log10(found.span / found.step)
+    return [
+        ("time constants", f"{found.order}"),
+        ("decades of time", number(float(decades))),
+        ("relative error, rms", quantity(100 * found.table[found.order].rms, "%")),
+    ]
+
+
+def next_command(case: Case, source: str) -> tuple[str, str]:
+    """What to do next, and the command."""
+    fit = case.fit
+    said = f"--step {step_of(case):g} --output {shlex.quote(fit.train.output_name)}"
+    said += f" --time {shlex.quote(fit.train.time_name)}"
+    if not fit.trusted:
+        return "Look at the data, then fit again", f"hysid check {source} {said}"
+    if fit.test is None:
+        command = f"hysid fit {source} {said} --test-tail 0.5 --out DIR"
+        return "Hold the end out and see whether it is foretold", command
+    folder = shlex.quote(str(case.folder))
+    return "Predict other times, with the range left open", f"hysid predict {folder} FILE"
+
+
+def title(case: Case) -> str:
+    """Of the page."""
+    step = quantity(step_of(case), case.units[0])
+    return f"{WORDS[spectrum_of(case).kind]} of {case.output} under {step}"
+
+
+def spectrum_of(case: Case) -> Spectrum:
+    return case.fit.internals["spectrum"]
+
+
+def step_of(case: Case) -> float:
+    """The constant input."""
+    return float(case.fit.train.input[0])
+
+
+def plain_time(case: Case) -> str:
+    return plain_name(case.fit.train.time_name, case.fit.train.time_unit)
+
+
+def time_label(case: Case) -> str:
+    return label(plain_time(case), case.fit.train.time_unit)
+
+
+def _records(case: Case) -> list[tuple[Record, str, Any]]:
+    from ..figures import _base as f
+
+    both = ((case.fit.train, "training", f.BLUE), (case.fit.test, "held-out", f.GREEN))
+    return [(record, word, colour) for record, word, colour in both if record is not None]
+
+
+def _span_in_words(case: Case, found: Spectrum) -> str:
+    unit = case.fit.train.time_unit
+    return (
+        f"{case.output} after a step to {quantity(step_of(case), case.units[0])}, from"
+        f" {quantity(found.step, unit)} to {quantity(found.span, unit)} after it."
+    )

@@ -1,0 +1,313 @@
+"""The section of a report that asks whether its figures can be believed."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import identify
+from hysteresis import InputError
+
+from ..figures._format import label, number, plain_name, pretty, quantity
+from ._case import Case, Link, Section, Table, picture
+
+MOST_ROWS = 20_000
+"""Rows of a record up to which parameters are optimised anew for the report: some seconds of work."""
+
+REFINED = 4
+"""Starts that a fit follows to their end."""
+
+WORST = 8
+"""Parts of one kind in the table, at most."""
+
+
+def believed(case: Case) -> Section:
+    """Every diagnostic that makes sense for the fit, each under the question it answers."""
+    section = Section("Can this number be believed?", [
+        "Every fit gives figures. What follows tries to prove these wrong; each question is answered in its"
+        " first sentence."
+    ])  # fmt: skip
+    section.parts = [part for part in _parts(case) if part is not None]
+    return section
+
+
+def _parts(case: Case) -> Iterator[Section | None]:
+    yield _noise(case)
+    yield _whiteness(case)
+    yield _breakdown(case)
+    yield _starts(case)
+    try:
+        aim = identify.target(case.fit)
+    except InputError:
+        aim = None
+    if aim is not None and len(case.fit.train) <= MOST_ROWS:
+        yield _profiles(case)
+        yield _sloppiness(case)
+    if aim is not None:
+        yield _beliefs(case, aim)
+    yield _predictive(case)
+    if aim is not None and len(case.fit.train) <= MOST_ROWS:
+        yield _sensitivity(case)
+    elif aim is not None:
+        yield Section("What was not asked", [
+            f"Profiles, combinations of parameters and the fit without single cycles are left out for more"
+            f" than {MOST_ROWS:,} rows; identify.profiles, identify.sloppiness and identify.sensitivity"
+            " make them."
+        ])  # fmt: skip
+
+
+def _noise(case: Case) -> Section:
+    fit, unit = case.fit, case.units[1]
+    noise, model = fit.noise, fit.noise_model
+    counts = f"{noise.samples:,} rows count as {noise.effective:,.0f} independent ones"
+    section = Section("What is the noise?")
+    if model is None:
+        section.text.append(
+            f"Residuals of {quantity(noise.sigma, unit)}, correlated over {number(noise.correlation_time)}"
+            f" samples: {counts}, and errors are widened for it. No noise model explains them"
+            f"{'' if {'linear', 'composition'} & set(fit.internals) else ': they hold structure'}."
+        )
+        return section
+    section.text.append(f"{model.words[:1].upper()}{model.words[1:]}: {counts}.")
+    rows: list[tuple[str | Link, ...]] = [
+        (name, number(float(value)), pretty(_noise_unit(info.unit, case)) or "1", info.meaning)
+        for name, info, value in _noise_parameters(model)
+    ]
+    section.tables.append(Table("", ("Part", "Value", "Unit", "Meaning"), rows))
+    if len(evidence := fit.noise_evidence) > 1:
+        ranked = sorted(evidence.items(), key=lambda item: item[1])
+        listed = ", ".join(f"{kind} {number(over)}" for kind, over in ranked[1:4])
+        section.notes.append(
+            f"Chosen by evidence among {len(ranked)} kinds; its logarithm falls behind by this: {listed}."
+            " From 3 on a kind is hardly to be believed."
+        )
+    return section
+
+
+def _noise_parameters(model: Any) -> list[tuple[str, Any, Any]]:
+    from hysteresis import parameters
+
+    return [(name, info, value) for name, info, value in parameters(model) if value is not None]
+
+
+def _noise_unit(unit: str, case: Case) -> str:
+    return {"output": case.units[1], "input": case.units[0]}.get(unit, unit)
+
+
+def _whiteness(case: Case) -> Section:
+    from ..figures import _diagnostics as f
+
+    found = identify.whiteness(case.fit)
+    section = Section("Are the residuals white?", [" ".join(found.said)])
+    caption = (
+        "Correlation of the residuals with themselves, with the input and with its speed some rows before;"
+        " below zero, after. What sticks out of the dotted lines is no chance."
+    )
+    if case.fit.noise_model is not None and case.fit.noise_model.phi is not None:
+        caption += " They are one-step-ahead errors: what the noise model foresees is taken away."
+    alt = "Autocorrelation of the residuals and their correlation with the input and its speed"
+    section.pictures.append(picture(f.residual_correlation(found), alt, caption))
+    return section
+
+
+def _breakdown(case: Case) -> Section:
+    unit = case.units[1]
+    found = identify.breakdown(case.fit)
+    section, rows = Section("Where is it wrong?", [found.said]), []
+    for kind in ("branch", "rate", "input", "cycle"):
+        parts = found.of(kind)
+        shown = sorted(parts, key=lambda part: -part.rmse)[:WORST] if len(parts) > WORST else parts
+        for part in shown:
+            away = f"{part.excess:+.1f}".replace("-", "−")
+            rows.append((
+                part.name, f"{part.rows:,}", quantity(part.rmse, unit), quantity(part.bias, unit),
+                f"{100 * part.share:.0f} %", away,
+            ))  # fmt: skip
+        if len(parts) > WORST:
+            section.notes.append(f"The worst {WORST} of {len(parts)} parts by {kind} are shown.")
+    columns = ("Rows", "Number", "rms error", "Mean error", "Share of squares", "Beyond chance")
+    said = (
+        "Fitted rows. Beyond chance: how many deviations a part's mean square is off that of all."
+    )
+    section.tables.append(Table(said, columns, rows))
+    if case.fit.test is not None:
+        held_out = identify.breakdown(case.fit, case.fit.test)
+        section.text.append(f"Of the held-out rows: {held_out.said[:1].lower()}{held_out.said[1:]}")
+    return section
+
+
+def _starts(case: Case) -> Section:
+    from ..figures import _diagnostics as f
+
+    section, starts = Section("Is there a better minimum?"), case.fit.starts
+    if starts is None:
+        section.text.append(
+            "No: for this model the fit is a convex problem, which has one minimum. No starts were needed."
+        )
+        return section
+    errors = np.sqrt(starts.objective)
+    # Short runs stop near the minimum, not at it.
+    same = int((errors <= 1.01 * errors[0]).sum())
+    text = f"{same} of {len(errors)} starts reach the least error, within 1 %."
+    failed = int((~np.isfinite(errors)).sum())
+    if failed:
+        text += f" {failed} gave no finite output."
+    if same == 1 < len(errors):
+        text += " A minimum found once may not be the best there is: try more starts."
+    section.text.append(text)
+    caption = (
+        "Every start, sorted. A long flat beginning means that the minimum can be relied on; a low error"
+        " far away from the best is another answer."
+    )
+    alt = f"Errors of {len(errors)} starts, sorted; {same} of them share the best"
+    figure = f.waterfall(starts, refined=REFINED, unit=case.units[1])
+    section.pictures.append(picture(figure, alt, caption))
+    return section
+
+
+def _profiles(case: Case) -> Section:
+    from ..figures import _diagnostics as f
+
+    found = identify.profiles(case.fit)
+    open_ = [p for p in found if p.low is None or p.high is None or p.others]
+    text = "The data bound every parameter from both sides."
+    if open_:
+        text = " ".join(p.said for p in open_)
+    section = Section("How far can each number go?", [text])
+    unit = {p.name: pretty(p.unit) or "1" for p in found}
+    fitted = {p.name: p for p in case.fit.parameters}
+    rows: list[tuple[str | Link, ...]] = []
+    for p in found:
+        error = fitted[p.name].stderr
+        ends = [number(end) if end is not None else "none" for end in (p.low, p.high)]
+        status = fitted[p.name].status
+        rows.append((
+            p.name, number(p.best), *ends, unit[p.name],
+            f"± {number(error)}" if error is not None and math.isfinite(error) else status,
+        ))  # fmt: skip
+    columns = ("Parameter", "Likeliest", "Low, 90 %", "High, 90 %", "Unit", "Standard error")
+    section.tables.append(Table("", columns, rows))
+    errors = [fitted[p.name].stderr for p in found]
+    caption = (
+        "Profile likelihood: one parameter is moved and all others make up for it as well as they can."
+        " Where the blue line leaves the red one the interval ends. Where it leaves the dashed parabola a"
+        " symmetric error misleads; where it stays flat the data do not tell."
+    )
+    figure = f.profiles(found, errors)
+    section.pictures.append(picture(figure, "Profile likelihood of each parameter", caption))
+    return section
+
+
+def _sloppiness(case: Case) -> Section:
+    from ..figures import _diagnostics as f
+
+    found = identify.sloppiness(case.fit)
+    section = Section("Which combinations are known?", [" ".join(found.said)])
+    if len(found.names) < 2:
+        return section
+    condition = number(found.condition) if math.isfinite(found.condition) else "beyond rounding"
+    caption = (
+        "Columns are combinations of parameters, from the best known to the worst; how dark, how much of"
+        f" each is in it. A factor below means that the combination is not known. Condition {condition}."
+    )
+    alt = "Eigenvectors of the Fisher information with the error of each"
+    section.pictures.append(picture(f.spectrum(found), alt, caption))
+    return section
+
+
+def _beliefs(case: Case, aim: identify.Target) -> Section:
+    from ..figures import _diagnostics as f
+
+    posterior, drawn = case.posterior, {}
+    if posterior is not None:
+        flat = posterior.draws.reshape(-1, len(posterior.names))
+        drawn = dict(zip(posterior.names, flat.T, strict=True))
+    priors = dict(zip(aim.bounds.names, aim.bounds.priors, strict=True))
+    found, said = [], []
+    for p in case.fit.parameters:
+        if p.name not in priors or (p.stderr is None and p.name not in drawn):
+            continue
+        prior = priors[p.name]
+        laplace = None if p.stderr is None else (p.value, p.stderr)
+        found.append(f.Belief(p.name, p.unit, _density(prior), laplace, drawn.get(p.name)))
+    section = Section("What did the data add to the prior?")
+    if posterior is not None:
+        said = [f"{s.name} has {' and is '.join(s.words)}" for s in posterior.summaries if s.words]
+    text = f"{'; '.join(said)}." if said else "Every parameter is known better than before."
+    section.text.append(text[:1].upper() + text[1:])
+    if posterior is None:
+        section.text = ["The posterior was not sampled: Laplace's approximation stands for it."]
+    if not found:
+        return section
+    asked = [f"{n}: {p}" for n, p in priors.items() if not p.default]
+    caption = "Before the data, dashed, and after. A posterior as wide as its prior learnt nothing."
+    if asked:
+        caption += f" Priors that were asked for: {', '.join(asked)}."
+    else:
+        caption += " The priors are weak ones, from the data's scale."
+    section.pictures.append(
+        picture(f.beliefs(found), "Prior and posterior of each parameter", caption)
+    )
+    return section
+
+
+def _density(prior: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """Of many numbers at once."""
+    return lambda x: np.exp(np.asarray(jax.vmap(prior.log_density)(jnp.asarray(x))))
+
+
+def _predictive(case: Case) -> Section:
+    from ..figures import _diagnostics as f
+
+    word, record = case.judged
+    found = identify.predictive(case.fit, posterior=case.posterior)
+    section = Section("Do new readings lie where they should?", [found.said])
+    levels = [f"{100 * level:.0f} % band" for level in identify.LEVELS]
+    rows: list[tuple[str | Link, ...]] = [
+        (name, *(f"{100 * share:.0f} %" for share in shares))
+        for name, shares in found.cycles.items()
+    ]
+    rows = [*rows[:WORST], (f"all {word}", *(f"{100 * share:.0f} %" for share in found.coverage))]
+    caption = "Readings inside each band." + (
+        " Laplace's approximation stands for the posterior." if case.posterior is None else ""
+    )
+    section.tables.append(Table(caption, ("Rows", *levels), rows, strong=len(rows) - 1))
+    clock = len(record.labels) == 1 and record.time is not None
+    x = record.time[found.rows] if clock and record.time is not None else None
+    x_label = "row"
+    if clock:
+        x_label = label(plain_name(record.time_name, record.time_unit), record.time_unit)
+    usual = int(np.min(np.diff(found.rows), initial=len(record)))
+    inside = np.searchsorted(record.starts, found.rows, side="right")
+    gaps = np.flatnonzero((np.diff(found.rows) > 2 * usual) | (np.diff(inside) > 0)) + 1
+    words = {"x_label": x_label, "gaps": gaps}
+    figure = f.bands(found, x, y_label=case.output_label, **words)
+    caption = f"Predictive bands over the {word} rows, the noise included."
+    section.pictures.append(picture(figure, f"Predictive bands of {case.output}", caption))
+    y_label = label("measured − median", case.units[1])
+    figure = f.bands(found, x, y_label=y_label, about=True, **words)
+    caption = "The same with the median taken away, so that the bands' widths can be seen."
+    section.pictures.append(picture(figure, "Predictive bands around their median", caption))
+    return section
+
+
+def _sensitivity(case: Case) -> Section:
+    found = identify.sensitivity(case.fit)
+    section = Section("What does it hang on?", [" ".join(found.said)])
+    rows: list[tuple[str | Link, ...]] = []
+    for without in found.cases:
+        shown = [
+            "—" if not math.isfinite(change) else f"{change:+.1f}".replace("-", "−")
+            for change in without.changes
+        ]
+        rows.append((without.said, f"{without.rows:,}", f"± {without.expected:.1f}", *shown))
+    if rows:
+        said = (
+            "How far each parameter moves, in its standard errors, when some rows are not fitted."
+        )
+        columns = ("Without", "Rows", "By chance", *found.names)
+        section.tables.append(Table(said, columns, rows))
+    return section

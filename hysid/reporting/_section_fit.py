@@ -1,0 +1,252 @@
+"""Sections of a report on the fit: loops, residuals, parameters, starts, candidates, data."""
+
+import math
+
+import numpy as np
+
+import identify
+
+from ..figures._format import label, number, plain_name, pretty, quantity
+from ._case import Case, Link, Section, Table, picture
+
+
+def loops(case: Case) -> Section:
+    from ..figures import _base as f
+
+    fit, section = case.fit, Section("Loops")
+    records = [r for r in (fit.train, fit.test) if r is not None]
+    masks = [r.mask for r in records]
+    shown = [*(r.output for r in records), *case.predicted.values()]
+    limits = (
+        np.concatenate([r.input[mask] for r, mask in zip(records, masks, strict=True)]),
+        np.concatenate([y[mask] for y, mask in zip(shown, 2 * masks, strict=True)]),
+    )
+    dropped = fit.train.mask & ~fit.internals["used"]
+    for part, predicted in case.predicted.items():
+        record = fit.train if part == "train" else fit.test
+        assert record is not None
+        keep = record.mask & ~dropped if part == "train" else record.mask
+        colour, word = (f.BLUE, "training") if part == "train" else (f.GREEN, "held-out")
+        curves = []
+        if part == "train" and dropped.any():
+            left = f.trace(record.input, record.output, dropped, record.starts)
+            curves.append(f.Curve("first cycle, left out", *left, f.DIM))
+        measured = f.trace(record.input, record.output, keep, record.starts)
+        model = f.trace(record.input, predicted, keep, record.starts)
+        curves += [
+            f.Curve(f"measured, {word}", *measured, colour, "under"),
+            f.Curve(f"{fit.name} model", *model, f.VERMILLION),
+        ]
+        figure = f.chart(curves, case.input_label, case.output_label, limits=limits)
+        rms = float(np.sqrt(np.mean((predicted - record.output)[keep] ** 2)))
+        caption = f"{word.capitalize()} rows, rms error {quantity(rms, case.units[1])}."
+        caption += " The thin line should lie inside the broad one."
+        if part == "train" and dropped.any():
+            caption += " The first cycle (grey) conditions the sample and was left out of the fit."
+        alt = f"{case.output} against {case.input}: measured loop of the {word} rows and the model"
+        section.pictures.append(picture(figure, alt, caption))
+    if fit.test is None:
+        section.notes.append("Nothing was held out, so there is no second panel.")
+    return section
+
+
+def residuals(case: Case) -> Section:
+    from ..figures import _base as f
+
+    fit, unit = case.fit, case.units[1]
+    used, train = fit.internals["used"], fit.train
+    rows = case.rows
+    y_label = label("predicted − measured", unit)
+    rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
+    section = Section("Residuals", [
+        f"What the model does not explain: predicted less measured {case.output}."
+        f" Over the fitted rows it is {quantity(rms, unit)} rms."
+    ])  # fmt: skip
+    colours = {"training": f.BLUE, "held-out": f.GREEN, "left out": f.GREY}
+
+    x = train.time if case.one_clock else np.arange(len(rows.input), dtype=float)
+    assert x is not None
+    curves = [
+        f.Curve(word, *f.trace(x, rows.residual, rows.word == word, rows.starts), colour)
+        for word, colour in colours.items()
+        if (rows.word == word).any()
+    ]
+    x_label = label(plain_name(train.time_name, train.time_unit), train.time_unit)
+    counted = np.isin(rows.word, ["training", "held-out"])
+    most = np.abs(rows.residual[counted]).max()
+    left = float(np.abs(rows.residual[rows.word == "left out"]).max(initial=0.0))
+    shown = rows.residual[counted if left > 3 * most else rows.word != ""]
+    figure = f.chart(curves, x_label if case.one_clock else "row", y_label, zero=True,
+                     limits=(x[rows.word != ""], shown), breaks=x[rows.starts[1:]])  # fmt: skip
+    caption = "In order: it should look like noise. A slope is drift, a wave a missing effect."
+    if left > 3 * most:
+        caption += f" The cycle left out reaches {quantity(left, unit)}, beyond the picture."
+    section.pictures.append(picture(figure, "Residuals in the order of the rows", caption))
+
+    signs, curves, means = {1: "loading", -1: "unloading"}, [], []
+    branch = rows.branch
+    for (sign, word), colour in zip(signs.items(), (f.ORANGE, f.SKY), strict=True):
+        at = np.flatnonzero((branch == sign) & counted)
+        if not len(at):
+            continue
+        shown = at[f.thin(f.MOST // 2, rows.residual[at])]
+        curves.append(f.Curve("", rows.input[shown], rows.residual[shown], colour, "dots"))
+        curves.append(
+            f.Curve(f"{word}, mean", *_binned(rows.input[at], rows.residual[at]), colour, "bold")
+        )
+        means.append(f"{quantity(float(rows.residual[at].mean()), unit)} while {word}")
+    figure = f.chart(curves, case.input_label, y_label, zero=True)
+    caption = (
+        f"By branch: on average {' and '.join(means)}. Lines apart from each other mean that the"
+        " loop's width is off; lines that bend together, its curve."
+    )
+    section.pictures.append(picture(figure, "Residuals against input by branch", caption))
+
+    names, words, sizes = rows.groups()
+    kind = "sequence" if len(rows.starts) > 1 else "cycle"
+    keys = {w: c for w, c in colours.items() if w in words}
+    figure = f.bars(names, sizes, [colours[w] for w in words], keys, kind, label("rms error", unit))
+    worst = int(np.argmax(sizes))
+    caption = f"By {kind}: the worst is {names[worst]} ({words[worst]})"
+    caption += f" with {quantity(sizes[worst], unit)} rms."
+    section.pictures.append(picture(figure, f"Bars of the rms error of each {kind}", caption))
+    return section
+
+
+def parameters(case: Case) -> Section:
+    fit = case.fit
+    drawn = {} if case.posterior is None else {s.name: s for s in case.posterior.summaries}
+    rows, outside = [], []
+    listed = [*fit.parameters]
+    listed.append(
+        identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free")
+    )  # the noise, which the posterior has too
+    for p in listed:
+        unit, interval = pretty(p.unit), "not sampled"
+        known = p.value is not None and math.isfinite(p.value)
+        error = p.status
+        if p.stderr is not None and math.isfinite(p.stderr):
+            error = f"± {number(p.stderr)}"
+        elif p.name == "sigma":
+            error = "not fitted"
+        elif p.status == "free":
+            error = "unknown"
+        if p.name in drawn:
+            low, high = drawn[p.name].q05, drawn[p.name].q95
+            interval = f"{number(low)} to {number(high)}"
+            if known and not low <= p.value <= high:
+                interval += " *"
+                outside.append(p.name)
+        elif drawn:
+            interval = "fixed" if p.status == "fixed" else "not drawn"
+        value = number(p.value, p.stderr) if known else "none"
+        rows.append(
+            (
+                p.name,
+                value,
+                unit or "1",
+                error,
+                "noise" if p.name == "sigma" else p.status,
+                interval,
+            )
+        )
+    columns = ("Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %")
+    section = Section("Parameters", tables=[Table("", columns, rows)])
+    if (linear := fit.internals.get("linear")) is not None:
+        meaning = linear.meaning
+        section.text.append(
+            f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"
+            f" density, and {meaning.cells} increments of the memoryless curve: too many to list, so"
+            " their sums stand here. The map below shows the weights."
+        )
+    if outside:
+        section.notes.append(
+            f"* The value of {', '.join(outside)} lies outside its interval: the data leave much"
+            " open, the fit took the smoothest answer and the draws take all that can be. Trust the"
+            " prediction, not these figures one by one."
+        )
+    section.notes += [*fit.notes]
+    return section
+
+
+def candidates(case: Case) -> Section:
+    document = case.document
+    rows, unit = [], case.units[1]
+    for c in document["candidates"]:
+        test = c["metrics"].get("test")
+        rows.append((
+            c["model"],
+            quantity(c["score_percent"], "%"),
+            quantity(c["metrics"]["train"]["nrmse_percent"], "%"),
+            "none" if test is None else quantity(test["nrmse_percent"], "%"),
+            "none" if test is None else quantity(test["rmse"], unit),
+            c["verdict"]["level"],
+            quantity(c["seconds"], "s"),
+        ))  # fmt: skip
+    columns = (
+        "Model",
+        "Score",
+        "Training error",
+        "Held-out error",
+        "Held-out rms",
+        "Verdict",
+        "Time",
+    )
+    said = "Errors in per cent of the measured range."
+    if (case.fit.train.mask & ~case.fit.internals["used"]).any():
+        said += " The training error counts the first cycle too, which was left out of the fit."
+    section = Section("Candidates", [
+        "Ranked by the score, the error on parts of the training rows that were held out while"
+        " choosing. The held-out rows themselves chose nothing."
+    ], tables=[Table(said, columns, rows, strong=0)])  # fmt: skip
+    tests = {
+        c["model"]: t["nrmse_percent"]
+        for c in document["candidates"]
+        if (t := c["metrics"].get("test"))
+    }
+    best = min(tests, key=tests.__getitem__, default=case.fit.name)
+    if tests and tests[best] < 0.95 * tests.get(case.fit.name, 0.0):
+        section.notes.append(
+            f"{best} predicts the held-out rows better ({number(tests[best])} against"
+            f" {number(tests[case.fit.name])} %): on more data the choice may change."
+        )
+    section.notes += [f"{name} was left out: {why}" for name, why in document["skipped"].items()]
+    return section
+
+
+def data(case: Case) -> Section:
+    data, document = case.document["data"], case.document
+    rows: list[tuple[str | Link, ...]] = [
+        ("File", data["source"] or "arrays"),
+        ("SHA-256", data["sha256"]),
+        ("Rows", f"{data['rows']:,} in {data['sequences']} sequence{'s'[: data['sequences'] > 1]}"),
+        ("Training rows", f"{data['rows_train']:,}"),
+        ("Held-out rows", f"{data['rows_test']:,}"),
+        ("Input", f"{data['input']['name']}, unit {data['input']['unit']}"),
+        ("Output", f"{data['output']['name']}, unit {data['output']['unit']}"),
+        (
+            "Time",
+            "none"
+            if case.fit.train.time is None
+            else f"{case.fit.train.time_name}, unit {data['time_unit']}",
+        ),
+        *((f"Step {k}", said) for k, said in enumerate(_history(case), 1)),
+        ("Seed", str(document["seed"])),
+        ("Fitted in", quantity(document["seconds"], "s")),
+        ("Versions", ", ".join(f"{k} {v}" for k, v in document["versions"].items())),
+    ]
+    return Section("Data", tables=[Table("", ("What", "Value"), rows)])
+
+
+def _history(case: Case) -> tuple[str, ...]:
+    return case.fit.train.history or ("nothing",)
+
+
+def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> tuple[np.ndarray, np.ndarray]:
+    """Mean y in bins of x."""
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    count = np.bincount(at, minlength=bins)
+    have = count > 0
+    mean = [np.bincount(at, v, bins)[have] / count[have] for v in (x, y)]
+    return mean[0], mean[1]

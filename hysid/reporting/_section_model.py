@@ -1,0 +1,176 @@
+"""Sections of a report on the model: its posterior, its density, its compensator."""
+
+import shlex
+from collections import Counter
+
+import numpy as np
+
+from compensate import Status
+from hysteresis import InputError, Preisach
+from hysteresis.preisach import GridDensity
+from identify import excited_cells
+
+from ..figures._format import label, number, plain_name, pretty, quantity
+from ._case import Case, Link, Section, Table, picture
+
+MEANINGS = {
+    Status.OK: "inside the model's reach",
+    Status.EXTRAPOLATED: "beyond the trained inputs, continued",
+    Status.SATURATED: "beyond the outputs the model can have, held at its end",
+    Status.FLAT: "where the model is flat, nearest input held",
+    Status.BELOW_THRESHOLD: "below the contact threshold",
+    Status.INVALID: "not a number",
+}
+
+
+def posterior(case: Case) -> Section:
+    from ..figures import _base as f
+
+    section, posterior, fit = Section("Posterior"), case.posterior, case.fit
+    if posterior is None:
+        section.text.append(
+            "Not sampled, so how much the data leave open is known by the standard errors alone."
+            f" To sample: hysid sample {shlex.quote(str(case.folder))}"
+        )
+        return section
+    ensembles, draws, _ = posterior.draws.shape
+    believed = "Its chains agree: it can be believed." if posterior.converged else (
+        "It has not converged (R-hat above 1.01 or fewer than 100 effective draws): take more steps."
+    )  # fmt: skip
+    section.text.append(
+        f"{ensembles * draws:,} draws by {posterior.method}, in {posterior.seconds:.3g} s. {believed}"
+    )
+    columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
+    rows: list[tuple[str | Link, ...]] = [
+        (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")
+        for s in posterior.summaries
+    ]
+    section.tables.append(Table("R-hat should be below 1.01.", columns, rows))
+    fitted = {p.name: p.value for p in fit.parameters} | {"sigma": fit.noise.sigma}
+    units = {p.name: pretty(p.unit) for p in fit.parameters} | {"sigma": case.units[1]}
+    if len(posterior.names) <= 6:
+        labels = [label(n, units.get(n, "1")) for n in posterior.names]
+        flat = posterior.draws.reshape(-1, len(posterior.names))
+        values = [np.nan if (v := fitted.get(n)) is None else v for n in posterior.names]
+        figure = f.corner(labels, flat, values)
+        caption = (
+            "Draws of each parameter and each pair; the lines mark the fit. A narrow slanted"
+            " cloud means that two parameters can stand in for each other."
+        )
+        alt = f"Corner plot of {', '.join(posterior.names)}"
+        section.pictures.append(picture(figure, alt, caption))
+    else:
+        section.notes.append(f"{len(posterior.names)} parameters are too many for a corner plot.")
+    return section
+
+
+def density(case: Case) -> Section:
+    from ..figures import _base as f
+
+    model, fit = case.fit.model, case.fit
+    assert isinstance(model, Preisach)
+    assert isinstance(model.density, GridDensity)
+    density, (input_unit, output_unit) = model.density, case.units
+    n = density.cells
+    edges = np.linspace(density.low, density.high, n + 1)
+    width = edges[1] - edges[0]
+    lower = np.tri(n, dtype=bool)
+    weights = np.asarray(density.weights)
+    area = width**2 * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
+    excited = excited_cells(model, fit.train, fit.internals["used"])
+    labels = (
+        label("switch-down threshold β", input_unit),
+        label("switch-up threshold α", input_unit),
+    )
+    said = f"{int(excited.sum())} of {int(lower.sum())} cells switched among the fitted rows."
+    if (lower & ~excited).any():
+        said += " About the hatched ones the data say nothing: the smoothness prior filled them in."
+    said += (
+        " To have switched is not to be told apart: full loops fix no more than the sums along rows"
+        " and columns, smaller loops inside them the rest."
+    )
+    section = Section("Density", [said])
+    unit = pretty(f"{output_unit} / {input_unit}²") if input_unit != "1" else output_unit
+    figure = f.triangle(edges, edges, np.where(lower, weights / area, np.nan), lower & ~excited,
+                        *labels, label("relays per area", unit))  # fmt: skip
+    densest = quantity(float((weights / area)[lower].max()), unit)
+    caption = (
+        "Where the relays are. Mass along the diagonal makes narrow loops, far from it wide ones."
+        f" The densest cell has {densest}; where the scale ends in an arrow, that is beyond it."
+    )
+    section.pictures.append(picture(figure, "Density over the triangle of thresholds", caption))
+
+    fine = np.linspace(density.low, density.high, 121)
+    middle = (fine[1:] + fine[:-1]) / 2
+    beta, alpha = np.meshgrid(middle, middle)
+    E = np.asarray(density.everett(density.tabulate(), density.pair(alpha, beta)))
+    figure = f.triangle(fine, fine, np.where(alpha >= beta, E, np.nan), None,
+                        *labels, label("Everett function", output_unit))  # fmt: skip
+    caption = "Everett function: half of what the relays add when the input rises from β to α."
+    section.pictures.append(picture(figure, "Everett function over the triangle", caption))
+
+    if model.reversible is not None:
+        curve = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.reversible)))
+        figure = f.chart(
+            [f.Curve("", edges, curve, f.BLUE)],
+            case.input_label,
+            label("memoryless part", output_unit),
+        )
+        caption = "The memoryless part, to which the relays add the loop."
+        section.pictures.append(picture(figure, "Memoryless part against the input", caption))
+    return section
+
+
+def compensator(case: Case) -> Section:
+    from ..figures import _base as f
+
+    section, trip, unit = Section("Compensator"), case.round_trip, case.units[0]
+    if isinstance(trip, InputError):
+        section.text.append(
+            f"This model has no inverse to show: {trip.problem} {trip.cause} {trip.fix}"
+        )
+        return section
+    word, record = case.judged
+    n = len(trip.estimate)
+    span = float(np.ptp(record.input[record.mask])) or 1.0
+    section.text.append(
+        f"From the measured {case.output} of the {word} rows it finds the {case.input} to"
+        f" {quantity(trip.rms, unit)} rms, {quantity(trip.largest, unit)} at most"
+        f" ({number(100 * trip.rms / span)} % of its range)."
+    )
+    section.text.append(
+        "Fed with the model's own output it gives that output back to"
+        f" {number(trip.exactness)} of its range"
+        + (": exact." if trip.exactness < 1e-9 else ", which is not exact.")
+    )
+    counts = Counter(int(s) for s in trip.status[trip.counted])
+    said = [f"{k:,} {MEANINGS[Status(s)]}" for s, k in counts.most_common()]
+    section.text.append(f"Of {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
+    if n < len(record):
+        section.notes.append(f"Only the first {n:,} of {len(record):,} rows were sent through.")
+    u, starts = record.input[:n], record.starts[record.starts < n]
+    colour = f.GREEN if word == "held-out" else f.BLUE
+    path = f.trace(u, trip.estimate, trip.counted, starts)
+    estimated = label(f"{case.input}, estimated", unit)
+    measured = label(f"{case.input}, measured", unit)
+    figure = f.chart([f.Curve(word, *path, colour)], measured, estimated, diagonal=True)
+    caption = (
+        "Estimated against measured input. On the dashed line it is exact; a loop around it"
+        " is hysteresis that was not compensated."
+    )
+    section.pictures.append(picture(figure, "Estimated against measured input", caption))
+    clock = record.time is not None and len(record.labels) == 1
+    x = record.time[:n] if clock and record.time is not None else np.arange(n, dtype=float)
+    path = f.trace(x, trip.estimate - u, trip.counted, starts)
+    x_label = (
+        label(plain_name(record.time_name, record.time_unit), record.time_unit) if clock else "row"
+    )
+    figure = f.chart(
+        [f.Curve(word, *path, colour)], x_label, label("estimated − measured", unit), zero=True
+    )
+    section.pictures.append(
+        picture(
+            figure, "Error of the estimated input in the order of the rows", "Its error over time."
+        )
+    )
+    return section

@@ -1,0 +1,204 @@
+"""`hysid report` on many specimens: one page that compares their fits, beside a report of each."""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis import InputError
+
+from ..figures._format import plain_name, quantity
+from ._case import TARGET, Section
+from ._fit_page import render, write_report
+from ._specimens import FEW, Specimen, common, kinds, mark_outliers, opened, places
+from ._specimens_sections import fits, loops, parameters, pooled
+
+NAMED = 8
+"""Specimens that are named in the verdict, at most."""
+
+Say = Callable[[str], None]
+
+
+def report(
+    folders: Sequence[Path], out: Path | None = None, say: Say = lambda _: None
+) -> dict[str, Any]:
+    """Write the report of one fit; of several, one each where it is missing or old, and the page on all.
+
+    The page is report.html in the folder of folders, or specimens.html in the folder that holds several
+    `folders`, or in `out`. Raises `InputError` where a folder holds no fit, or none can be read.
+    """
+    found = places(folders)
+    single = len(folders) == 1 and (folders[0] / "fit.json").is_file()
+    if single and out is None and list(found.values()) == [folders[0]]:
+        return {"file": str(write_report(folders[0]))}
+    for k, (name, place) in enumerate(found.items(), 1):
+        if _fresh(place):
+            continue
+        say(f"report {k} of {len(found)}: {name}")
+        try:
+            write_report(place)
+        except InputError as error:
+            say(str(error))  # the page names it too, if it cannot be read at all
+    if out is None and len(folders) == 1:
+        return write_many(found, folders[0] / TARGET, _not_fitted(folders[0]))
+    above = common(list(found.values())) if out is None else out
+    _make(above)
+    return write_many(found, above / "specimens.html", {})
+
+
+def write_many(
+    found: dict[str, Path], file: Path, not_fitted: dict[str, str] | None = None
+) -> dict[str, Any]:
+    """Write one page on the fits in the folders `found` {name: folder}; what `--json` prints.
+
+    A fit that cannot be read is named on the page. Raises `InputError` where none can be.
+    """
+    if not found:
+        raise InputError("no-fit", "there are no fits to sum up.", place=str(file.parent))
+    specimens, failed = opened(found)
+    failed = (not_fitted or {}) | failed
+    groups = kinds(specimens)
+    for group in groups:
+        mark_outliers(group)
+    levels = Counter(one.fit.verdict.level for one in specimens)
+    worst = next(level for level in ("FAIL", "CAUTION", "PASS") if levels[level])
+    if failed and worst == "PASS":
+        worst = "CAUTION"
+    counts = [f"{levels[level]} {level}" for level in ("PASS", "CAUTION", "FAIL") if levels[level]]
+    found_in = [pooled(group) for group in groups]
+    sections = [fits(specimens, file.parent, failed)]
+    for group, (population, said) in zip(groups, found_in, strict=True):
+        name = f" of {group[0].fit.name}" if len(groups) > 1 else ""
+        sections.append(loops(group, name, file.parent))
+        sections.append(parameters(group, name, population, said))
+    _distinct(sections)
+    render(
+        file,
+        title=_title(specimens),
+        subtitle=_subtitle(specimens, failed),
+        level=worst,
+        headline=f"Of {len(specimens)} fits: {', '.join(counts)}.",
+        reasons=_reasons(specimens),
+        facts=_facts(specimens),
+        model="Each specimen has a model of its own, and a report behind its name.",
+        command=None,
+        sections=sections,
+    )
+    return {
+        "file": str(file),
+        "specimens": [_entry(one) for one in specimens],
+        "population": [
+            _population_entry(group[0].fit.name, p)
+            for group, (population, _) in zip(groups, found_in, strict=True)
+            for p in (population.parameters if population else ())
+        ],
+        "outliers": {one.name: one.sentence for one in specimens if one.why},
+        "failed": failed,
+    }
+
+
+def _reasons(specimens: Sequence[Specimen]) -> list[str]:
+    said = [one.sentence for one in specimens if one.why]
+    if len(said) > NAMED:
+        return [*said[:NAMED], f"{len(said) - NAMED} more stand out; the tables mark them *."]
+    if not said and len(specimens) >= FEW:
+        return ["No specimen stands out from the others."]
+    return said
+
+
+def _facts(specimens: Sequence[Specimen]) -> list[tuple[str, str]]:
+    wrong = [one.judged[1]["nrmse_percent"] for one in specimens]
+    word = "held-out" if all(one.judged[0] == "held-out" for one in specimens) else "judged"
+    worst = specimens[int(np.argmax(wrong))]
+    return [
+        ("specimens", str(len(specimens))),
+        (f"{word} error, median", quantity(float(np.median(wrong)), "%")),
+        (f"{word} error, largest", f"{quantity(max(wrong), '%')}, {worst.name}"),
+        ("that stand out", str(sum(bool(one.why) for one in specimens))),
+    ]
+
+
+def _title(specimens: Sequence[Specimen]) -> str:
+    train = [one.fit.train for one in specimens]
+    names = {
+        (plain_name(r.output_name, r.output_unit), plain_name(r.input_name, r.input_unit))
+        for r in train
+    }
+    said = " of {} from {}".format(*names.pop()) if len(names) == 1 else ""
+    return f"{len(specimens)} fits{said}"
+
+
+def _subtitle(specimens: Sequence[Specimen], failed: dict[str, str]) -> str:
+    models = Counter(one.fit.name for one in specimens).most_common()
+    said = ", ".join(f"{count} {name}" for name, count in models)
+    sources = {one.document["data"]["source"] for one in specimens}
+    said = f"{sources.pop() or 'arrays'}: {said}" if len(sources) == 1 else said
+    return said + (f"; {len(failed)} without a fit" if failed else "")
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            "cannot-write", f"{error.strerror}.", place=str(folder), fix="name another folder."
+        ) from error
+
+
+def _fresh(folder: Path) -> bool:
+    """Its report is there, and no older than anything else there."""
+    file = folder / TARGET
+    if not file.is_file():
+        return False
+    written = file.stat().st_mtime_ns
+    return all(f.stat().st_mtime_ns <= written for f in folder.iterdir() if f.is_file())
+
+
+def _not_fitted(folder: Path) -> dict[str, str]:
+    """Records that a batch, or --each, could not fit."""
+    found: dict[str, str] = {}
+    for name in ("batch.json", "fit.json"):
+        if (folder / name).is_file():
+            try:
+                failed = json.loads((folder / name).read_text("utf-8")).get("failed")
+            except (OSError, ValueError, AttributeError):
+                failed = None
+            found |= failed if isinstance(failed, dict) else {}
+    return found
+
+
+def _distinct(sections: Sequence[Section]) -> None:
+    """Headings lead to one place each."""
+    seen: Counter[str] = Counter()
+    for section in sections:
+        seen[section.title] += 1
+        if seen[section.title] > 1:
+            section.title += f" {seen[section.title]}"
+
+
+def _entry(one: Specimen) -> dict[str, Any]:
+    file = one.folder / TARGET
+    return {
+        "name": one.name,
+        "folder": str(one.folder),
+        "report": str(file) if file.is_file() else None,
+        "model": one.fit.name,
+        "verdict": one.fit.verdict.level,
+        "metrics": one.document["metrics"],
+        "parameters": [
+            {"name": name, "value": f.value, "status": f.status,
+             "low": f.low if np.isfinite(f.low) else None,
+             "high": f.high if np.isfinite(f.high) else None}
+            for name, f in one.figures.items()
+        ],
+        "outlier": one.sentence if one.why else None,
+    }  # fmt: skip
+
+
+def _population_entry(model: str, p: identify.PooledParameter) -> dict[str, Any]:
+    found = {k: getattr(p, k)._asdict() for k in ("mean", "spread", "new")}
+    return {"model": model, "name": p.name, "unit": p.unit, **found}

@@ -1,0 +1,200 @@
+"""Sections of the page on many specimens: fits, loops, parameters and their population."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+import identify
+from hysteresis import InputError
+
+from ..figures._format import label, number, plain_name, pretty, quantity
+from ._case import TARGET, Link, Section, Small, Table, picture
+from ._specimens import FAR, FEW, Figure90, Specimen
+
+COLUMNS = 4
+"""Parameters beside each other in a table."""
+
+CHARTS = 12
+"""Parameters that are drawn, at most."""
+
+POINTS = 160
+"""Points of a small curve, at most."""
+
+POPULATION = ("Parameter", "Unit", "Mean", "Scatter between specimens", "A new specimen, 90 %")
+
+
+def fits(specimens: Sequence[Specimen], home: Path, failed: dict[str, str]) -> Section:
+    rows = []
+    for one in specimens:
+        word, figures = one.judged
+        unit = one.fit.train.output_unit
+        rows.append((
+            _link(one, home), one.fit.verdict.level, one.fit.name, word,
+            quantity(figures["nrmse_percent"], "%") + " *" * ("error" in one.why),
+            quantity(figures["rmse"], unit), quantity(figures["max_abs"], unit),
+            f"{one.document['data']['rows_train']:,}",
+        ))  # fmt: skip
+    columns = ("Specimen", "Verdict", "Model", "Judged on", "Error of the range", "rms error",
+               "Largest error", "Training rows")  # fmt: skip
+    caption = "The error is that of the held-out rows where there are any."
+    section = Section("Fits", tables=[Table(caption, columns, rows)])
+    if any("error" in one.why for one in specimens):
+        section.notes.append("* Stands out from the other specimens.")
+    section.notes += [f"{name} is not in the table: {why}" for name, why in failed.items()]
+    return section
+
+
+def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
+    """Small charts of one kind of fit on one scale: the judged rows and the model."""
+    from ..figures import _base as f
+    from ..figures._specimens import BOX, Plane
+
+    drawn = []
+    for one in group:
+        record = one.fit.train if one.fit.test is None else one.fit.test
+        x = record.input
+        if _over_time(one):
+            assert record.time is not None
+            x = record.time
+        predicted = np.asarray(identify.predict(one.fit.model, record))
+        curves = [f.trace(x, y, record.mask, record.starts, POINTS)
+                  for y in (record.output, predicted)]  # fmt: skip
+        drawn.append(curves)
+    plane = Plane(*([c[axis] for curves in drawn for c in curves] for axis in (0, 1)))
+    first = group[0].fit.train
+    word = group[0].judged[0]
+    x_name = (first.time_name, first.time_unit) if _over_time(group[0]) else (
+        first.input_name, first.input_unit)  # fmt: skip
+    across, up = (label(plain_name(*n), n[1])
+                  for n in (x_name, (first.output_name, first.output_unit)))  # fmt: skip
+    section = Section(f"Loops{name}", [
+        f"{up} over {across}, all on one scale: broad, the {word} rows as measured; thin, the model."
+    ])  # fmt: skip
+    for one, (measured, model) in zip(group, drawn, strict=True):
+        error = quantity(one.judged[1]["nrmse_percent"], "%").replace(" ", "\u00a0")
+        section.small.append(Small(
+            one.name, _href(one, home), one.fit.verdict.level, error,
+            f"{one.name}: measured {up} over {across}, and the model", BOX, plane.grid,
+            plane.path(*measured), plane.path(*model), plane.ticks,
+        ))  # fmt: skip
+    return section
+
+
+def parameters(
+    group: Sequence[Specimen], name: str, population: identify.Pooled | None, said: list[str]
+) -> Section:
+    from ..figures._specimens import Spread, spreads
+
+    names = list(dict.fromkeys(n for one in group for n in one.figures))
+    units = {p.name: p.unit for one in group for p in one.fit.parameters}
+    known = {p.name: p for p in (population.parameters if population else ())}
+    section = Section(f"Parameters{name}", [
+        "Values with their 90 % intervals: of the posterior's draws where a fit was sampled, else of its"
+        " likelihood."
+    ])  # fmt: skip
+    if known:
+        caption = f"The population of the {len(group)} specimens, those that stand out among them."
+        section.tables.append(
+            Table(caption, POPULATION, [_population_row(p) for p in known.values()])
+        )
+    for k in range(0, len(names), COLUMNS):
+        part = names[k : k + COLUMNS]
+        rows: list[tuple[str | Link, ...]] = [
+            (one.name, *(_cell(one, n) for n in part)) for one in group
+        ]
+        columns = ("Specimen", *(f"{n} ({pretty(units[n]) or '1'})" for n in part))
+        section.tables.append(Table("" if k == 0 else "Further parameters.", columns, rows))
+    free = [n for n in names if any(np.isfinite(f.low) for f in _of(group, n))][:CHARTS]
+    if free and len(group) > 1:
+        spread = [
+            Spread(
+                n,
+                units[n],
+                np.array([f.value for f in _of(group, n)]),
+                np.array([f.low for f in _of(group, n)]),
+                np.array([f.high for f in _of(group, n)]),
+                [n in one.why for one in group],
+                (known[n].new.low, known[n].new.high) if n in known else None,
+            )
+            for n in free
+        ]
+        caption = "Every parameter over the specimens, in the order of the table."
+        if known:
+            caption += " Nine of ten new specimens lie in the pale band."
+        section.pictures.append(
+            picture(spreads(spread), "Parameters with intervals over the specimens", caption)
+        )
+    if any(set(one.why) - {"error"} for one in group):
+        section.notes.append(
+            f"* Stands out: more than {FAR:g} robust deviations from the median of the specimens."
+        )
+    if len(group) < FEW:
+        section.notes.append(f"Fewer than {FEW} specimens: none can be said to stand out.")
+    section.notes += said
+    return section
+
+
+def _population_row(p: identify.PooledParameter) -> tuple[str | Link, ...]:
+    new = f"{number(p.new.low)} to {number(p.new.high)}"
+    return p.name, pretty(p.unit) or "1", _interval(p.mean), _interval(p.spread), new
+
+
+def pooled(group: Sequence[Specimen]) -> tuple[identify.Pooled | None, list[str]]:
+    """What the specimens have in common, and what is to be said about what they have not."""
+    if len(group) < 2:
+        return None, ["One specimen has no scatter."]
+    try:
+        found = identify.pool(
+            [one.fit for one in group], posteriors=[one.posterior for one in group], draws=1600
+        )
+    except (InputError, np.linalg.LinAlgError) as error:
+        why = error.problem if isinstance(error, InputError) else str(error)
+        return None, [f"There is no mean of the population: {why}"]
+    left = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
+    return found, [f"Without a mean of the population: {left}."] if left else []
+
+
+def _of(group: Sequence[Specimen], name: str) -> list[Figure90]:
+    nothing = Figure90(np.nan, np.nan, np.nan, np.nan, "none")
+    return [one.figures.get(name, nothing) for one in group]
+
+
+def _cell(one: Specimen, name: str) -> str:
+    if (found := one.figures.get(name)) is None:
+        return "none"
+    text = number(found.value, found.error)
+    if np.isfinite(found.low):
+        text += f" ({_ends(found.low, found.high)})"
+    elif found.status != "free":
+        text += f", {found.status}"
+    return text + " *" * (name in one.why)
+
+
+def _interval(found: identify.Interval) -> str:
+    error = (found.high - found.low) / 4
+    return f"{number(found.value, error)} ({_ends(found.low, found.high)})"
+
+
+def _ends(low: float, high: float) -> str:
+    error = (high - low) / 4
+    return f"{number(low, error)} to {number(high, error)}"
+
+
+def _over_time(one: Specimen) -> bool:
+    """A step's input is constant."""
+    return "spectrum" in one.fit.internals
+
+
+def _href(one: Specimen, home: Path) -> str | None:
+    file = one.folder / TARGET
+    if not file.is_file():
+        return None
+    return quote(Path(os.path.relpath(file.resolve(), home.resolve())).as_posix())
+
+
+def _link(one: Specimen, home: Path) -> str | Link:
+    href = _href(one, home)
+    return one.name if href is None else Link(one.name, href)

@@ -1,0 +1,1 @@
+"""Soft sensors: training and estimating forces, places and positions."""

@@ -1,0 +1,339 @@
+"""`hysid microchannel estimate`: a soft sensor over a file, and how far off it is."""
+
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import reduce
+from itertools import permutations
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+import identify
+from hysteresis import InputError, Table, parse_condition
+
+from ..intake._selection import Selection
+from ._sensor import SoftSensor
+from ._sensor_file import load_sensor, no_sensor
+from ._sessions import NOWHERE, Targets
+
+TRAINING = "training.json"
+SOUND = ("OK", "NO_PRESS")
+MANY = 0.2
+"""Part of the presses that are unknown, from which swapped wires are looked for."""
+MOST_ORDERS = 6
+"""Channels whose orders can all be tried."""
+
+
+class Estimates(NamedTuple):
+    """Over rows: numbers NaN and words "" for what the sensor was not taught."""
+
+    channels: np.ndarray
+    force: Float[np.ndarray, " rows"]
+    force_sd: Float[np.ndarray, " rows"]
+    force_status: np.ndarray
+    place: np.ndarray
+    probability: Float[np.ndarray, " rows"]
+    place_status: np.ndarray
+    position: Float[np.ndarray, "rows coordinates"]
+    position_sd: Float[np.ndarray, " rows"]
+    position_status: np.ndarray
+
+    @property
+    def flagged(self) -> Bool[np.ndarray, " rows"]:
+        """Rows where something is not to be used without a thought."""
+        words = (self.force_status, self.place_status, self.position_status)
+        return np.any([~np.isin(one, (*SOUND, "")) for one in words], axis=0)
+
+
+def estimates_of(
+    sensor: SoftSensor,
+    time: Float[np.ndarray, " rows"] | None,
+    readings: Float[np.ndarray, "rows channels"],
+    streams: Iterable[np.ndarray | slice],
+) -> Estimates:
+    """Every stream, given by its rows, from rest."""
+    n = len(readings)
+    unknown, words = np.full(n, np.nan), np.full(n, "", object)
+    coordinates = np.full((n, len(sensor.position_in)), np.nan)
+    out = Estimates(
+        words.copy(), unknown.copy(), unknown.copy(), words.copy(), words.copy(), unknown.copy(),
+        words.copy(), coordinates, unknown.copy(), words.copy(),
+    )  # fmt: skip
+    for rows in streams:
+        found = sensor.estimate(None if time is None else time[rows], readings[rows])
+        said = sensor.words(found)
+        out.channels[rows] = said.channels
+        if found.force is not None:
+            out.force[rows], out.force_sd[rows] = found.force.value, found.force.deviation
+            out.force_status[rows] = said.force
+        if found.place is not None and sensor.localizer is not None:
+            names = np.array([*map(str, sensor.localizer.names), ""], object)
+            out.place[rows] = names[found.place.place]
+            out.probability[rows] = found.place.probability.max(1)
+            out.place_status[rows] = said.place
+        if found.position is not None:
+            idle = np.isin(said.position, ("NO_PRESS", "INVALID"))
+            out.position[rows] = np.where(idle[:, None], np.nan, found.position.point)
+            out.position_sd[rows] = np.where(idle, np.nan, found.position.deviation)
+            out.position_status[rows] = said.position
+    return out
+
+
+def judged(
+    sensor: SoftSensor,
+    found: Estimates,
+    force: Float[np.ndarray, " rows"],
+    place: np.ndarray,
+    position: Float[np.ndarray, "rows coordinates"],
+    counts: Bool[np.ndarray, " rows"],
+) -> dict[str, Any]:
+    """Error figures of what was learnt, over the rows that count and whose truth is known."""
+    figures: dict[str, Any] = {}
+    known = counts & np.isfinite(force) & np.isfinite(found.force)
+    if sensor.force is not None and known.any():
+        figures["force"] = identify.metrics(force[known], found.force[known])._asdict()
+    known = counts & (place != "")
+    if sensor.localizer is not None and known.any():
+        figures["place"] = _places(sensor, found, place, known, counts & (place == ""))
+    known = counts & np.isfinite(position).all(1) & np.isfinite(found.position).all(1)
+    if sensor.position is not None and known.any():
+        error = np.linalg.norm(position[known] - found.position[known], axis=1)
+        figures["position"] = {
+            "mean_error": float(error.mean()), "rms_error": float(np.sqrt(np.mean(error**2))),
+            "q95_error": float(np.quantile(error, 0.95)), "rows": int(known.sum()),
+        }  # fmt: skip
+    return figures
+
+
+def _places(
+    sensor: SoftSensor, found: Estimates, place: np.ndarray, known: np.ndarray, rest: np.ndarray
+) -> dict[str, Any]:
+    assert sensor.localizer is not None
+    names = [*map(str, sensor.localizer.names)]
+    truths = [*names, *sorted(set(place[known].tolist()) - set(names))]
+    taken = [
+        [int(((place == t) & known & (found.place == e)).sum()) for e in [*names, ""]]
+        for t in truths
+    ]
+    return {
+        "accuracy": float((found.place[known] == place[known]).mean()),
+        "rows": int(known.sum()),
+        "confusion": {"places": truths, "estimates": [*names, "none"], "counts": taken},
+        "rows_at_rest": int(rest.sum()),
+        "rest_taken_for_a_place": int((rest & (found.place != "")).sum()),
+    }
+
+
+def confusion_lines(table: dict[str, Any]) -> list[str]:
+    """The confusion table of `judged` as text: nothing for zero."""
+    cells = [["", *table["estimates"]]] + [
+        [name, *(str(n or "") for n in row)]
+        for name, row in zip(table["places"], table["counts"], strict=True)
+    ]
+    widths = [max(map(len, column)) + 2 for column in zip(*cells, strict=True)]
+    lines = (
+        row[0].ljust(widths[0])
+        + "".join(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))
+        for row in cells
+    )
+    return [line.rstrip() for line in lines]
+
+
+def read_training(folder: str | Path) -> dict[str, Any]:
+    """training.json of a folder. Raises `InputError` where there is none, or it is no such thing."""
+    file = Path(folder) / TRAINING
+    if not file.is_file():
+        raise no_sensor(Path(folder), TRAINING)
+    try:
+        document = json.loads(file.read_text("utf-8"))
+        if document["schema"] != 1:
+            raise ValueError(f"schema {document['schema']}, and this version reads 1")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            "damaged-file", f"{TRAINING} cannot be used: {error}.", place=str(folder),
+            cause="it was cut off or edited, or a newer version wrote it.", fix="train again.",
+        ) from error  # fmt: skip
+    return document
+
+
+def estimate(
+    folder: Path,
+    file: Path,
+    target: Path | None = None,
+    *,
+    where: Sequence[str] = (),
+    na_values: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Run the sensor of a folder over a file; write the estimates beside it, or to `target`.
+
+    A reading that is missing or no number is told so in its row, and the stream goes on. Error figures are
+    over every row whose truth is in the file, under the names of the training.
+
+    Raises `InputError` for a folder without a sensor, a file without one of its channels.
+    """
+    document, sensor = read_training(folder), load_sensor(folder)
+    selection = Selection.from_json(document["selection"])
+    selection = replace(selection, na_values=(*selection.na_values, *na_values))
+    words = document["targets"]
+    targets = Targets(words["force"], words["place"], tuple(words["position"]))
+    table = selection.table(file)
+    _check_channels(table, sensor)
+    rows, notes = _rows(table, selection, where)
+    readings = np.column_stack([table.number(c.name)[rows] for c in sensor.channels])
+    time = _times(table, selection, rows)
+    streams = _streams(table, selection, rows, time)
+    if selection.dt is not None:
+        time = np.empty(len(rows))
+        for stream in streams:
+            time[stream] = selection.dt * np.arange(len(stream))
+    found = estimates_of(sensor, time, readings, streams)
+    force, place, position = _truths(table, targets, rows)
+    figures = judged(sensor, found, force, place, position, np.ones(len(rows), bool))
+    notes += _swapped(sensor, found, readings, place)
+    target = target or folder / f"estimated-{Path(file).stem}.csv"
+    _write(target, sensor, found, table.line[rows], time)
+    none = dict.fromkeys(identify.Metrics._fields)
+    statuses = {
+        name: dict(zip(*(part.tolist() for part in np.unique(column.astype(str), return_counts=True)),
+                       strict=True))
+        for name, column in found._asdict().items()
+        if name.endswith("status") and (column != "").any()
+    }  # fmt: skip
+    return {
+        **figures.pop("force", none), **figures, "flagged": int(found.flagged.sum()),
+        "rows": len(rows), "statuses": statuses, "channels_at_fault": _faults(sensor, found),
+        "notes": notes, "file": str(target),
+    }  # fmt: skip
+
+
+def _check_channels(table: Table, sensor: SoftSensor) -> None:
+    for channel in sensor.channels:
+        if channel.name not in table.columns:
+            have = ", ".join(map(repr, table.columns))
+            raise InputError(
+                "channel-missing",
+                f"no column {channel.name!r}, a channel the sensor was trained with; have {have}.",
+                place=table.path, cause="a channel that was not recorded, or a header that changed.",
+                fix="rename the column; leave the cells of a channel that has failed empty.",
+            )  # fmt: skip
+
+
+def _rows(table: Table, selection: Selection, where: Sequence[str]) -> tuple[np.ndarray, list[str]]:
+    """Those of the conditions; of the training's only those whose columns are there."""
+    notes, used = [], np.ones(len(table.line), bool)
+    for condition in where or selection.where:
+        if not where and condition.partition("=")[0].strip() not in table.columns:
+            notes.append(f"no column for {condition!r}: every row is used.")
+            continue
+        used &= parse_condition(condition)(table)
+    if not used.any():
+        raise InputError("no-rows", f"no row has {' and '.join(where)}.", place=table.path)
+    return np.flatnonzero(used), notes
+
+
+def _times(table: Table, selection: Selection, rows: np.ndarray) -> np.ndarray | None:
+    return None if selection.time is None else table.number(selection.time)[rows]
+
+
+def _streams(
+    table: Table, selection: Selection, rows: np.ndarray, time: np.ndarray | None
+) -> list[np.ndarray]:
+    """Rows of each sequence, in the order of their first rows."""
+    names = [name for name in selection.group if name in table.columns]
+    if not names:
+        streams = [np.arange(len(rows))]
+    else:
+        parts = [table.text[name][rows] for name in names]
+        label = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
+        _, first, member = np.unique(label, return_index=True, return_inverse=True)
+        streams = [np.flatnonzero(member == k) for k in np.argsort(first)]
+    if selection.segments != "auto" or time is None:
+        return streams
+    cuts = [np.flatnonzero(np.diff(time[stream]) < 0) + 1 for stream in streams]
+    return [part for stream, at in zip(streams, cuts, strict=True) for part in np.split(stream, at)]
+
+
+def _truths(
+    table: Table, targets: Targets, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    force, place = np.full(len(rows), np.nan), np.full(len(rows), "")
+    position = np.full((len(rows), len(targets.position)), np.nan)
+    if targets.force in table.columns:
+        force = table.number(str(targets.force))[rows]
+    if targets.place in table.columns:
+        place = table.text[str(targets.place)][rows]
+        place = np.where(np.isin(np.char.lower(place), NOWHERE), "", place)
+    for k, name in enumerate(targets.position):
+        if name in table.columns:
+            position[:, k] = table.number(name)[rows]
+    return force, place, position
+
+
+def _faults(sensor: SoftSensor, found: Estimates) -> dict[str, dict[str, int]]:
+    """Of each channel, how many rows have which fault."""
+    counts: dict[str, dict[str, int]] = {}
+    for words in found.channels[found.channels != "OK"]:
+        for channel in sensor.channels:
+            for fault in ("MISSING", "SATURATED", "STUCK", "GAP"):
+                if f"{channel.name}: {fault}" in words.split(", "):
+                    own = counts.setdefault(channel.name, {})
+                    own[fault] = own.get(fault, 0) + 1
+    return counts
+
+
+def _swapped(
+    sensor: SoftSensor, found: Estimates, readings: np.ndarray, place: np.ndarray
+) -> list[str]:
+    """Whether the presses would be known with the channels in another order."""
+    unknown = found.place_status == "UNKNOWN"
+    pressed = unknown | np.isin(found.place_status, ("OK", "BEYOND"))
+    localizer, count = sensor.localizer, len(sensor.channels)
+    wrong = (place != "") & (found.place != place) & pressed
+    odd = (unknown | wrong).sum()
+    if localizer is None or not 2 <= count <= MOST_ORDERS or odd < max(3, MANY * pressed.sum()):
+        return []
+    zero, scale = np.asarray(sensor.readout.zero), np.asarray(sensor.readout.scale)
+    x, truth = readings[pressed], place[pressed]
+    share = {}
+    for order in permutations(range(count)):
+        located = localizer.locate((x[:, order] - zero) / scale)
+        names = np.array([*map(str, localizer.names), ""], object)[located.place]
+        share[order] = float(np.mean((names != "") & ((truth == "") | (names == truth))))
+    order = max(share, key=share.__getitem__)
+    if share[order] < share[tuple(range(count))] + MANY:
+        return []
+    swapped = ", ".join(sensor.channels[k].name for k in order)
+    return [
+        f"presses are unlike those learnt in {odd} of {pressed.sum()} rows, and {share[order]:.0%} of them"
+        f" are known with the channels in the order {swapped}: wires swapped?"
+    ]
+
+
+def _write(
+    target: Path, sensor: SoftSensor, found: Estimates, line: np.ndarray, time: np.ndarray | None
+) -> None:
+    columns: dict[str, Iterable[Any]] = {"line": line.tolist()}
+    if time is not None:
+        columns["time"] = [_digits(t, 12) for t in time]
+    if sensor.force is not None:
+        columns |= {name: getattr(found, name) for name in ("force", "force_sd", "force_status")}
+    if sensor.localizer is not None:
+        columns |= {name: getattr(found, name) for name in ("place", "probability", "place_status")}
+    if sensor.position is not None:
+        columns |= {q.name: found.position[:, k] for k, q in enumerate(sensor.position_in)}
+        columns |= {name: getattr(found, name) for name in ("position_sd", "position_status")}
+    columns["channels"] = found.channels
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle)
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow([_digits(x) if isinstance(x, float) else x for x in row])
+
+
+def _digits(x: float, count: int = 6) -> str:
+    return f"{x:.{count}g}" if np.isfinite(x) else ""

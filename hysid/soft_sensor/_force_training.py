@@ -1,0 +1,161 @@
+"""A soft sensor's force estimator learnt from its records."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from compensate.microchannel import ForceEstimator
+from hysteresis import InputError
+from identify import Trained
+
+from ._force_models import fit_structured
+from ._force_networks import DECAYS, Found, Settings, Tell, train_everett, train_networks
+from ._force_records import ForceData, ForceRecord, gather, held_out_parts
+
+KINDS = {"network": train_networks, "everett": train_everett, "structured": fit_structured}
+SKIPS = (0.6, 0.4, 0.2, 0.0)
+"""Parts at the beginning of a single record that are tried to be left out: a new sample settles."""
+WORTH = 1.05
+"""Errors, to the least one, that are as good as it."""
+
+
+class ForceTraining(NamedTuple):
+    """A force estimator, and how good it is on records it did not learn from.
+
+    - `estimator`: `ForceEstimator`, its deviation such that 90 % bands hold nine of ten held-out rows.
+    - `kind`, `settings`: what was trained, and what was chosen from the data.
+    - `rmse` (N), `nrmse_percent` (of the range of forces): of held-out rows, each judged by a model
+      that had not seen it; a mean of several networks is somewhat better than this.
+    - `coverage`: part of the rows of each held-out part within 90 % bands that the others calibrate.
+    - `force`, `held_out` (rows,): measured and estimated so, NaN where nothing was held out.
+    - `curves`: of every network's training.
+    """
+
+    estimator: ForceEstimator
+    kind: str
+    settings: dict[str, Any]
+    rmse: float
+    nrmse_percent: float
+    coverage: float
+    force: Float[np.ndarray, " rows"]
+    held_out: Float[np.ndarray, " rows"]
+    curves: tuple[Trained, ...]
+
+
+def train_force(
+    records: Sequence[ForceRecord | tuple[Any, Any, Any]],
+    *,
+    kind: str = "network",
+    groups: Sequence[Any] | None = None,
+    nan: str = "raise",
+    skip: str | float = "auto",
+    members: int = 5,
+    updates: int = 20_000,
+    seed: int = 0,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    tell: Tell | None = None,
+) -> ForceTraining:
+    """Learn the force behind a soft sensor's readings from records with a load cell.
+
+    Thresholds of the memory come from the range of the readings, delays from the records' sampling and
+    length, the reading at rest from their beginnings. What is held out to stop a training, to choose
+    and to judge are whole records, or stretches of a few long ones: neighbouring rows are all but equal.
+
+    **Arguments:**
+
+    - `records`: sequences (time in s, reading, force in N), see `ForceRecord`, each from rest.
+    - `kind`: `"network"`, the mean of `members` networks of the Preisach staircase and delays
+      (`StaircaseNetwork`), of any number of channels; `"everett"`, monotone, of one; `"structured"`,
+      what `identify.fit` finds from reading to force, or from force to reading and run backwards,
+      whichever is better on held-out records.
+
+    - `groups`: one name for each record, such as the speed or the depth of a press: those of one group
+      are held out together. Without them a record that was repeated tells of its repetitions alone, and
+      what is held out looks better than presses of another speed will be.
+
+    **Other arguments:**
+
+    - `nan`: `"omit"` learns from rows with a force alone, while the readings of all rows count.
+    - `skip`: part at the beginning of each record that only drives the memory; `"auto"` leaves a fifth or
+      two, or three, of one or two long records out where that predicts their last fifth as well.
+    - `members`: parts that are held out in turn. `updates`: steps of each training, of 64 rows.
+    - `seed`: of weights, batches and parts.
+    - `checkpoint`: a folder to keep the trainings in; `resume`: go on from there.
+    - `tell`: called with (done, total, words) now and then.
+
+    Raises `InputError` for records that cannot be learnt from, see `gather`; an unknown kind, less than
+    two members, and as `identify.train` and `identify.fit` do.
+
+    Source: Kim and Park (2018), section III A, for the network; held-out records and deviation are ours.
+    """
+    if kind not in KINDS:
+        raise InputError(
+            "unknown-kind", f"no kind {kind!r}.", fix=f"one of {', '.join(map(repr, KINDS))}."
+        )
+    if members < 2 or updates < 1:
+        raise InputError("members", f"{members} members, {updates} updates: at least 2, and 1.")
+    if not (skip == "auto" or (isinstance(skip, float | int) and 0 <= skip < 0.9)):
+        raise InputError("skip", f'skip={skip!r} is neither "auto" nor a part below 0.9.')
+    data = gather(records, nan)
+    most = data.presses if groups is None else max(2, len(set(groups)))
+    settings = Settings(
+        min(members, most), updates, seed, None if checkpoint is None else Path(checkpoint),
+        resume, tell or (lambda *_: None),
+    )  # fmt: skip
+    share = _skipped(data, settings) if skip == "auto" else float(skip)
+    part = held_out_parts(data, settings.members, share, seed, groups)
+    found: Found = KINDS[kind](data, part, settings)
+    return _judged(kind, found._replace(words=found.words | {"skip": share}), data, part)
+
+
+def _skipped(data: ForceData, settings: Settings) -> float:
+    """The part to leave out: the most that predicts the last fifth as well as any, to `WORTH`.
+
+    How a sample settles is seen once, and is no news of another run, before which it may have settled.
+    """
+    if len(data.starts) > 2 or data.presses < 8:
+        return 0.0
+    short = settings._replace(
+        updates=max(1, settings.updates // 4), checkpoint=None, resume=False, tell=lambda *_: None
+    )
+    error = {}
+    for share in SKIPS:
+        # One network, of the rows between what is left out and the last fifth.
+        fifth, after = held_out_parts(data, 5), held_out_parts(data, 5, share)
+        part = np.where(fifth == 4, 0, np.where(after >= 0, 1, -1))
+        found = train_networks(data, part, short, only=(0,), decays=DECAYS[-1:]).held_out
+        error[share] = float(np.nanmean((found - data.force)[part == 0] ** 2)) ** 0.5
+    return next(share for share in SKIPS if error[share] <= WORTH * min(error.values()))
+
+
+def _judged(kind: str, found: Found, data: ForceData, part: np.ndarray) -> ForceTraining:
+    held_out = np.where(data.known, found.held_out, np.nan)
+    low, high = 0.0, 1.1 * float(data.force[data.known].max())
+    off = np.abs(np.clip(held_out, low, high) - data.force)
+    seen = np.isfinite(off)
+    deviation = _deviation(off[seen])
+    inside = []
+    for k in np.unique(part[seen]):
+        own, others = seen & (part == k), seen & (part != k)
+        band = _deviation(off[others]) if others.any() else deviation
+        inside.append(off[own] < 1.645 * band)
+    readings = data.reading.reshape(len(data.time), -1)
+    margin = 0.02 * np.ptp(readings, axis=0)
+    ends = [(f(readings, axis=0) + s * margin) for f, s in ((np.min, -1), (np.max, 1))]
+    if data.channels == 1:
+        ends = [float(end[0]) for end in ends]
+    estimator = ForceEstimator(found.model, deviation, high, *ends)
+    rmse = float(np.sqrt(np.mean(off[seen] ** 2)))
+    return ForceTraining(
+        estimator, kind, found.words, rmse, 100 * rmse / data.span,
+        float(np.concatenate(inside).mean()), data.force, held_out, found.curves,
+    )  # fmt: skip
+
+
+def _deviation(off: Float[np.ndarray, " rows"]) -> float:
+    """The one whose 90 % band holds nine of ten: errors have longer tails than a normal one's."""
+    return max(float(np.quantile(off, 0.9)) / 1.645, 1e-12)

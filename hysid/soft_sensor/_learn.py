@@ -1,0 +1,237 @@
+"""What a soft sensor learns beside the force: what its channels are checked for, places, positions."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from compensate.microchannel import Localizer, PositionEstimator, Readout
+from hysteresis import InputError
+
+from ._positions import fit_positions
+from ._sensor import Quantity
+from ._sessions import Streams, Targets
+
+AT_REST = 0.02
+"""Forces up to this part of the largest are none."""
+FEW = 10
+"""Rows at rest from which their median and scatter are taken."""
+NOISES = 5.0
+"""Readings within so many times the noise are no press."""
+UNEQUAL = 5.0
+"""How many times the rows of another place are too many."""
+MOST_AT_A_PLACE, MOST_POSITIONS = 2000, 1500
+"""Rows to learn from: of neighbouring ones more say little, and take the square or cube of their number."""
+LEAST_EQUAL, TIMES_EQUAL = 5, 3
+"""Equal readings in a row that are told stuck: so many, and so many times those seen when all was well."""
+LONG = 10.0
+"""Steps of the clock that are a gap."""
+
+
+class Checks(NamedTuple):
+    """The readout of a sensor; the noise of each channel; the step of its clock; what to mind."""
+
+    readout: Readout
+    noise: Float[np.ndarray, " channels"]
+    step: float
+    notes: tuple[str, ...]
+
+
+def checks_of(
+    parts: Sequence[Streams],
+    channels: Sequence[Quantity],
+    targets: Targets,
+    *,
+    noise: float | None = None,
+    ends: tuple[float, float] | None = None,
+) -> Checks:
+    """What a channel's readings have to be like, from streams in which all was well.
+
+    **Arguments:** `noise`: deviation of a reading; found from the streams unless given. `ends`: of the
+    converter's range.
+
+    Raises `InputError` for a channel that never moves, and a noise or range that is none.
+    """
+    readings = np.concatenate([part.readings for part in parts])
+    rest = np.concatenate([_at_rest(part, targets) for part in parts])
+    for channel, column in zip(channels, readings.T, strict=True):
+        if np.ptp(column) == 0:
+            raise InputError(
+                "constant-channel", f"{channel.name!r} reads {column[0]:g} in every row.",
+                cause="a wire that is not connected, or the wrong column.",
+                fix="mend it, or leave the channel out (--input).",
+            )  # fmt: skip
+    if noise is not None and not 0 <= noise < np.inf:
+        raise InputError("bad-option", f"a noise of {noise:g}.", fix="0 or more (--noise).")
+    notes: list[str] = []
+    zero, sign = np.zeros(len(channels)), np.ones(len(channels))
+    if targets.place is not None or targets.position:
+        if rest.sum() >= FEW:
+            zero = np.median(readings[rest], axis=0)
+        else:
+            notes.append("no rows are at rest: readings are taken to be 0 there.")
+        pressed = np.concatenate([part.counts for part in parts]) & ~rest
+        if pressed.any():
+            sign = np.where(np.median(readings[pressed], axis=0) < zero, -1.0, 1.0)
+    known = noise is not None
+    found = np.full(len(channels), noise) if known else _noise(parts, readings, rest)
+    steps = np.concatenate(
+        [np.diff(_clock(part)[rows]) for part in parts for rows in part.sequences()]
+    )
+    step, gap = 0.0, np.inf
+    if steps.size and parts[0].record.time is not None:
+        step = float(np.median(steps))
+        even = np.mean(steps < LONG / 2 * step) > 0.99
+        gap = LONG * step if even else 2.0 * float(steps.max())
+        if (gaps := steps[steps > gap]).size:
+            notes.append(
+                f"{gaps.size} gaps of up to {gaps.max():.3g} in the streams: the memory is in doubt behind"
+                " them; make what follows a sequence of its own (--group COL)."
+            )
+    runs = [_longest_run(part.readings[rows]) for part in parts for rows in part.sequences()]
+    stuck = max(LEAST_EQUAL, TIMES_EQUAL * max(runs)) if step else 0
+    for channel, column in zip(channels, readings.T, strict=True):
+        notes += _clipped(channel, column, step > 0)
+    low, high = ends or (-np.inf, np.inf)
+    readout = Readout(
+        len(channels), scale=sign, zero=zero, low=low, high=high, longest_gap=gap,
+        stuck_after=stuck,
+    )  # fmt: skip
+    return Checks(readout, found, step, tuple(notes))
+
+
+def learn_places(
+    parts: Sequence[Streams], tests: Sequence[Streams], checks: Checks, names: Sequence[str] = ()
+) -> tuple[Localizer, list[str]]:
+    """A localizer of the rows that name a place, and what to mind.
+
+    `names`: the places there are; those that occur unless given.
+
+    Raises `InputError` as `Localizer.train` does.
+    """
+    rows = [part.counts & (part.place != "") for part in parts]
+    x = np.concatenate([_changes(part, checks)[at] for part, at in zip(parts, rows, strict=True)])
+    place = np.concatenate([part.place[at] for part, at in zip(parts, rows, strict=True)])
+    pressed = (x > NOISES * checks.noise[None]).any(1)
+    x, place = x[pressed], place[pressed]
+    there = sorted(set(place.tolist()))
+    held_out = {str(name) for part in tests for name in part.place[part.counts]} - {""}
+    notes = [
+        f"no row to learn from is at {name!r}: presses there will be taken for another place, or unknown."
+        for name in dict.fromkeys([*names, *sorted(held_out)])
+        if name not in there
+    ]
+    if names and (unnamed := [name for name in there if name not in names]):
+        raise InputError(
+            "unknown-place", f"{unnamed[0]!r} is none of the places {', '.join(names)}.",
+            fix="name all of them (--places A,B), or choose other rows (--where).",
+        )  # fmt: skip
+    if len(x) == 0:
+        raise InputError(
+            "no-presses", "no row that names a place reads more than its noise.",
+            cause="the wrong channels, or places given where nothing is pressed.",
+            fix="look at the columns, or give the noise (--noise).",
+        )  # fmt: skip
+    kept = np.concatenate([_some(np.flatnonzero(place == name), MOST_AT_A_PLACE) for name in there])
+    names = [name for name in names if name in there] or there
+    noise = np.maximum(checks.noise, 1e-9 * x.std(0))
+    localizer = Localizer.train(x[kept], place[kept], names=names, noise=noise)
+    counts = {name: int((place == name).sum()) for name in names}
+    most = max(counts, key=counts.__getitem__)
+    notes += [
+        f"place {name!r} has {n} rows to learn from, {most!r} has {counts[most]}: how presses at {name!r}"
+        " differ is known less well."
+        for name, n in counts.items()
+        if UNEQUAL * n < counts[most]
+    ]
+    low = [
+        c for c, column in enumerate((x < -NOISES * checks.noise[None]).T) if column.mean() > 0.05
+    ]
+    if low:
+        named = ", ".join(f"{c + 1}" for c in low)
+        notes.append(
+            f"channel {named} reads below its rest at some places and above at others: ratios of readings"
+            " say little then; learn coordinates instead (--position COL)."
+        )
+    return localizer, [*notes, *(f"{words}." for words in localizer.doubts())]
+
+
+def learn_positions(
+    parts: Sequence[Streams], checks: Checks, seed: int
+) -> tuple[PositionEstimator, list[str]]:
+    """A position estimator of the rows whose coordinates are known, and what to mind.
+
+    Raises `InputError` as `fit_positions` does.
+    """
+    rows = [part.counts & np.isfinite(part.position).all(1) for part in parts]
+    x = np.concatenate([_changes(part, checks)[at] for part, at in zip(parts, rows, strict=True)])
+    y = np.concatenate([part.position[at] for part, at in zip(parts, rows, strict=True)])
+    least = NOISES * float(np.sqrt(np.sum(checks.noise**2)))
+    pressed = np.flatnonzero(np.linalg.norm(x, axis=1) > least)
+    kept = _some(pressed, MOST_POSITIONS)
+    notes = []
+    if len(kept) < len(pressed):
+        notes.append(f"positions are learnt from {len(kept)} of {len(pressed)} rows, evenly drawn.")
+    return fit_positions(x[kept], y[kept], least=least, seed=seed), notes
+
+
+def _changes(part: Streams, checks: Checks) -> np.ndarray:
+    readout = checks.readout
+    return (part.readings - np.asarray(readout.zero)) / np.asarray(readout.scale)
+
+
+def _some(rows: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of the rows, evenly."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int)]
+
+
+def _at_rest(part: Streams, targets: Targets) -> np.ndarray:
+    rest = part.counts.copy()
+    if targets.place is not None:
+        rest &= part.place == ""
+    elif targets.force is None:
+        rest &= ~np.isfinite(part.position).all(1)
+    if targets.force is not None:
+        rest &= part.force <= AT_REST * np.nanmax(part.force)
+    return rest
+
+
+def _clock(part: Streams) -> np.ndarray:
+    return np.arange(len(part.counts)) if part.record.time is None else part.record.time
+
+
+def _noise(parts: Sequence[Streams], readings: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """From second differences, in which what moves smoothly drops out, where rows follow one another."""
+    found, spread = readings[rest].std(0) if rest.sum() >= FEW else 0.0, readings.std(0)
+    seconds = [
+        np.diff(part.readings[rows], 2, axis=0)
+        for part in parts
+        for rows in part.sequences()
+        if part.record.time is not None and rows.stop - rows.start > 2
+    ]
+    if not seconds:
+        return np.broadcast_to(found, spread.shape).astype(float)
+    # The median of |e| is 0.67 deviations, and a second difference has six variances.
+    white = np.median(np.abs(np.concatenate(seconds)), axis=0) / 0.6745 / np.sqrt(6)
+    return np.where(white < 0.1 * spread, white, found)
+
+
+def _longest_run(readings: np.ndarray) -> int:
+    """Equal readings in a row, of any channel."""
+    longest = 1
+    for column in readings.T:
+        edges = np.flatnonzero(np.append(True, np.diff(column) != 0))
+        longest = max(longest, int(np.diff(np.append(edges, len(column))).max()))
+    return longest
+
+
+def _clipped(channel: Quantity, column: np.ndarray, is_stream: bool) -> list[str]:
+    at = float(column.max())
+    share = float(np.mean(column == at))
+    if not is_stream or at == float(np.median(column)) or share < 0.01 or share * len(column) < 8:
+        return []
+    return [
+        f"{share:.1%} of {channel.name!r} stands at its largest reading, {at:g}: clipped? Name the"
+        " converter's range (--range LOW HIGH), so that it is told SATURATED, or measure with a wider one."
+    ]

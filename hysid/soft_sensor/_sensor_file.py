@@ -1,0 +1,120 @@
+"""A soft sensor in a folder: JSON and plain arrays, nothing that can run.
+
+soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
+"""
+
+import hashlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+import identify
+from compensate import invert
+from compensate.runtime._file import checksum
+from hysteresis import InputError
+
+from ._module_file import Arrays, described, made
+from ._sensor import Quantity, SoftSensor
+
+SCHEMA = 1
+KIND = "hysid soft sensor"
+WORDS, ARRAYS = "soft_sensor.json", "soft_sensor.npz"
+
+CLASSES = (invert, SoftSensor)
+"""With them all classes are loaded that a part can be made of."""
+
+PARTS = ("readout", "force", "localizer", "position")
+
+
+def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
+    """Write a sensor to a folder, which is made; one that is there is written over.
+
+    Raises `InputError` for a part that cannot be kept in a file.
+    """
+    folder = Path(folder)
+    arrays: Arrays = {}
+    parts = {name: described(getattr(sensor, name), name, arrays) for name in PARTS}
+    packed = io.BytesIO()
+    np.savez_compressed(packed, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    document = {
+        "schema": SCHEMA, "kind": KIND,
+        "channels": [channel._asdict() for channel in sensor.channels], "step": sensor.step,
+        "time_unit": sensor.time_unit,
+        "force_in": sensor.force_in._asdict(),
+        "position_in": [coordinate._asdict() for coordinate in sensor.position_in],
+        **parts,
+        "files": {ARRAYS: hashlib.sha256(packed.getvalue()).hexdigest()},
+    }  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / ARRAYS).write_bytes(packed.getvalue())
+    identify.write_json(folder / WORDS, document | {"checksum": checksum(identify.plain(document))})
+    return folder
+
+
+def load_sensor(folder: str | Path) -> SoftSensor:
+    """The sensor that `save_sensor` wrote.
+
+    Raises `InputError` for a folder without one, a newer schema, a damaged or changed file; nothing in the
+    folder is executed.
+    """
+    folder = Path(folder)
+    document = _document(folder)
+    try:
+        data = (folder / ARRAYS).read_bytes()
+        if hashlib.sha256(data).hexdigest() != document["files"][ARRAYS]:
+            raise ValueError(f"it is not the file that was saved with {WORDS}")
+        with np.load(io.BytesIO(data), allow_pickle=False) as found:
+            arrays = dict(found)
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+        raise _damaged(folder, ARRAYS, error) from error
+    try:
+        return SoftSensor(
+            tuple(Quantity(**words) for words in document["channels"]),
+            step=float(document["step"]), time_unit=document["time_unit"],
+            force_in=Quantity(**document["force_in"]),
+            position_in=tuple(Quantity(**words) for words in document["position_in"]),
+            **{name: made(document[name], arrays) for name in PARTS},
+        )  # fmt: skip
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _damaged(folder, WORDS, error) from error
+
+
+def _document(folder: Path) -> dict[str, Any]:
+    file = folder / WORDS
+    if not file.is_file():
+        raise no_sensor(folder, WORDS)
+    try:
+        document = json.loads(file.read_text("utf-8"))
+        if not isinstance(document, dict) or document.get("kind") != KIND:
+            raise ValueError("it holds something else")
+    except (OSError, ValueError) as error:
+        raise _damaged(folder, WORDS, error) from error
+    if document.get("schema") != SCHEMA:
+        raise InputError(
+            "newer-schema",
+            f"{WORDS} has schema {document.get('schema')}, and this version reads {SCHEMA}.",
+            place=str(folder), fix="update hysid, or train again.",
+        )  # fmt: skip
+    if document.get("checksum") != checksum(identify.plain(document)):
+        raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
+    return document
+
+
+def no_sensor(folder: Path, name: str) -> InputError:
+    """What to say where the file `name` of a sensor is not there."""
+    return InputError(
+        "no-sensor", f"there is no {name}.", place=str(folder),
+        fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
+    )  # fmt: skip
+
+
+def _damaged(folder: Path, name: str, error: Exception) -> InputError:
+    said = str(getattr(error, "strerror", None) or error) or type(error).__name__
+    return InputError(
+        "damaged-file", f"{name} cannot be used: {said.splitlines()[0]}.", place=str(folder),
+        cause="it was cut off or edited.", fix="train again (--overwrite).",
+    )  # fmt: skip

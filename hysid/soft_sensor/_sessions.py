@@ -1,0 +1,171 @@
+"""Files of a soft sensor as sessions: streams of readings, and what was pressed meanwhile."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from hysteresis import InputError, Record, Table, read_csv
+
+from ..intake._selection import Selection
+from ._sensor import Quantity
+
+NOWHERE = ("", "-", "none", "rest", "nan", "na", "n/a", "null")
+"""Words for no place: nothing is pressed."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The columns that say what was pressed: force, place, coordinates; None or () for none."""
+
+    force: str | None = None
+    place: str | None = None
+    position: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.force is None and self.place is None and not self.position:
+            raise InputError(
+                "no-target", "nothing is to be learnt.",
+                fix="name the columns of the truth: --force COL, --place COL, --position COL.",
+            )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Rows of one file that are learnt from, or tested on: those that `counts`; the others are history.
+
+    `place` "" where nothing is pressed; `force` and `position` NaN where they are not known.
+    """
+
+    record: Record
+    readings: Float[np.ndarray, "samples channels"]
+    counts: Bool[np.ndarray, " samples"]
+    force: Float[np.ndarray, " samples"]
+    place: np.ndarray
+    position: Float[np.ndarray, "samples coordinates"]
+
+    def sequences(self) -> Iterator[slice]:
+        """Rows of each stream, which begins with the sensor at rest."""
+        for _, rows in self.record.sequences():
+            yield rows
+
+
+class Session(NamedTuple):
+    """One file: what is learnt from, what is held out, and its columns' units."""
+
+    file: Path
+    rows: int
+    sha256: str
+    train: Streams | None
+    test: Streams | None
+    channels: tuple[Quantity, ...]
+    force: Quantity | None
+    position: tuple[Quantity, ...]
+
+
+def read_sessions(
+    files: Sequence[Path], selection: Selection, targets: Targets, tests: Sequence[Path] = ()
+) -> list[Session]:
+    """Files and, wholly held out, `tests`. Where several are given, a condition for rows to hold out may
+    miss in some of them.
+
+    Raises `InputError` as `read_csv` and `Record` do, for files of other units, and where a file is given
+    twice.
+    """
+    named = [Path(file).resolve() for file in (*files, *tests)]
+    selection = selection if targets.force else _without_force(selection)
+    for k, file in enumerate(named):
+        if file in named[:k]:
+            raise InputError(
+                "file-twice", f"{file.name} is given twice.", fix="name each session's file once."
+            )
+    found, missed = [], []
+    for file in files:
+        try:
+            found.append(_session(file, selection, targets))
+        except InputError as error:
+            if error.code != "no-match" or not selection.test_where or len(files) == 1:
+                raise
+            found.append(_session(file, selection.without_hold_out(), targets))
+            missed.append(error)
+    if missed and len(missed) == len(files):
+        raise missed[0]
+    for file in tests:
+        one = _session(file, selection.without_hold_out(), targets)
+        found.append(one._replace(train=None, test=one.train))
+    first = found[0]
+    for other in found[1:]:
+        _check_alike(first, other)
+    return found
+
+
+def _session(file: Path, selection: Selection, targets: Targets) -> Session:
+    table = selection.table(file)
+    if targets.place is not None and targets.place not in table.columns:
+        read_csv(
+            table, input=_first(selection), output=targets.place
+        )  # says what columns there are
+    pairs, _ = selection.records(table)
+    train, test = pairs[""]
+    names = tuple(train.channels) or (train.input_name,)
+    units = [*train.channels.values()] or [train.input_unit]
+    force = None if targets.force is None else Quantity(train.output_name, train.output_unit)
+    position, coordinates = _coordinates(table, selection, targets.position)
+    return Session(
+        Path(file), len(table.line), table.sha256,
+        _streams(train, table, targets, coordinates),
+        None if test is None else _streams(test, table, targets, coordinates),
+        tuple(Quantity(*of) for of in zip(names, units, strict=True)), force, position,
+    )  # fmt: skip
+
+
+def _first(selection: Selection) -> str:
+    return selection.input[0] if isinstance(selection.input, tuple) else str(selection.input)
+
+
+def _coordinates(
+    table: Table, selection: Selection, names: tuple[str, ...]
+) -> tuple[tuple[Quantity, ...], np.ndarray]:
+    """Names with their units, and every row's numbers."""
+    units = []
+    for name in names:
+        alone = read_csv(table, input=_first(selection), output=name, nan="omit")
+        units.append(Quantity(name, alone.output_unit))
+    columns = [table.number(name) for name in names]
+    return tuple(units), np.column_stack(columns) if columns else np.empty((len(table.line), 0))
+
+
+def _streams(record: Record, table: Table, targets: Targets, coordinates: np.ndarray) -> Streams:
+    rows = np.searchsorted(table.line, record.line)
+    channels = [record.columns[name] for name in record.channels] or [record.input]
+    unknown = np.full(len(record), np.nan)
+    place = np.full(len(record), "")
+    if targets.place is not None:
+        place = table.text[targets.place][rows]
+        place = np.where(np.isin(np.char.lower(place), NOWHERE), "", place)
+    return Streams(
+        record, np.column_stack(channels), np.array(record.mask),
+        record.output if targets.force is not None else unknown, place, coordinates[rows],
+    )  # fmt: skip
+
+
+def _check_alike(first: Session, other: Session) -> None:
+    for one, two in zip(
+        (*first.channels, *first.position, *filter(None, [first.force])),
+        (*other.channels, *other.position, *filter(None, [other.force])),
+        strict=True,
+    ):
+        if one.unit != two.unit:
+            raise InputError(
+                "unlike-units",
+                f"column {one.name!r} is in {one.unit} in {first.file.name}, in {two.unit} here.",
+                place=str(other.file), fix="bring both to one unit.",
+            )  # fmt: skip
+
+
+def _without_force(selection: Selection) -> Selection:
+    """Where no force is learnt a record's output is its first channel."""
+    return replace(selection, output=_first(selection), output_unit=None)

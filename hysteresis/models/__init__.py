@@ -1,0 +1,1 @@
+"""Every model but the Preisach family, one file each."""

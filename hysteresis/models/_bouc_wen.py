@@ -1,0 +1,226 @@
+"""The Bouc-Wen model, integrated exactly along its input's path."""
+
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series, is_start
+from .._parameter import Scalar, is_concrete, parameter, parameters
+
+NODES = 40
+NEWTON_STEPS = 8
+
+
+class BoucWenState(NamedTuple):
+    """The input, and z in parts of its largest value: in [-1, 1]."""
+
+    u: Array
+    w: Array
+
+
+class BoucWenInput(NamedTuple):
+    """Inputs, where sequences start, and the state they start in."""
+
+    u: Array
+    start: Array
+    state: Any
+
+
+State = TypeVar("State")
+
+
+class AbstractBoucWen(AbstractModel[State, BoucWenInput]):
+    """A function of the input's path alone, sample after sample; its state has the last input, `u`."""
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> BoucWenInput:
+        before: Any = self.init() if state is None else state
+        u = jnp.asarray(u, before.u.dtype)
+        return BoucWenInput(u, is_start(len(u), starts) > 0, before)
+
+    def evaluate(self, prepared: BoucWenInput) -> Float[Array, " samples"]:
+        def sample(state: State, at: tuple[Array, Array]) -> tuple[State, Array]:
+            u, start = at
+            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
+            return self.step(before, None, u)
+
+        return jax.lax.scan(sample, prepared.state, (prepared.u, prepared.start))[1]
+
+
+class BoucWen(AbstractBoucWen[BoucWenState]):
+    """Bouc-Wen model: a spring beside one that yields.
+
+        y = offset + alpha k x + (1 - alpha) k z
+        dz = dx - beta |dx| |z|^(n-1) z - gamma dx |z|^n
+
+    x is the input and z = x = 0 at first: a function of the path alone, at any rate. The output leads
+    the input. |z| stays below yield_at = (beta + gamma)^(-1/n), towards which it goes; this and
+    gamma / beta are the parameters, since they can be told apart whatever the unit and n.
+
+    **Arguments:**
+
+    - `k`: stiffness at first.
+    - `alpha`: what is left of it after yield, from 0 to 1.
+    - `yield_at`: the largest |z|.
+    - `n`: sharpness of yield: 1 is an exponential, 2 a hyperbolic tangent; from 0.5 to 10.
+    - `gamma_over_beta`: above -1, where z would not be bounded, to 1, above which a closed cycle could
+      give energy. At 1 unloading is straight.
+    - `offset`: the output's constant.
+
+    Raises `InputError` where an argument is not as said here.
+
+    Source: Bouc 1967, Wen 1976; admissible parameters and normal form: Ikhouane and Rodellar 2007.
+    """
+
+    k: Scalar = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness at first"
+    )
+    alpha: Scalar = parameter(bounds=(0.0, 1.0), meaning="part of the stiffness left after yield")
+    yield_at: Scalar = parameter(
+        unit="input", bounds=(0.0, float("inf")), meaning="largest z, where the first line yields"
+    )
+    n: Scalar = parameter(1.0, bounds=(0.5, 10.0), meaning="sharpness of yield")
+    gamma_over_beta: Scalar = parameter(0.0, bounds=(-1.0, 1.0), meaning="shape of unloading")
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+
+    def __check_init__(self) -> None:
+        check_bounds(self, alpha=(True, True), n=(True, True), gamma_over_beta=(False, True))
+
+    @classmethod
+    def of_coefficients(
+        cls, *, k: float, alpha: float, beta: float, gamma: float, n: float, A: float = 1.0,
+        offset: float = 0.0,
+    ) -> "BoucWen":  # fmt: skip
+        """From the coefficients of dz = A dx - beta |dx| |z|^(n-1) z - gamma dx |z|^n.
+
+        A, which k and alpha can do without, is scaled away. Raises `InputError` unless A > 0,
+        beta + gamma > 0 and beta >= gamma.
+        """
+        if not (A > 0 and beta + gamma > 0 and beta >= gamma):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"A = {A}, beta = {beta}, gamma = {gamma}.",
+                cause="z would not be bounded, or a closed cycle could give energy.",
+                fix="keep A > 0, beta + gamma > 0 and beta >= gamma.",
+            )
+        first = alpha + (1 - alpha) * A
+        limit = (A / (beta + gamma)) ** (1 / n) / A
+        return cls(k * first, alpha / first, limit, n, gamma / beta, offset)
+
+    def coefficients(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """beta and gamma, for A = 1."""
+        beta = self.yield_at**-self.n / (1 + self.gamma_over_beta)
+        return beta, self.gamma_over_beta * beta
+
+    def init(self, t0: Any = None, u0: Any = None) -> BoucWenState:
+        zero = jnp.zeros_like(self.k)
+        return BoucWenState(zero, zero)
+
+    def step(self, state: BoucWenState, t: Any, u: Any) -> tuple[BoucWenState, Float[Array, ""]]:
+        u = jnp.asarray(u, state.u.dtype)
+        du = u - state.u
+        sign = jnp.where(du < 0, -1.0, 1.0)
+        w = sign * self.after(sign * state.w, sign * du / self.yield_at)
+        return BoucWenState(u, w), self.output(u, w)
+
+    def output(self, u: Array, w: Array) -> Float[Array, ""]:
+        """y of the input and z / yield_at."""
+        return self.offset + self.k * (self.alpha * u + (1 - self.alpha) * self.yield_at * w)
+
+    def slope(self, w: Array) -> Float[Array, ""]:
+        """dw/dx yield_at on the way up: positive, and falling on the way."""
+        power = self._power(jnp.abs(w))
+        return jnp.where(w < 0, 1 + self.descent() * power, 1 - power)
+
+    def after(self, w: Array, way: Array) -> Float[Array, ""]:
+        """w after a `way` up, in parts of yield_at: the exact solution of
+
+            dw = (1 - w^n) dx  from 0 up,     dw = (1 + q |w|^n) dx  below 0
+
+        with q = (beta - gamma) / (beta + gamma).
+
+        The way from w to 0 is an integral, H(|w|). Above 0, 1 - w = e^-v makes of it
+        v / n + G(w): the logarithm at w = 1 is taken out, and what is left is smooth. Both functions
+        are concave, in v too, so Newton's method comes to its root from one side and from anywhere.
+        """
+        powers = _gauss(w.dtype)[0] ** (3 * self.n)
+        w_up, down = jnp.where(w < 0, 0.0, w), jnp.where(w < 0, -w, 0.0)
+        rest = way - self._below(down, powers)
+        way_up = jnp.where(w < 0, jnp.maximum(rest, 0.0), way)
+        way_down = jnp.maximum(-rest, 0.0)
+        goal = powers, 1 - w_up, way_up + self._above(w_up, powers), way_down
+
+        # The loop carries no derivative: that of the root is that of one more step from where it is.
+        frozen, fixed, start = jax.lax.stop_gradient((self, goal, (way_up, way_down)))
+        root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, at: frozen._newton(at, fixed), start)
+        v, size = self._newton(root, goal)
+        return jnp.where(rest < 0, -size, 1 - (1 - w_up) * jnp.exp(-v))
+
+    def _newton(
+        self, at: tuple[Array, Array], goal: tuple[Array, Array, Array, Array]
+    ) -> tuple[Array, Array]:
+        """One step to v / n + G(1 - gap e^-v) = wanted_v and to H(size) = wanted_size."""
+        (v, size), (powers, gap, wanted_v, wanted_size) = at, goal
+        left = gap * jnp.exp(-v)
+        some = left > 1e-12
+        by_v = jnp.where(some, self.slope(1 - left) / jnp.where(some, left, 1.0), self.n)
+        by_v, by_size = jax.lax.stop_gradient((by_v, self.slope(-size)))
+        error = v / self.n + self._above(1 - left, powers) - wanted_v
+        return v - error * by_v, size - (self._below(size, powers) - wanted_size) * by_size
+
+    def descent(self) -> Scalar:
+        """q: how much steeper z is at -yield_at, on the way up, than at 0."""
+        return (1 - self.gamma_over_beta) / (1 + self.gamma_over_beta)
+
+    def _below(self, size: Array, powers: Array) -> Array:
+        """Integral of 1 / (1 + q s^n) from 0 to `size`, with s = size x^3."""
+        _, weights = _gauss(size.dtype)
+        return size * jnp.sum(weights / (1 + self.descent() * self._power(size) * powers))
+
+    def _above(self, size: Array, powers: Array) -> Array:
+        """Integral of 1 / (1 - s^n) - 1 / (n (1 - s)) from 0 to `size` <= 1."""
+        x, weights = _gauss(size.dtype)
+        smooth = 1 / (1 - self._power(size) * powers) - 1 / (self.n * (1 - size * x**3))
+        return size * jnp.sum(weights * smooth)
+
+    def _power(self, size: Array) -> Array:
+        """size^n; at 0, where that may have no derivative in its base, 0."""
+        some = size > 0
+        return jnp.where(some, jnp.where(some, size, 1.0) ** self.n, 0.0)
+
+
+def check_bounds(model: eqx.Module, **closed: tuple[bool, bool]) -> None:
+    """Raise `InputError` where one of a model's own parameters is not within its bounds.
+
+    `closed`: whether a parameter may lie on its lower and on its upper bound; others may not.
+    """
+    for name, info, value in parameters(model):
+        if "." in name or not is_concrete(value):
+            continue
+        x, (low, high) = np.asarray(value), info.bounds
+        at_low, at_high = closed.get(name, (False, False))
+        inside = ((x > low) | (at_low & (x == low))) & ((x < high) | (at_high & (x == high)))
+        if not np.all(inside):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"{name} = {value}.",
+                fix=f"keep {name} finite and from {low:g} to {high:g}.",
+            )
+
+
+def _gauss(dtype: Any) -> tuple[Array, Array]:
+    """Nodes x in (0, 1) and weights 3 x^2 dx: of s = x^3, so that s^n is smooth in x."""
+    x, weights = np.polynomial.legendre.leggauss(NODES)
+    x = (1 + x) / 2
+    return jnp.asarray(x, dtype), jnp.asarray(1.5 * x**2 * weights, dtype)

@@ -1,0 +1,110 @@
+"""Models of one delay: the Burgers element, and the standard linear solid."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._parameter import Scalar, parameter
+from ._viscoelastic import (
+    POSITIVE,
+    STIFFNESS,
+    VISCOSITY,
+    AbstractViscoelastic,
+    ViscoelasticState,
+    check_positive,
+)
+from ._viscoelastic_chain import Chain, Hold
+
+
+class BurgersState(ViscoelasticState):
+    """The state of a Burgers element: time, force and the two creep displacements after a sample."""
+
+    @property
+    def force(self) -> Array:
+        return self.load
+
+    @property
+    def dashpot(self) -> Array:
+        return self.branches[0]
+
+    @property
+    def kelvin(self) -> Array:
+        return self.branches[1]
+
+
+class Burgers(AbstractViscoelastic[BurgersState]):
+    """Burgers model, force -> displacement, a spring, a dashpot and a Kelvin-Voigt element in series:
+
+        x1' = F / eta1,    x2' = (F - E2 x2) / eta2,    d = F / E1 + x1 + x2 + offset
+
+    Creep compliance J(t) = 1/E1 + t/eta1 + (1 - exp(-E2 t/eta2)) / E2. No internal displacement
+    before the first sample; a first force other than zero is a jump. Steps are exact at any, also
+    uneven, spacing for a force that is piecewise linear (`hold="linear"`) or keeps its last value
+    until the next sample (`hold="constant"`).
+
+    **Arguments:** moduli `E1`, `E2` (N/mm), viscosities `eta1`, `eta2` (N s/mm), all positive,
+    and the output's `offset`.
+
+    **Other arguments:**
+
+    - `leading`: run it the other way, displacement -> force: each step solves the last equation
+      for F, so this is the exact algebraic inverse. The output then leads the input.
+    - `hold`: the force between samples, `"linear"` or `"constant"`.
+
+    Raises `InputError` where a modulus or viscosity is not positive.
+
+    Source: Kim 2018, section on the Burgers model; exact steps re-derived.
+    """
+
+    E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
+    eta1: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of flow")
+    E2: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness of delayed part")
+    eta2: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of delayed part")
+    offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
+    leading: bool = eqx.field(default=False, static=True)
+    hold: Hold = eqx.field(default="linear", static=True)
+    creeps: ClassVar[bool] = True
+    state_type: ClassVar[type[ViscoelasticState]] = BurgersState
+
+    def __check_init__(self) -> None:
+        check_positive(E1=self.E1, eta1=self.eta1, E2=self.E2, eta2=self.eta2)
+
+    def chain(self) -> Chain:
+        return one_branch(self.E1, self.E2, self.eta2)._replace(flow=1 / jnp.asarray(self.eta1))
+
+
+class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
+    """Standard linear solid, force -> displacement, a spring and a Kelvin-Voigt element in series:
+
+        x' = (F - E2 x) / eta2,    d = F / E1 + x + offset
+
+    Creep compliance J(t) = 1/E1 + (1 - exp(-E2 t/eta2)) / E2: a Burgers element that does not flow.
+
+    **Arguments:** moduli `E1`, `E2`, viscosity `eta2`, all positive, the output's `offset`;
+    `leading` and `hold` as for `Burgers`.
+
+    Raises `InputError` where a modulus or viscosity is not positive.
+    """
+
+    E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
+    E2: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness of delayed part")
+    eta2: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of delayed part")
+    offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
+    leading: bool = eqx.field(default=False, static=True)
+    hold: Hold = eqx.field(default="linear", static=True)
+    creeps: ClassVar[bool] = True
+    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
+
+    def __check_init__(self) -> None:
+        check_positive(E1=self.E1, E2=self.E2, eta2=self.eta2)
+
+    def chain(self) -> Chain:
+        return one_branch(self.E1, self.E2, self.eta2)
+
+
+def one_branch(E1: Scalar, E2: Scalar, eta2: Scalar) -> Chain:
+    """A spring and a Kelvin-Voigt element in series."""
+    E1, E2, eta2 = map(jnp.asarray, (E1, E2, eta2))
+    return Chain(1 / E1, (E2 / eta2)[None], (1 / eta2)[None])

@@ -1,0 +1,80 @@
+"""Several input channels: what they have in common, and a static map of them to one scalar."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._parameter import Scalar, as_float, is_concrete
+
+
+class ChannelMap(eqx.Module):
+    """Several channels x_1 ... x_C combined into one scalar, each through a curve of its own:
+
+        s = offset + f_1(x_1) + ... + f_C(x_C)
+
+    f_c is a polygon: straight between its nodes, held beyond the first and the last, where nothing is
+    known of it. The scalar has the unit of the output, and each curve takes its channel's unit into that,
+    so channels of different units are no difficulty.
+
+    No curve has to rise or fall. What a sensor's channels answer to beside the wanted quantity (a loop, a
+    pull sideways, warmth) cancels where some of them count negatively. What rises is the next stage:
+    the output with the scalar, in every model that is fitted to it.
+
+    **Arguments:**
+
+    - `nodes`: (channels, n + 1) values of each channel, increasing.
+    - `values`: (channels, n + 1) of each curve at its nodes, in the unit of the output.
+    - `offset`: in the unit of the output.
+    - `names`, `units`: of the channels.
+
+    Raises `InputError` where an argument is not as said here.
+    """
+
+    nodes: Float[Array, "channels nodes"] = eqx.field(converter=as_float)
+    values: Float[Array, "channels nodes"] = eqx.field(converter=as_float)
+    offset: Scalar = eqx.field(converter=as_float)
+    names: tuple[str, ...] = eqx.field(static=True)
+    units: tuple[str, ...] = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        shapes = self.nodes.shape, self.values.shape
+        count = {len(self.names), len(self.units), *(shape[0] for shape in shapes)}
+        if shapes[0] != shapes[1] or shapes[0][-1] < 2 or len(count) > 1:
+            raise InputError(
+                "lengths-differ",
+                f"nodes {shapes[0]}, values {shapes[1]}, {len(self.names)} names,"
+                f" {len(self.units)} units.",
+                fix="give each channel a name, a unit and as many values as nodes, at least two.",
+            )
+        if is_concrete(self.nodes) and not np.all(np.diff(np.asarray(self.nodes)) > 0):
+            raise InputError(
+                "parameter-out-of-bounds", f"nodes = {self.nodes}.", fix="keep them increasing."
+            )
+
+    def __call__(self, x: Float[Array, "samples channels"] | Any) -> Float[Array, " samples"]:
+        """The scalar at every sample."""
+        each = jax.vmap(jnp.interp, in_axes=(1, 0, 0))
+        return self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
+
+
+def common_part(
+    channels: Float[np.ndarray, "samples channels"], output: Float[np.ndarray, " samples"]
+) -> Float[np.ndarray, " samples"]:
+    """What the channels have in common, in standard deviations: their first principal component.
+
+    It tells where cycles begin before anything is fitted. Each channel counts by its standard deviation,
+    and the sign is the one with which it rises with the output; NaN where a channel is.
+    """
+    whole = np.isfinite(channels).all(1)
+    known = channels[whole] if whole.any() else np.zeros((1, channels.shape[1]))
+    spread = known.std(0)
+    x = (channels - known.mean(0)) / np.where(spread > 0, spread, np.inf)
+    direction = np.linalg.eigh(x[whole].T @ x[whole])[1][:, -1]
+    s = x @ direction
+    both = whole & np.isfinite(output)
+    return -s if both.sum() > 1 and np.cov(s[both], output[both])[0, 1] < 0 else s

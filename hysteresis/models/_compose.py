@@ -1,0 +1,199 @@
+"""Models made of models: side by side, one behind the other, scaled."""
+
+from collections.abc import Iterable
+from functools import reduce
+from operator import add
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel
+from .._model import Series as Inputs
+from .._parameter import Scalar, is_concrete, parameter
+from ..preisach import Preisach
+
+
+def _flat(kind: type, parts: Iterable[AbstractModel]) -> tuple[AbstractModel, ...]:
+    """The parts, those of a part of the same kind in its place."""
+    return tuple(p for part in parts for p in (_parts(part) if isinstance(part, kind) else (part,)))
+
+
+def _parts(model: Any) -> tuple[AbstractModel, ...]:
+    return model.parts
+
+
+def _check_parts(parts: tuple[Any, ...]) -> None:
+    if not parts or not all(isinstance(part, AbstractModel) for part in parts):
+        raise InputError(
+            "no-parts",
+            f"{len(parts)} parts, not all of them models.",
+            fix="give one model or more, as a list or tuple.",
+        )
+
+
+class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
+    """Models of one input side by side: y = sum of their outputs.
+
+    State and prepared input are tuples of the parts'. It rises with its input where every part does.
+
+    **Arguments:** `parts`, one or more models; those of a `Sum` among them are taken as its own.
+
+    Raises `InputError` for anything else.
+    """
+
+    parts: tuple[AbstractModel, ...] = eqx.field(converter=lambda parts: _flat(Sum, parts))
+
+    def __check_init__(self) -> None:
+        _check_parts(self.parts)
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
+        return tuple(part.init(t0, u0) for part in self.parts)
+
+    def step(
+        self, state: tuple[Any, ...], t: Any, u: Any
+    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
+        after = [part.step(own, t, u) for part, own in zip(self.parts, state, strict=True)]
+        return tuple(own for own, _ in after), reduce(add, (y for _, y in after))
+
+    def prepare(
+        self,
+        t: Inputs | None,
+        u: Inputs,
+        state: tuple[Any, ...] | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> tuple[Any, ...]:
+        states = (None,) * len(self.parts) if state is None else state
+        pairs = zip(self.parts, states, strict=True)
+        return tuple(part.prepare(t, u, own, starts=starts) for part, own in pairs)
+
+    def evaluate(self, prepared: tuple[Any, ...]) -> Float[Array, " samples"]:
+        pairs = zip(self.parts, prepared, strict=True)
+        return reduce(add, (part.evaluate(own) for part, own in pairs))
+
+
+class Scaled(AbstractModel[Any, Any]):
+    """A model in other units or with a sign turned: y = offset + factor * inner[u].
+
+    **Arguments:** `inner`, any model; `factor`, not zero, and `offset`.
+
+    Raises `InputError` for a factor of 0.
+    """
+
+    inner: AbstractModel
+    factor: Scalar = parameter(1.0, unit="1", meaning="factor of the output")
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+
+    def __check_init__(self) -> None:
+        if is_concrete(self.factor) and not np.all(self.factor):
+            raise InputError("zero-factor", "a factor of 0 leaves nothing of the model.")
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return self.inner.init(t0, u0)
+
+    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
+        state, y = self.inner.step(state, t, u)
+        return state, self.offset + self.factor * y
+
+    def prepare(
+        self,
+        t: Inputs | None,
+        u: Inputs,
+        state: Any = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Any:
+        return self.inner.prepare(t, u, state, starts=starts)
+
+    def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
+        return self.offset + self.factor * self.inner.evaluate(prepared)
+
+
+class SeriesInput(eqx.Module):
+    """The prepared input of every stage at the parameters it was prepared with, and what makes it anew.
+
+    `states` are those the later stages begin in; None for the virgin ones.
+    """
+
+    stages: tuple[Any, ...]
+    t: Array | None
+    states: tuple[Any, ...]
+    starts: tuple[int, ...] = eqx.field(static=True)
+
+
+class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
+    """Models one behind the other: the output of each stage is the input of the next.
+
+    State is a tuple of the stages'. A Preisach stage behind memoryless ones, which must not fall, keeps
+    its memory tree while their parameters change: an increasing map moves no turning point. Behind a
+    stage with memory, every `evaluate` builds the tree anew.
+
+    **Arguments:** `parts`, the stages, first to last.
+
+    Raises `InputError` for anything but models.
+    """
+
+    parts: tuple[AbstractModel, ...] = eqx.field(converter=lambda parts: _flat(Series, parts))
+
+    def __check_init__(self) -> None:
+        _check_parts(self.parts)
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
+        return tuple(part.init(t0, u0) for part in self.parts)
+
+    def step(
+        self, state: tuple[Any, ...], t: Any, u: Any
+    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
+        after, y = [], jnp.asarray(u)
+        for part, own in zip(self.parts, state, strict=True):
+            own, y = part.step(own, t, y)
+            after.append(own)
+        return tuple(after), y
+
+    def prepare(
+        self,
+        t: Inputs | None,
+        u: Inputs,
+        state: tuple[Any, ...] | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> SeriesInput:
+        states = (None,) * len(self.parts) if state is None else state
+        stages = [self.parts[0].prepare(t, u, states[0], starts=starts)]
+        for before, part, own in zip(self.parts, self.parts[1:], states[1:], strict=False):
+            v = before.evaluate(stages[-1])
+            stages.append(part.prepare(t, v, own, starts=starts))
+        clock = None if t is None else jnp.asarray(t)
+        return SeriesInput(tuple(stages), clock, states[1:], starts)
+
+    def evaluate(self, prepared: SeriesInput) -> Float[Array, " samples"]:
+        first, *later = self.parts
+        y = first.evaluate(prepared.stages[0])
+        ordered = _is_memoryless(first)
+        for part, stage, state in zip(later, prepared.stages[1:], prepared.states, strict=True):
+            y = part.evaluate(_again(part, stage, y, ordered, (prepared.t, state, prepared.starts)))
+            ordered = ordered and _is_memoryless(part)
+        return y
+
+
+def _again(part: Any, prepared: Any, u: Array, ordered: bool, how: tuple[Any, Any, Any]) -> Any:
+    """`part.prepare` of other inputs; `ordered`: they rise and fall where the prepared ones did."""
+    t, state, starts = how
+    if isinstance(part, Sum):
+        states = (None,) * len(part.parts) if state is None else state
+        triples = zip(part.parts, prepared, states, strict=True)
+        return tuple(_again(p, own, u, ordered, (t, s, starts)) for p, own, s in triples)
+    if isinstance(part, Scaled):
+        return _again(part.inner, prepared, u, ordered, how)
+    if ordered and isinstance(part, Preisach) and part.may_be_redriven:
+        return part.redriven(prepared, u)
+    return part.prepare(t, u, state, starts=starts)
+
+
+def _is_memoryless(model: AbstractModel) -> bool:
+    return not jax.tree.leaves(jax.eval_shape(model.init))

@@ -1,0 +1,231 @@
+"""Curves without memory: the contract they share, and the general ones."""
+
+import abc
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._errors import InputError
+from .._model import AbstractModel, Series
+from .._parameter import Scalar, is_concrete, parameter
+
+Values = Float[Array, " _"] | Any
+"""A one-dimensional parameter: given as numbers, kept as an array."""
+
+
+class CurveInput(NamedTuple):
+    """The prepared input of a curve: the input itself."""
+
+    u: Array
+
+
+class AbstractCurve(AbstractModel[tuple[()], CurveInput]):
+    """A model without memory: y = curve(u), sample by sample. Its state is empty."""
+
+    @abc.abstractmethod
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        """The output at inputs of any shape."""
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[()]:
+        return ()
+
+    def step(self, state: tuple[()], t: Any, u: Any) -> tuple[tuple[()], Float[Array, ""]]:
+        return (), self.curve(jnp.asarray(u, float))
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: tuple[()] | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> CurveInput:
+        return CurveInput(jnp.asarray(u, float))
+
+    def evaluate(self, prepared: CurveInput) -> Float[Array, " samples"]:
+        return self.curve(prepared.u)
+
+
+class AbstractMonotoneCurve(AbstractCurve):
+    """A curve that never falls: parabolas from node to node, straight on beyond the ends."""
+
+    nodes: eqx.AbstractVar[Values]
+
+    # A field with a default: as an annotation it would come before the others in `__init__`.
+    @property
+    @abc.abstractmethod
+    def offset(self) -> Scalar: ...
+
+    @abc.abstractmethod
+    def rises(self) -> Float[Array, " cells"]:
+        """The rise of the output over each cell."""
+
+    @abc.abstractmethod
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        """The slopes at the start and at the end of each cell."""
+
+    def outputs(self) -> Float[Array, " nodes"]:
+        """The output at every node."""
+        rises = self.rises()
+        return self.offset + jnp.append(jnp.zeros_like(rises[:1]), rises.cumsum())
+
+    def cell_of(self, u: Float[Array, "*samples"]) -> Int[Array, "*samples"]:
+        """The cell of each input; beyond the nodes the nearest."""
+        cell = jnp.searchsorted(self.nodes, u, side="right") - 1
+        return jnp.clip(cell, 0, self.nodes.shape[0] - 2)
+
+
+class MonotoneCurve(AbstractMonotoneCurve):
+    """A polygon that never falls: straight from node to node, and on beyond the ends.
+
+    **Arguments:**
+
+    - `nodes`: (n + 1,) inputs, increasing.
+    - `increments`: (n,) rises of the output from each node to the next, none negative.
+    - `offset`: the output at the first node.
+
+    Raises `InputError` where an argument is not as said here.
+    """
+
+    nodes: Values = parameter(unit="input", fixed=True, meaning="where the polygon may bend")
+    increments: Values = parameter(
+        unit="output", bounds=(0.0, float("inf")), meaning="rise over each cell"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
+
+    def __check_init__(self) -> None:
+        _check_nodes("increments", self.nodes, self.increments, 1)
+
+    @classmethod
+    def even(cls, low: float, high: float, increments: Any, offset: Any = 0.0) -> "MonotoneCurve":
+        """With cells of equal width from `low` to `high`."""
+        return cls(np.linspace(low, high, np.shape(increments)[0] + 1), increments, offset)
+
+    def rises(self) -> Float[Array, " cells"]:
+        return self.increments
+
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        slopes = self.increments / jnp.diff(self.nodes)
+        return slopes, slopes
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        cell, slope = self.cell_of(u), self.increments / jnp.diff(self.nodes)
+        return self.outputs()[cell] + slope[cell] * (u - self.nodes[cell])
+
+
+class MonotoneSpline(AbstractMonotoneCurve):
+    """A smooth curve that never falls: its slope is a polygon, and constant beyond the ends.
+
+        y = offset + integral of the slope from the first node to u
+
+    It has a continuous slope, is linear in its parameters, and none of its cells can overshoot.
+
+    **Arguments:**
+
+    - `nodes`: (n,) inputs, increasing, at least two.
+    - `slopes`: (n,) slopes at the nodes, none negative.
+    - `offset`: the output at the first node.
+
+    Raises `InputError` where an argument is not as said here.
+    """
+
+    nodes: Values = parameter(unit="input", fixed=True, meaning="where the slope may bend")
+    slopes: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="slope at each node"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
+
+    def __check_init__(self) -> None:
+        _check_nodes("slopes", self.nodes, self.slopes, 0)
+
+    @classmethod
+    def even(cls, low: float, high: float, slopes: Any, offset: Any = 0.0) -> "MonotoneSpline":
+        """With cells of equal width from `low` to `high`."""
+        return cls(np.linspace(low, high, np.shape(slopes)[0]), slopes, offset)
+
+    def rises(self) -> Float[Array, " cells"]:
+        start, end = self.cell_slopes()
+        return (start + end) / 2 * jnp.diff(self.nodes)
+
+    def cell_slopes(self) -> tuple[Float[Array, " cells"], Float[Array, " cells"]]:
+        return self.slopes[:-1], self.slopes[1:]
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        cell, widths = self.cell_of(u), jnp.diff(self.nodes)
+        along, first = u - self.nodes[cell], self.slopes[cell]
+        inside = jnp.clip(along, 0.0, widths[cell])
+        gain = (jnp.diff(self.slopes) / widths)[cell] * inside
+        rise = (first + gain / 2) * inside + (first + gain) * (along - inside)
+        return self.outputs()[cell] + rise
+
+
+class PolynomialCurve(AbstractCurve):
+    """A polynomial between `low` and `high`, continued along its tangents beyond:
+
+        y = sum_i c_i x^i,     x = (2 u - low - high) / (high - low)
+
+    **Arguments:** `coefficients` (degree + 1,) c_i, the constant first; `low` and `high`.
+
+    Raises `InputError` unless `low` < `high` and there is a coefficient.
+    """
+
+    coefficients: Values = parameter(unit="output", meaning="of the powers of the scaled input")
+    low: Scalar = parameter(-1.0, unit="input", fixed=True, meaning="input scaled to -1")
+    high: Scalar = parameter(1.0, unit="input", fixed=True, meaning="input scaled to 1")
+
+    def __check_init__(self) -> None:
+        if np.ndim(self.coefficients) != 1 or np.shape(self.coefficients)[0] < 1:
+            raise _out_of_bounds("coefficients", self.coefficients, "a list of one number or more")
+        _check_order(self.low, self.high)
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        x = (2 * u - self.low - self.high) / (self.high - self.low)
+        inside = jnp.clip(x, -1.0, 1.0)
+        powers = self.coefficients[::-1]
+        slope = jnp.polyval(jnp.polyder(powers), inside)
+        return jnp.polyval(powers, inside) + slope * (x - inside)
+
+
+class Clip(AbstractCurve):
+    """y = u between `low` and `high`, and the nearer of them beyond.
+
+    Before another stage it is a contact threshold; after one it is slack that carries no tension.
+
+    Raises `InputError` unless `low` < `high`.
+    """
+
+    low: Scalar = parameter(-float("inf"), unit="input", fixed=True, meaning="least output")
+    high: Scalar = parameter(float("inf"), unit="input", fixed=True, meaning="greatest output")
+
+    def __check_init__(self) -> None:
+        _check_order(self.low, self.high)
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        return jnp.clip(u, self.low, self.high)
+
+
+def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:
+    """Nodes increase, are at least two and `more` than the values, of which none is negative."""
+    shapes = np.shape(nodes), np.shape(values)
+    if len(shapes[0]) != 1 or shapes[0][0] < 2 or shapes[1] != (shapes[0][0] - more,):
+        raise InputError(
+            "lengths-differ",
+            f"the shapes of nodes and {name} are {shapes[0]} and {shapes[1]}.",
+            fix=f"give {'one node more than' if more else 'as many nodes as'} {name}, and at least two.",
+        )
+    if is_concrete(nodes) and not np.all(np.diff(np.asarray(nodes, float)) > 0):
+        raise _out_of_bounds("nodes", nodes, "finite and increasing")
+    if is_concrete(values) and not np.all(np.asarray(values) >= 0):
+        raise _out_of_bounds(name, values, "not negative")
+
+
+def _check_order(low: Any, high: Any) -> None:
+    if is_concrete(low) and is_concrete(high) and not np.all(np.asarray(low) < np.asarray(high)):
+        raise _out_of_bounds("low", low, f"below high = {high}")
+
+
+def _out_of_bounds(name: str, value: Any, what: str) -> InputError:
+    return InputError("parameter-out-of-bounds", f"{name} = {value}.", fix=f"keep {name} {what}.")

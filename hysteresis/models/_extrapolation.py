@@ -1,0 +1,88 @@
+"""Models beyond the inputs they were made for: a Preisach part goes on as play operators."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .._model import AbstractModel
+from ..preisach import GridDensity, Preisach
+from ..preisach._initial import staircase
+from ._compose import Scaled, Series, Sum
+from ._curves import AbstractCurve
+
+
+def extended(model: Any, low: float, high: float) -> Any:
+    """The model with its grids of relays widened to hold inputs from `low` to `high`.
+
+    A Preisach model is saturated beyond its grid. Its widened grid has, in each cell beyond, the mass of
+    the outermost cell at the same distance alpha - beta from the diagonal: a density of that distance
+    alone is a sum of play operators (Prandtl-Ishlinskii). Until the input leaves the old range, the new
+    relays stay where they begin, those above it down and those below it up, and an offset makes up
+    for them: outputs in the old range are the same, and continuous where it ends. R goes on with its
+    outermost slopes.
+
+    Parts of a `Sum`, a `Scaled` and stages behind curves are widened in their places; other models, and
+    grids with a fitted first state, are given back as they are.
+    """
+    if isinstance(model, Sum):
+        return Sum([extended(part, low, high) for part in model.parts])
+    if isinstance(model, Scaled):
+        return replace(model, inner=extended(model.inner, low, high))
+    if isinstance(model, Series):
+        return Series(_stages(model.parts, low, high))
+    if isinstance(model, Preisach) and isinstance(model.density, GridDensity):
+        outside = low < model.density.low or high > model.density.high
+        return _widened(model, low, high) if outside and model.up is None else model
+    return model
+
+
+def _stages(parts: tuple[Any, ...], low: float, high: float) -> list[AbstractModel]:
+    """The stages up to the first with memory widened, those behind it as they are."""
+    stages = []
+    for k, part in enumerate(parts):
+        stages.append(extended(part, low, high))
+        if not isinstance(part, AbstractCurve):
+            return [*stages, *parts[k + 1 :]]
+        low, high = (float(end) for end in part.simulate(None, np.array([low, high])))
+    return stages
+
+
+def _widened(model: Preisach, low: float, high: float) -> Preisach:
+    density: Any = model.density
+    n, edges = density.cells, density.edges
+    first, last = edges[1] - edges[0], edges[-1] - edges[-2]
+    below = max(0, int(np.ceil((edges[0] - low) / first)))
+    above = max(0, int(np.ceil((high - edges[-1]) / last)))
+    nodes = np.concatenate(
+        [
+            edges[0] - first * np.arange(below, 0, -1),
+            edges,
+            edges[-1] + last * np.arange(1, above + 1),
+        ]
+    )
+    old = np.tril(np.asarray(density.weights))
+    i, j = np.indices((below + n + above,) * 2) - below
+    apart = np.clip(i - j, 0, n - 1)
+    inside = (j >= 0) & (i < n)
+    weights = np.where(
+        inside,
+        old[np.clip(i, 0, n - 1), np.clip(j, 0, n - 1)],
+        np.where(i >= n, old[n - 1, n - 1 - apart], old[apart, 0]),
+    )
+    weights[(i < j) | (i - j >= n)] = 0.0
+    begin_down, begin_up = weights[i >= n].sum(), weights[j < 0].sum()
+    offset = np.asarray(model.offset) + model.orientation * (begin_down - begin_up)
+    reversible = None
+    if model.reversible is not None:
+        increments = np.asarray(model.reversible)
+        reversible = np.pad(increments, (below, above), "edge")
+        offset = offset - below * increments[0]
+    start = staircase(model.initial, density.low, density.high, model.capacity // 2)
+    return replace(
+        model,
+        density=replace(density, low=nodes[0], high=nodes[-1], weights=weights, nodes=tuple(nodes)),
+        reversible=reversible,
+        offset=offset,
+        initial=(float(nodes[-1]), density.low, *start),
+    )

@@ -1,0 +1,103 @@
+"""Force over compression of a foam: toe, linear part, plateau, densification."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._parameter import Scalar, is_concrete, parameter, parameters
+from ._curves import AbstractCurve
+
+_POSITIVE = (0.0, float("inf"))
+
+
+class FoamCurve(AbstractCurve):
+    """Force of a foam over its compression (or stress over strain). Its slope passes from the toe's
+    stiffness to the linear part's and the plateau's, and grows from densification on:
+
+        dy/du = linear (toe (1 - S(u - u1)) + S(u - u1) - S(u - u2) + plateau S(u - u2)
+                        + densification r(u - u3)),          y(0) = offset
+
+    with r(x) = (x + sqrt(x^2 + rounding^2)) / 2, a ramp with a rounded corner, and S = r', a rounded
+    step. No term is negative, so y rises everywhere. Integrated in closed form.
+
+    **Arguments:**
+
+    - `linear`: stiffness of the linear part.
+    - `toe`, `plateau`: the other two, in parts of it; `toe` is less than 1.
+    - `toe_length`, `linear_length`, `plateau_length`: the compressions over which they hold:
+      u1 = toe_length, u2 = u1 + linear_length, u3 = u2 + plateau_length.
+    - `rounding`: over how much compression one passes into the next.
+    - `densification`: growth of the stiffness beyond u3, in parts of `linear`.
+    - `offset`: force without compression.
+
+    Raises `InputError` where one but the offset is not positive, or `toe` is 1 or more.
+
+    Source: the stages are those of Gibson and Ashby, Cellular Solids (1997); the passages are ours.
+    """
+
+    linear: Scalar = parameter(
+        unit="output / input", bounds=_POSITIVE, meaning="stiffness of bending cell walls"
+    )
+    toe: Scalar = parameter(bounds=(0.0, 1.0), meaning="stiffness at first contact, in parts")
+    plateau: Scalar = parameter(bounds=_POSITIVE, meaning="of buckling cell walls, in parts")
+    toe_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="end of the toe")
+    linear_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="of the linear part")
+    plateau_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="of the plateau")
+    rounding: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="width of the passages")
+    densification: Scalar = parameter(
+        unit="1 / input", bounds=_POSITIVE, meaning="growth of stiffness, in parts"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="force without compression")
+
+    def __check_init__(self) -> None:
+        for name, info, value in parameters(self):
+            low, high = info.bounds
+            if is_concrete(value) and not np.all((value > low) & (value < high)):
+                raise InputError(
+                    "parameter-out-of-bounds",
+                    f"{name} = {value}.",
+                    fix=f"keep {name} between {low:g} and {high:g}.",
+                )
+
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        risen = self._integral(u) - self._integral(jnp.zeros_like(u))
+        return self.offset + self.linear * risen
+
+    def of_thickness(self, new: float, old: float) -> "FoamCurve":
+        """The same foam in another thickness: equal force at equal strain."""
+        ratio = new / old
+
+        def sizes(model: FoamCurve) -> list[Any]:
+            lengths = [model.toe_length, model.linear_length, model.plateau_length, model.rounding]
+            return [model.linear, model.densification, *lengths]
+
+        factors = [1 / ratio] * 2 + [ratio] * 4
+        return eqx.tree_at(sizes, self, [a * b for a, b in zip(sizes(self), factors, strict=True)])
+
+    def of_area(self, new: float, old: float) -> "FoamCurve":
+        """The same foam under another area: equal compression at equal stress."""
+
+        def forces(model: FoamCurve) -> list[Any]:
+            return [model.linear, model.offset]
+
+        return eqx.tree_at(forces, self, [force * (new / old) for force in forces(self)])
+
+    def _integral(self, u: Array) -> Array:
+        w = self.rounding
+        first, second = self.toe_length, self.toe_length + self.linear_length
+        x = u - second - self.plateau_length
+        dense = (x**2 + x * jnp.sqrt(x**2 + w**2) + w**2 * jnp.arcsinh(x / w)) / 4
+        return (
+            self.toe * u
+            + (1 - self.toe) * _ramp(u - first, w)
+            + (self.plateau - 1) * _ramp(u - second, w)
+            + self.densification * dense
+        )
+
+
+def _ramp(x: Array, width: Scalar) -> Array:
+    return (x + jnp.sqrt(x**2 + width**2)) / 2

@@ -1,0 +1,55 @@
+"""The linear sponge: a line above a contact threshold."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._model import AbstractModel, Series
+from .._parameter import Scalar, parameter
+
+
+class SpongeInput(NamedTuple):
+    """The prepared input of a memoryless model: the input itself."""
+
+    u: Array
+
+
+class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
+    """Displacement of a soft cover under a normal force, as a line:
+
+        d = K F + b   where F >= threshold,   else d = 0
+
+    **Arguments:** `K` (mm/N), `b` (mm), `threshold` (N; the force below which nothing is touched).
+    Any other pair of quantities works the same way, in the units of its record.
+
+    Source: Tsuji 2014, equation (8); its threshold is 1.5 N.
+    """
+
+    K: Scalar = parameter(unit="output / input", meaning="compliance")
+    b: Scalar = parameter(0.0, unit="output", meaning="displacement at no force")
+    threshold: Scalar = parameter(
+        -float("inf"), unit="input", fixed=True, meaning="input of first contact"
+    )
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[()]:
+        return ()
+
+    def step(self, state: tuple[()], t: Any, u: Any) -> tuple[tuple[()], Float[Array, ""]]:
+        return (), self._line(jnp.asarray(u))
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: tuple[()] | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> SpongeInput:
+        return SpongeInput(jnp.asarray(u))
+
+    def evaluate(self, prepared: SpongeInput) -> Float[Array, " samples"]:
+        return self._line(prepared.u)
+
+    def _line(self, u: Array) -> Array:
+        return jnp.where(u >= self.threshold, self.K * u + self.b, 0.0)

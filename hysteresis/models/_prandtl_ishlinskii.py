@@ -1,0 +1,241 @@
+"""The Prandtl-Ishlinskii model: play operators, bent and rate-dependent where asked for."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series, is_start, time_steps
+from .._parameter import Scalar, is_concrete, parameter, parameters
+from ..numerics._clamps import clamps
+
+Values = Float[Array, " _"] | Any
+"""A one-dimensional parameter: given as numbers, kept as an array."""
+
+
+class PlayState(NamedTuple):
+    """Time, input, |du/dt| over the last interval, and the plays. `t` is NaN before the first sample."""
+
+    t: Array
+    u: Array
+    speed: Array
+    z: Array
+
+
+class PlayInput(NamedTuple):
+    """Inputs, the speed before each, where sequences start, and the state they start in."""
+
+    u: Array
+    speed: Array
+    start: Array
+    state: PlayState
+
+
+class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
+    """Prandtl-Ishlinskii model: a line and a weighted sum of play operators.
+
+        y = offset + S(slope u + sum_i w_i z_i),     z_i <- clip(z_i, u - r_i, u + r_i)
+
+    with z_i = 0 at first: play i follows the input with a backlash of +-r_i. The loops are those of
+    a Preisach model whose density depends on alpha - beta alone, as far out as the input goes: they
+    are symmetric, congruent, and wiped out from within. Two extensions, apart or together:
+
+    - modified: S(x) = x + sum_j s_j max(x - d_j, 0) over d_j >= 0 + sum_j s_j min(x - d_j, 0) over
+      d_j < 0 bends the output, which makes loops asymmetric and lets them saturate;
+    - rate-dependent: thresholds r_i + c_i |du/dt|, the speed being that of the interval which ended
+      at the sample *before* (0 at first). So each step is known before its input, and explicit to
+      invert.
+
+    **Arguments:**
+
+    - `thresholds`: (n,) r_i, positive and increasing.
+    - `weights`: (n,) w_i, none negative.
+    - `slope`: of the line, positive.
+    - `offset`: the output's constant.
+
+    **Other arguments:**
+
+    - `rates`: (n,) c_i, none negative. None: the rate does not matter.
+    - `bends`, `bend_slopes`: (m,) d_j, increasing, and s_j. S has to rise everywhere: 1 and the sum of
+      s_j over all bends passed on the way from 0 is positive. None: S(x) = x.
+    - `leading`: stop operators, sum_i w_i (u - z_i), for loops traversed clockwise, whose output leads
+      the input.
+
+    Raises `InputError` where an argument is not as said here.
+
+    Source: Krejci and Kuhnen 2001 (the model and its inverse), Kuhnen 2003 (bends), Al Janaideh and
+    Krejci 2013 (rates).
+    """
+
+    thresholds: Values = parameter(
+        unit="input", bounds=(0.0, float("inf")), fixed=True, meaning="half widths of the plays"
+    )
+    weights: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="slopes of the plays"
+    )
+    slope: Scalar = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="slope of the line"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+    rates: Values | None = parameter(
+        None,
+        unit="time",
+        bounds=(0.0, float("inf")),
+        meaning="growth of the half widths with speed",
+    )
+    bends: Values | None = parameter(
+        None, unit="output", fixed=True, meaning="where the output's curve bends"
+    )
+    bend_slopes: Values | None = parameter(None, meaning="by how much it bends")
+    leading: bool = eqx.field(default=False, static=True)
+
+    def __check_init__(self) -> None:
+        self._check_shapes("thresholds", "weights")
+        if self.rates is not None:
+            self._check_shapes("thresholds", "rates")
+        if self.bends is not None or self.bend_slopes is not None:
+            self._check_shapes("bends", "bend_slopes")
+        if all(is_concrete(value) for value in jax.tree.leaves(self)):
+            self._check_values()
+
+    def init(self, t0: Any = None, u0: Any = None) -> PlayState:
+        """The virgin state; `t0` does not matter, since a speed takes two samples."""
+        zero = jnp.zeros_like(self.thresholds)
+        return PlayState(zero[0] + jnp.nan, zero[0], zero[0], zero)
+
+    def step(self, state: PlayState, t: Any, u: Any) -> tuple[PlayState, Float[Array, ""]]:
+        u = jnp.asarray(u, state.u.dtype)
+        t = jnp.asarray(t, state.t.dtype)
+        z = jnp.clip(state.z, *self.reach(u, state.speed))
+        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
+        return PlayState(t, u, _speed(u - state.u, dt), z), self._output(u, z)
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: PlayState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> PlayInput:
+        state = self.init() if state is None else state
+        u = jnp.asarray(u, state.u.dtype)
+        start = is_start(len(u), starts) > 0
+        if self.rates is None:
+            return PlayInput(u, jnp.zeros_like(u), start, state)
+        t = self.check_times(t, starts).astype(u.dtype)
+        first = jnp.asarray(starts)
+        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(state.u)
+        speed = _speed(u - before, time_steps(t, state.t, starts))
+        speed = jnp.concatenate([speed[:1], speed[:-1]]).at[first].set(state.speed)
+        return PlayInput(u, speed, start, state)
+
+    def evaluate(self, prepared: PlayInput) -> Float[Array, " samples"]:
+        u, speed, start, state = prepared
+        z = clamps(*jax.vmap(self.reach)(u, speed), state.z, start)
+        return jax.vmap(self._output)(u, z)
+
+    # One sample
+
+    def thresholds_at(self, speed: Array) -> Float[Array, " operators"]:
+        """r_i + c_i |du/dt|."""
+        r = self.thresholds
+        return r if self.rates is None else r + self.rates * speed
+
+    def reach(self, u: Array, speed: Array) -> tuple[Array, Array]:
+        """Between what limits the input holds each play."""
+        r = self.thresholds_at(speed)
+        return u - r, u + r
+
+    def straight(self, u: Array, z: Array) -> Float[Array, ""]:
+        """slope u + sum_i w_i z_i, before it is bent; for a leading model u - z_i for z_i."""
+        return self.slope * u + jnp.dot(self.weights, u - z if self.leading else z)
+
+    def bend(self, x: Array) -> Float[Array, ""]:
+        """S(x)."""
+        if self.bends is None or self.bend_slopes is None:
+            return x
+        d = self.bends
+        passed = jnp.where(d >= 0, jnp.maximum(x - d, 0), jnp.minimum(x - d, 0))
+        return x + jnp.dot(self.bend_slopes, passed)
+
+    def unbend(self, y: Array) -> Float[Array, ""]:
+        """x with S(x) = y: a line again once it is known which bends y lies beyond."""
+        if self.bends is None or self.bend_slopes is None:
+            return y
+        d = self.bends
+        corner = jax.vmap(self.bend)(d)
+        passed = jnp.where(d >= 0, y > corner, y < corner)
+        s = jnp.where(passed, self.bend_slopes, 0)
+        return (y + jnp.dot(s, d)) / (1 + s.sum())
+
+    def _output(self, u: Array, z: Array) -> Array:
+        return self.offset + self.bend(self.straight(u, z))
+
+    # What is refused
+
+    def check_times(self, t: Series | None, starts: tuple[int, ...] = (0,)) -> Array:
+        """`t` as an array, if speeds can be taken from it: given, and increasing within each sequence."""
+        if t is None:
+            raise InputError(
+                "no-time",
+                "this Prandtl-Ishlinskii model depends on the rate, and no times were given.",
+                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+            )
+        t = jnp.asarray(t)
+        if is_concrete(t):
+            step = np.delete(np.diff(np.asarray(t)), np.asarray(starts[1:], int) - 1)
+            if not (step > 0).all():
+                raise InputError(
+                    "time-backwards",
+                    "time does not increase from every sample to the next.",
+                    cause="rows written twice, or several runs in one sequence.",
+                    fix="drop repeated rows, and begin a sequence where a clock begins.",
+                )
+        return t
+
+    def _check_shapes(self, one: str, other: str) -> None:
+        a, b = (getattr(getattr(self, name), "shape", None) for name in (one, other))
+        if a != b or a is None or len(a) != 1:
+            raise InputError(
+                "lengths-differ",
+                f"the shapes of {one} and {other} are {a} and {b}.",
+                fix=f"give one-dimensional {one}, and as many {other}.",
+            )
+
+    def _check_values(self) -> None:
+        def require(name: str, condition: Any, what: str) -> None:
+            value = getattr(self, name)
+            if value is not None and not np.all(condition(np.asarray(value))):
+                raise InputError(
+                    "parameter-out-of-bounds",
+                    f"{name} = {value}.",
+                    fix=f"keep {name} {what}.",
+                )
+
+        for name, _, _ in parameters(self):
+            require(name, np.isfinite, "finite")
+        for name in ("thresholds", "slope"):
+            require(name, lambda x: x > 0, "positive")
+        for name in ("weights", "rates"):
+            require(name, lambda x: x >= 0, "not negative")
+        for name in ("thresholds", "bends"):
+            require(name, lambda x: np.diff(x) > 0, "increasing")
+        if self.bends is None or self.bend_slopes is None:
+            return
+        d, s = np.asarray(self.bends), np.asarray(self.bend_slopes)
+        if min(1 + np.append(s[d >= 0].cumsum(), s[d < 0][::-1].cumsum())) <= 0:
+            raise InputError(
+                "output-falls",
+                f"with bend_slopes = {s} the output's curve does not rise everywhere.",
+                fix="from 0 outwards, keep 1 + the sum of the bend slopes passed above 0.",
+            )
+
+
+def _speed(du: Array, dt: Array) -> Array:
+    """|du/dt|, and 0 where there was no interval."""
+    return jnp.where(dt > 0, jnp.abs(du) / jnp.where(dt > 0, dt, 1.0), 0.0)

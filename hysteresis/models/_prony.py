@@ -1,0 +1,122 @@
+"""Models of any number of delays: Kelvin-Voigt elements in series, Maxwell elements side by side."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._parameter import Scalar, is_concrete, parameter
+from ._viscoelastic import (
+    POSITIVE,
+    STIFFNESS,
+    VISCOSITY,
+    AbstractViscoelastic,
+    ViscoelasticState,
+    check_lengths,
+    check_positive,
+)
+from ._viscoelastic_chain import Chain, Hold
+
+Values = Float[Array, " branches"] | Any
+"""One number for each branch: anything `jnp.asarray` takes, kept as an array."""
+
+
+class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
+    """Generalised Kelvin-Voigt model, force -> displacement, a spring and n Kelvin-Voigt elements in
+    series, and a dashpot where `eta0` is given:
+
+        x_k' = (F - E_k x_k) / eta_k,    x_0' = F / eta0,    d = F / E0 + sum of x + offset
+
+    Creep compliance J(t) = 1/E0 + t/eta0 + sum of (1 - exp(-E_k t/eta_k)) / E_k.
+
+    **Arguments:**
+
+    - `E0`: stiffness of the spring; infinite for none, which has no inverse.
+    - `E`, `eta`: stiffnesses and viscosities of the elements, shape `(branches,)`.
+    - `eta0`: viscosity of flow, or None for an element that does not flow.
+    - `offset`, `leading`, `hold`: as for `Burgers`.
+
+    Raises `InputError` where a modulus or viscosity is not positive, `E` and `eta` differ in length,
+    or a leading model has no spring.
+    """
+
+    E0: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
+    E: Values = parameter(
+        unit=STIFFNESS, bounds=POSITIVE, meaning="stiffnesses of the delayed parts"
+    )
+    eta: Values = parameter(
+        unit=VISCOSITY, bounds=POSITIVE, meaning="viscosities of the delayed parts"
+    )
+    eta0: Scalar | None = parameter(
+        None, unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of flow"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
+    leading: bool = eqx.field(default=False, static=True)
+    hold: Hold = eqx.field(default="linear", static=True)
+    creeps: ClassVar[bool] = True
+    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
+
+    def __check_init__(self) -> None:
+        check_lengths(E=self.E, eta=self.eta)
+        check_positive(E0=self.E0, E=self.E, eta=self.eta, eta0=self.eta0)
+        if self.leading and is_concrete(self.E0) and bool(jnp.isinf(self.E0).any()):
+            raise InputError(
+                "not-invertible",
+                "without a spring (E0 infinite) no force follows from a displacement.",
+                fix="give a finite E0, or run it force -> displacement.",
+            )
+
+    def chain(self) -> Chain:
+        flow = None if self.eta0 is None else 1 / jnp.asarray(self.eta0)
+        return Chain(1 / jnp.asarray(self.E0), self.E / self.eta, 1 / self.eta, flow)
+
+
+class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
+    """Generalised Maxwell model (Prony series), displacement -> force, a spring and n Maxwell elements
+    side by side:
+
+        x_k' = -(E_k d + x_k) / tau_k,    F = (E_inf + sum of E) d + sum of x + offset
+
+    where E_k d + x_k is the force in an element. Relaxation modulus
+    G(t) = E_inf + sum of E_k exp(-t/tau_k).
+
+    **Arguments:**
+
+    - `E_inf`: stiffness of the spring; 0 for a liquid.
+    - `E`, `tau`: stiffnesses and relaxation times (viscosity over stiffness) of the elements, shape
+      `(branches,)`.
+    - `offset`: of the output.
+    - `leading`: the output leads the input, as it does in displacement -> force. False runs it force
+      -> displacement, the exact algebraic inverse.
+    - `hold`: the displacement between samples, `"linear"` or `"constant"`.
+
+    Raises `InputError` where a modulus or time is not positive (`E_inf` negative), or `E` and `tau`
+    differ in length.
+    """
+
+    E_inf: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness at rest")
+    E: Values = parameter(
+        unit=STIFFNESS, bounds=POSITIVE, meaning="stiffnesses of the parts that relax"
+    )
+    tau: Values = parameter(unit="time", bounds=POSITIVE, meaning="relaxation times")
+    offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
+    leading: bool = eqx.field(default=True, static=True)
+    hold: Hold = eqx.field(default="linear", static=True)
+    creeps: ClassVar[bool] = False
+    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
+
+    def __check_init__(self) -> None:
+        check_lengths(E=self.E, tau=self.tau)
+        check_positive(E=self.E, tau=self.tau)
+        if is_concrete(self.E_inf) and not bool(jnp.all(self.E_inf >= 0)):
+            raise InputError(
+                "not-positive",
+                f"E_inf = {self.E_inf}: the stiffness at rest is 0 or positive.",
+                cause="a sign slipped.",
+                fix="give E_inf >= 0.",
+            )
+
+    def chain(self) -> Chain:
+        return Chain(self.E_inf + self.E.sum(), 1 / self.tau, -self.E / self.tau)

@@ -1,0 +1,231 @@
+"""A small network of what a Preisach memory holds."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from .._errors import InputError
+from .._model import AbstractModel, Series, is_start, time_steps
+from ..numerics._clamps import clamps
+
+
+class StaircaseState(NamedTuple):
+    """Time, NaN before the first sample; the plays and the delayed inputs, of every channel."""
+
+    t: Array
+    z: Float[Array, "*channels plays"]
+    q: Float[Array, "*channels lags"]
+
+
+def _floats(numbers: Iterable[Any]) -> tuple[float, ...]:
+    return tuple(map(float, numbers))
+
+
+class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
+    """A fully connected network of the input and of the memory it has left:
+
+        y = centre_y + spread_y N((x - centre) / spread),     x = (u, z_1, ..., z_m, q_1, ..., q_n)
+        z_i <- clip(z_i, u - s r_i, u + s r_i),     tau_j q_j' + q_j = u,     N: linear, ReLU, ..., linear
+
+    The plays z_i are the heights of the Preisach staircase, the boundary between relays that are up and
+    down, over the lines alpha - beta = 2 r_i: what the paper calls the Preisach transform, after which
+    the output is a function and has no history. It has no time: delayed inputs q_j say what creep
+    holds; without them, `times=()`, the network is the paper's. Both start at rest.
+
+    Several channels, inputs (samples, channels), have plays and delays of their own, and x holds them
+    channel after channel.
+
+    **Arguments:**
+
+    - `matrices`, `biases`: of the layers, first to last; what a training changes. See `random`.
+    - `thresholds`: (m,) r_i, in units of `scale`; `times`: (n,) tau_j in s. `centre`, `spread`: of x, then
+      of y.
+    - `rest`, `scale`: (channels,) the input where plays and delays start, and s.
+
+    Raises `InputError` for sizes that do not fit, thresholds, times or scales that are not positive.
+
+    Source: Kim and Park (2018), section III A, which prints neither inputs nor their number; Brokate and
+    Sprekels, Hysteresis and Phase Transitions (1996), for plays as the staircase.
+    """
+
+    matrices: tuple[Float[Array, "_ _"], ...]
+    biases: tuple[Float[Array, " _"], ...]
+    thresholds: tuple[float, ...] = eqx.field(static=True, converter=_floats)
+    times: tuple[float, ...] = eqx.field(static=True, converter=_floats)
+    centre: tuple[float, ...] = eqx.field(static=True, converter=_floats)
+    spread: tuple[float, ...] = eqx.field(static=True, converter=_floats)
+    rest: tuple[float, ...] = eqx.field(default=(0.0,), static=True, converter=_floats)
+    scale: tuple[float, ...] = eqx.field(default=(1.0,), static=True, converter=_floats)
+
+    def __check_init__(self) -> None:
+        if min((1.0, *self.thresholds, *self.times, *self.spread, *self.scale)) <= 0:
+            problem = "thresholds, times, spreads and scales have to be above 0."
+            raise InputError("not-positive", problem)
+        if len(self.rest) != len(self.scale) or not self.rest:
+            problem = f"{len(self.rest)} readings at rest and {len(self.scale)} scales."
+            raise InputError("network-channels", problem, fix="give both one for each channel.")
+        inputs = self.channels * (1 + len(self.thresholds) + len(self.times))
+        if len(self.centre) != inputs + 1 or len(self.spread) != inputs + 1:
+            raise InputError(
+                "network-inputs",
+                f"{inputs} inputs and an output have {len(self.centre)} centres and "
+                f"{len(self.spread)} spreads.",
+                fix="start from StaircaseNetwork.random.",
+            )
+
+    @property
+    def channels(self) -> int:
+        """How many readings make a sample."""
+        return len(self.rest)
+
+    @classmethod
+    def random(
+        cls,
+        inputs: Sequence[Float[np.ndarray, "_ *channels"]],
+        outputs: Sequence[Float[np.ndarray, " _"]],
+        times: Sequence[Float[np.ndarray, " _"]],
+        key: PRNGKeyArray,
+        *,
+        thresholds: Sequence[float],
+        lags: Sequence[float] = (),
+        hidden: Sequence[int] = (25, 12),
+        rest: Sequence[float] = (0.0,),
+        scale: Sequence[float] = (1.0,),
+    ) -> "StaircaseNetwork":
+        """A network to start a training from, its inputs and output scaled as these records' are.
+
+        Matrices are normal with variance 2 / inputs (He 2015), which keeps the size of what ReLUs pass.
+        """
+        widths = (len(tuple(rest)) * (1 + len(thresholds) + len(lags)), *hidden, 1)
+        keys = jax.random.split(key, len(widths) - 1)
+        matrices = tuple(
+            jax.random.normal(one, (out, in_)) * np.sqrt(2 / in_)
+            for one, in_, out in zip(keys, widths, widths[1:], strict=False)
+        )
+        biases = tuple(jnp.zeros(out) for out in widths[1:])
+        same = (0.0,) * (widths[0] + 1), (1.0,) * (widths[0] + 1)
+        plain = cls(matrices, biases, thresholds, lags, *same, rest, scale)
+        starts = tuple(int(k) for k in np.cumsum([0, *map(len, inputs)])[:-1])
+        x = plain.prepare(np.concatenate(times), np.concatenate(inputs), starts=starts)
+        whole = [*np.asarray(x).T, np.concatenate(outputs)]
+        centre, spread = (tuple(float(f(v)) for v in whole) for f in (np.mean, np.std))
+        # An input that never moves says nothing, whatever its scale.
+        spread = [s if s > 0 else 1.0 for s in spread]
+        return cls(matrices, biases, thresholds, lags, centre, spread, rest, scale)
+
+    @classmethod
+    def mean(cls, networks: "Sequence[StaircaseNetwork]") -> "StaircaseNetwork":
+        """The mean of networks of the same inputs, such as those of several trainings, as one network.
+
+        Its layers hold all of theirs side by side.
+
+        Raises `InputError` for none, and for networks that differ in more than their weights.
+        """
+        kinds = {jax.tree.structure(network) for network in networks}
+        if len(kinds) != 1:
+            raise InputError(
+                "unlike-networks",
+                f"a mean of {len(networks)} networks of {len(kinds)} kinds.",
+                fix="give networks of the same layers, thresholds, times and scales.",
+            )
+        layers = zip(*(network.matrices for network in networks), strict=True)
+        first, *later = layers
+        matrices = [jnp.concatenate(first), *(jax.scipy.linalg.block_diag(*W) for W in later)]
+        layers = zip(*(network.biases for network in networks), strict=True)
+        biases = [jnp.concatenate(b) for b in layers]
+        # The last layer has an output for each network.
+        matrices[-1] = matrices[-1].mean(0, keepdims=True)
+        biases[-1] = biases[-1].mean(keepdims=True)
+        return replace(networks[0], matrices=tuple(matrices), biases=tuple(biases))
+
+    def init(self, t0: Any = None, u0: Any = None) -> StaircaseState:
+        never = jnp.asarray(jnp.nan, float)
+        rest = jnp.array(self.rest, float)[:, None]
+        z, q = (jnp.repeat(rest, len(part), 1) for part in (self.thresholds, self.times))
+        return (
+            StaircaseState(never, z, q) if self.channels > 1 else StaircaseState(never, z[0], q[0])
+        )
+
+    def step(
+        self, state: StaircaseState, t: Any, u: Any
+    ) -> tuple[StaircaseState, Float[Array, ""]]:
+        """As of every model; of several channels u is (channels,)."""
+        dtype = state.z.dtype
+        u, t = jnp.asarray(u, dtype)[..., None], jnp.asarray(t, dtype)
+        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
+        kept = jnp.exp(-dt / jnp.array(self.times, dtype))
+        kept = jnp.broadcast_to(kept, state.q.shape)
+        r = _half_widths(self, dtype).reshape(state.z.shape)
+        z = jnp.clip(state.z, u - r, u + r)
+        q = kept * state.q + (1 - kept) * u
+        x = jnp.concatenate([u, z, q], -1)
+        return StaircaseState(t, z, q), self.evaluate(x.reshape(1, -1))[0]
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: StaircaseState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Float[Array, "samples inputs"]:
+        """The network's inputs x: all that depends on the record; u (samples,) or (samples, channels)."""
+        if t is None and self.times:
+            raise InputError("no-time", "delayed inputs need the times.", fix="give t, or lags=().")
+        u = jnp.asarray(u, float)
+        if u.shape[1:] != (() if self.channels == 1 else (self.channels,)):
+            raise InputError(
+                "network-channels",
+                f"inputs of shape {u.shape} for a network of {self.channels} channels.",
+                fix="give (samples,) of one channel, (samples, channels) of several.",
+            )
+        t = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, float)
+        return _inputs(self, t, u, self.init() if state is None else state, starts)
+
+    def evaluate(self, prepared: Float[Array, "samples inputs"]) -> Float[Array, " samples"]:
+        dtype = prepared.dtype
+        centre, spread = jnp.array(self.centre, dtype), jnp.array(self.spread, dtype)
+        # Samples last, so that they are what the processor's vectors hold.
+        value = ((prepared - centre[None, :-1]) / spread[None, :-1]).T
+        last = len(self.matrices) - 1
+        for k, (W, b) in enumerate(zip(self.matrices, self.biases, strict=True)):
+            value = W @ value + b[:, None]
+            value = value if k == last else jax.nn.relu(value)
+        return centre[-1] + spread[-1] * value[0]
+
+
+def _half_widths(model: StaircaseNetwork, dtype: Any) -> Float[Array, "channels plays"]:
+    return jnp.array(model.scale, dtype)[:, None] * jnp.array(model.thresholds, dtype)[None]
+
+
+@eqx.filter_jit
+def _inputs(
+    model: StaircaseNetwork, t: Array, u: Array, state: StaircaseState, starts: tuple[int, ...]
+) -> Array:
+    samples, plays, lags = len(u), len(model.thresholds), len(model.times)
+    start = is_start(samples, starts) > 0
+    # Channels and their plays or delays are all rows of one table until the end.
+    u = u.reshape(samples, model.channels)
+    columns = [u[..., None]]
+    if plays:
+        r = _half_widths(model, u.dtype)[None]
+        low, high = (jnp.reshape(u[..., None] + s * r, (samples, -1)) for s in (-1, 1))
+        columns.append(clamps(low, high, state.z.ravel(), start).reshape(samples, -1, plays))
+    if lags:
+        dt = time_steps(t, state.t, starts)[:, None]
+        kept = jnp.exp(-dt / jnp.array(model.times, u.dtype)[None])
+        q0 = state.q.reshape(model.channels, lags)
+
+        def follow(q: Array, row: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+            keeps, now, first = row
+            q = keeps[None] * jnp.where(first, q0, q) + (1 - keeps)[None] * now[:, None]
+            return q, q
+
+        columns.append(jax.lax.scan(follow, q0, (kept, u, start))[1])
+    return jnp.concatenate(columns, 2).reshape(samples, -1)

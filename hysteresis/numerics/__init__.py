@@ -1,0 +1,1 @@
+"""Numerical helpers: recurrences, clamps, kernels."""

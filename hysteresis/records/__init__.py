@@ -1,0 +1,1 @@
+"""Measured records: arrays with units, the files they come from, warnings about the data."""

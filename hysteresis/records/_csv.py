@@ -1,0 +1,423 @@
+"""Reading a test rig's CSV: every fault is answered with its line, its column and its remedy."""
+
+import csv
+import hashlib
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import reduce
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from .._errors import InputError
+from ._cells import floats, missing, parsed
+from ._record import Record
+from ._two_clocks import on_one_clock
+from ._units import are_units, bare_unit, column_unit
+from .importers import Sheet, arranged, decode, fault, file_bytes, labview, tdms, workbook
+
+_OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The columns of one file, before anything is made of them.
+
+    **Arguments:**
+
+    - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str.
+    - `text`: (n,) str, every column as it stands in the file, blanks stripped.
+    - `line`: (n,) the line of each row, from 1.
+    - `units`: from a row of units, by column; empty without one.
+    - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
+    - `decimal`, `na_values`: what the numbers were read with.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    text: Mapping[str, np.ndarray]
+    line: np.ndarray
+    units: Mapping[str, str]
+    path: str
+    sha256: str
+    notes: tuple[str, ...]
+    decimal: str = "."
+    na_values: tuple[str, ...] = ()
+
+    def number(self, name: str, rows: np.ndarray | None = None) -> np.ndarray:
+        """A column, or those `rows` (n,) of it, as float64, NaN where missing.
+
+        Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
+        none: `decimal-comma`, `thousands-separator`, `text-cell`, `infinite`, `too-large`.
+        """
+        x, text, line = _column(self, name), self.text[name], self.line
+        if rows is not None:
+            x, text, line = x[rows], text[rows], line[rows]
+            if x.dtype.kind != "f":
+                x = parsed(text, self.decimal, self.na_values)
+        if x.dtype.kind == "f":
+            # 1e150 is no measurement, and its square, summed over rows, overflows.
+            bad = np.flatnonzero(np.abs(x) > 1e150)
+            if not bad.size:
+                return x
+            code = "infinite" if np.isinf(x[bad[0]]) else "too-large"
+            cause, fix = "a division by zero, or a marker for overload.", ""
+        else:
+            unique, first = np.unique(text, return_index=True)
+            wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
+            bad, words = np.sort(first[wrong]), unique[wrong].tolist()
+            commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
+            if all(_THOUSANDS.fullmatch(w) for w in words):
+                code, cause = "thousands-separator", "numbers written with thousands separators"
+                cause += " or with a decimal comma." if commas else "."
+                fix = "export without thousands separators"
+                fix += (
+                    '; where they are decimal commas, decimal="," (--decimal ,).' if commas else "."
+                )
+            elif commas:
+                code, cause = "decimal-comma", "numbers written with a decimal comma."
+                fix = 'decimal="," (--decimal ,).'
+            else:
+                code, fix = "text-cell", ""
+                overload = str(text[bad[0]]).upper() in _OVERLOAD
+                cause = "sensor overload?" if overload else "text among the numbers."
+                if line[bad[0]] == self.line[0] and not overload:
+                    cause = "a row of units?"
+                    fix = f"units_row={line[0]} (--units-row {line[0]}) takes it for one; "
+        k = bad[0]
+        cell = str(text[k])
+        if not fix or fix.endswith("; "):
+            fix += f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
+        problem = f"{name!r} = {cell!r} is no number that can be used."
+        place = f"{self.path}, line {line[k]}, column {name!r}"
+        raise InputError(code, problem, place=place, cause=cause, fix=fix)
+
+
+def read_table(
+    path: str | Path,
+    *,
+    decimal: str = ".",
+    separator: str | None = None,
+    units_row: int | None = None,
+    na_values: Collection[str] = (),
+) -> Table:
+    """Columns of a CSV file with one header, or of a file that a machine wrote
+    (`hysteresis.records.importers`).
+
+    Reads UTF-8, UTF-16 and Latin-1, with or without a byte-order mark, any line end, quoted
+    cells, trailing separators, comment lines (#), separators `, ; tab |` found by themselves, and
+    a row of units under the header. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill, testXpert and texture
+    analyser files, and of others with notes above, the longest table.
+
+    **Arguments:**
+
+    - `decimal`: "." or ",".
+    - `separator`: one character; found from the first lines if not given.
+    - `units_row`: line of the row of units; found if not given, 0 for none.
+    - `na_values`: texts that mean a missing value, besides the empty cell and NaN.
+
+    **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
+    `binary-file`, `no-data`, `duplicate-column`, `ragged-line`, `decimal-comma`,
+    `bad-units-row`, `bad-option`, `needs-extra`, `bad-labview`, `bad-tdms`.
+    """
+    path = Path(path)
+    if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
+        problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
+        raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
+    data = file_bytes(path)
+    read_with = decimal, tuple(na_values)
+    if sheet := tdms(path, data) or workbook(path, data):
+        return _table(path, data, sheet, *read_with)
+    text, notes = decode(path, data)
+    if sheet := labview(path, text):
+        return _table(path, data, sheet, *read_with)
+    numbered = [
+        (k, s)
+        for k, s in enumerate(re.split(r"\r\n|\r|\n", text), 1)
+        if s and not s.isspace() and s[0] != "#"
+    ]
+    if not numbered:
+        raise fault("empty-file", path, "nothing but blank or comment lines.")
+    plain = separator is not None or units_row is not None
+    if sheet := None if plain else arranged(numbered, decimal):
+        return _table(path, data, sheet, *read_with, notes)
+    lines = [s for _, s in numbered]
+    sep = separator or _sniff(lines[:30])
+    rows, line, start = [], [], 0
+    reader = csv.reader((f"{s}\n" for s in lines), delimiter=sep, skipinitialspace=True)
+    for row in reader:  # a quoted cell may run over several lines
+        rows.append(row)
+        line.append(numbered[start][0])
+        start = reader.line_num
+    header = _header(path, rows[0])
+    units, body, at = {}, rows[1:], (line[1:2] or [2])[0]
+    if units_row and units_row != at:
+        problem = f"Line {units_row} is not the row under the header."
+        mend = f"--units-row {at}, or 0 for none."
+        raise InputError("bad-units-row", problem, place=str(path), fix=mend)
+    if body and (units_row or (units_row is None and are_units(body[0]))):
+        cells = [bare_unit(c) for c in body[0]]
+        if not np.isnan(floats(cells, decimal)[[bool(c) for c in cells]]).any():
+            problem = f"Line {at} holds numbers, no units."
+            mend = "leave --units-row away, or --units-row 0 for none."
+            raise InputError("bad-units-row", problem, place=str(path), fix=mend)
+        units, body, line = dict(zip(header, cells, strict=False)), body[1:], line[1:]
+        confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
+        notes.append(f"Row {at} is units ({', '.join(cells)}); using them.{confirm}")
+    full = next((k for k in range(len(body), 0, -1) if _trimmed(body[k - 1])), 0)
+    if blank := len(body) - full:
+        body, line = body[:full], line[: full + 1]
+        notes.append(f"Left out {blank} empty rows at the end.")
+    if not body:
+        raise fault("no-data", path, "a header and no rows.")
+    line = np.array(line[1:])
+    _square(path, body, line, len(header), sep)
+    columns = dict(zip(header, zip(*body, strict=True), strict=False))
+    return _table(path, data, Sheet(columns, line, units, tuple(notes), decimal), *read_with)
+
+
+def _table(
+    path: Path,
+    data: bytes,
+    sheet: Sheet,
+    decimal: str,
+    na_values: tuple[str, ...],
+    notes: Sequence[str] = (),
+) -> Table:
+    decimal = sheet.decimal if decimal == "." else decimal
+    text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
+    columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
+    notes = (*notes, *sheet.notes)
+    digest = hashlib.sha256(data).hexdigest()
+    return Table(
+        columns, text, sheet.line, sheet.units, str(path), digest, notes, decimal, na_values
+    )
+
+
+def read_csv(
+    path: str | Path | Table,
+    input: str | Sequence[str],
+    output: str,
+    time: str | None = None,
+    dt: float | None = None,
+    group: str | Sequence[str] | None = None,
+    where: Mapping[str, Sequence[str]] | None = None,
+    nan: Literal["raise", "omit", "interpolate"] = "raise",
+    decimal: str = ".",
+    separator: str | None = None,
+    units_row: int | None = None,
+    na_values: Collection[str] = (),
+    input_unit: str | None = None,
+    output_unit: str | None = None,
+    time_unit: str | None = None,
+    keep: Sequence[str] = (),
+    segments: Literal["auto"] | None = None,
+    input_time: str | None = None,
+) -> Record:
+    """A `Record` from a CSV file, or from a `Table` already read.
+
+    **Arguments:**
+
+    - `input`, `output`, `time`: columns by their exact headers. Units come from "Force (N)",
+        "Force [N]", "force_N", a row of units, or `input_unit`, `output_unit`, `time_unit`;
+        without any the unit is "1", noted. Several inputs are channels that `fit` combines.
+    - `dt`: step in seconds where there is no time column: `t = k dt` within each sequence.
+    - `group`: column(s) whose values name independent sequences, joined by "/".
+    - `where`: `{column: values}`, the rows to use; numbers compare as numbers.
+    - `nan`: "raise"; "omit" masks rows without output, history still runs over them;
+        "interpolate" fills input and output linearly.
+    - `keep`: further columns to carry along in `Record.columns`.
+    - `segments`: "auto" starts a new sequence wherever time goes back.
+    - `input_time`: the clock of the input(s), where it is another than that of the output, which is
+        then `time`: the input is interpolated linearly to the output's times.
+    - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
+
+    **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
+    `text-cell`, `decimal-comma`, `thousands-separator`, `infinite`, `too-large`,
+    `unknown-unit`, `mass-unit`, `bad-option`.
+    """
+    if isinstance(path, Table):
+        table = path
+    else:
+        table = read_table(
+            path, decimal=decimal, separator=separator, units_row=units_row, na_values=na_values
+        )
+    if dt is not None and (time is not None or not 0 < dt < np.inf):
+        problem = f"time={time!r}, dt={dt!r}: give one of them, and a step above 0."
+        raise InputError("bad-option", problem, fix="--time COL, or --dt SECONDS.")
+    if nan not in ("raise", "omit", "interpolate"):
+        raise InputError("bad-option", f"nan={nan!r}.", fix="--nan raise, omit or interpolate.")
+    notes, units = list(table.notes), {}
+    inputs = [input] if isinstance(input, str) else list(input)
+    if not inputs or len(set(inputs)) < len(inputs):
+        twice = ", ".join(sorted({repr(name) for name in inputs if inputs.count(name) > 1}))
+        problem = f"Input {twice} is given twice." if inputs else "No input is given."
+        raise InputError("duplicate-input", problem, fix="give each channel once (--input COL).")
+    given = [("input", name, input_unit) for name in inputs] + [("output", output, output_unit)]
+    if time is not None:
+        given.append(("time", time, time_unit))
+    for role, name, unit in given:
+        _column(table, name)
+        units[role, name], note = column_unit(name, role, unit, table.units.get(name), table.path)
+        notes += note
+    channels = {name: units["input", name] for name in inputs} if len(inputs) > 1 else {}
+    named = {} if channels else {"input_name": inputs[0], "input_unit": units["input", inputs[0]]}
+    said = repr(inputs[0]) if named else f"{len(inputs)} channels"
+    rows = np.ones(len(table.line), bool)
+    for name, values in (where or {}).items():
+        rows &= _matching(table, name, [str(v) for v in values])
+    asked = " and ".join(f"{name}={','.join(map(str, v))}" for name, v in (where or {}).items())
+    if not rows.any():
+        raise InputError("no-match", f"No row has {asked}.", place=table.path)
+    if not rows.all():
+        notes.append(f"Used {rows.sum()} of {len(rows)} rows: {asked}.")
+    names = [group] if isinstance(group, str) else list(group or ())
+    for name in (*names, *keep):
+        _column(table, name)
+    groups = None
+    if names:
+        parts = [table.text[name][rows] for name in names]
+        groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
+    t = None if time is None else table.number(time, rows)
+    moved = {name: table.number(name, rows) for name in inputs}
+    if input_time is not None:
+        if t is None:
+            problem = f"The input's clock is {input_time!r}, and the output's is not given."
+            raise InputError("bad-option", problem, fix="--time COL, the clock of the output.")
+        own = table.number(input_time, rows)
+        moved, note = on_one_clock(moved, own, t, groups, input_time, time or "")
+        notes.append(note)
+    return Record.from_arrays(
+        moved[inputs[0]] if named else None,
+        table.number(output, rows),
+        t,
+        groups,
+        dt=dt,
+        line=table.line[rows],
+        segments=segments,
+        nan=nan,
+        history=(f"Read {rows.sum()} rows: {said} -> {output!r}.", *notes),
+        columns={name: table.columns[name][rows] for name in keep}
+        | {name: moved[name] for name in channels},
+        channels=channels,
+        output_name=output,
+        time_name=time or "time",
+        output_unit=units["output", output],
+        time_unit=units.get(("time", time), time_unit or "s"),
+        source=table.path,
+        sha256=table.sha256,
+        **named,
+    )
+
+
+def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
+    """ "COL=VALUE[,VALUE]" or "COL%2=0" as a function of a table or record: its rows (n,) bool.
+
+    Numbers compare as numbers: `run=4` holds for "4" and 4.0. The function raises `no-column`,
+    and `no-match` where a value occurs nowhere. Raises `bad-condition`.
+    """
+    name, equals, right = text.partition("=")
+    name, values = name.strip(), [v.strip() for v in right.split(",")]
+    if not (name and equals and all(values)):
+        mend = "write COL=VALUE[,VALUE] or COL%2=0."
+        raise InputError("bad-condition", f"{text!r} is no condition on a column.", fix=mend)
+    stem, _, modulus = name.rpartition("%")
+
+    def rows(table: Table | Record) -> np.ndarray:
+        if stem and modulus.isdigit() and int(modulus) and name not in table.columns:
+            return np.isin(np.mod(floats(_column(table, stem)), int(modulus)), floats(values))
+        return _matching(table, name, values)
+
+    return rows
+
+
+def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.ndarray:
+    words, inverse = np.unique(_column(table, name), return_inverse=True)
+    numbers, found = floats(words), np.zeros(len(words), bool)
+    for value, number in zip(values, floats(values), strict=True):
+        hit = (words.astype(str) == value) | (numbers == number)
+        if not hit.any():
+            known = [f"{w:g}" if isinstance(w, float) else str(w) for w in words.tolist()]
+            near = ", ".join(get_close_matches(value, known, 5, 0.0))
+            problem = f"No row has {name}={value}; nearest: {near}."
+            place = table.path if isinstance(table, Table) else table.source
+            raise InputError("no-match", problem, place=place)
+        found |= hit
+    return found[inverse]
+
+
+def _sniff(lines: list[str]) -> str:
+    """The separator that gives most of the first rows as many cells as the header."""
+
+    def score(sep: str) -> tuple[float, int]:
+        counts = [len(_trimmed(row)) for row in csv.reader(lines, delimiter=sep)]
+        if counts[0] < 2:
+            return 0.0, 0
+        agree = sum(1 for n in counts[1:] if n == counts[0])
+        return (agree + 1) / len(counts), counts[0]
+
+    return max(",;\t|", key=score)
+
+
+def _trimmed(row: list[str]) -> list[str]:
+    while row and not row[-1].strip():
+        row = row[:-1]
+    return row
+
+
+def _header(path: Path, cells: list[str]) -> list[str]:
+    names = [" ".join(c.split()) if "\n" in c else c.strip() for c in _trimmed(cells)]
+    names = [name or f"column {k}" for k, name in enumerate(names, 1)]
+    for k, name in enumerate(names):
+        if (first := names.index(name)) < k:
+            problem = f"Column {name!r} is there twice, as column {first + 1} and {k + 1}."
+            raise InputError(
+                "duplicate-column",
+                problem,
+                place=str(path),
+                cause=_headless(names),
+                fix="rename one.",
+            )
+    return names
+
+
+def _square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep: str) -> None:
+    """Makes every row `width` cells long by dropping empty cells at its end, or names the line."""
+    lengths = np.fromiter(map(len, rows), int, len(rows))
+    for k in np.flatnonzero(lengths != width):
+        row = rows[k]
+        if lengths[k] > width and not any(c.strip() for c in row[width:]):
+            del row[width:]
+            continue
+        problem = f"{lengths[k]} cells, the header has {width}."
+        cause = f"a line cut short, another separator than {sep!r}, a stray one, or an open quote."
+        code, fix = "ragged-line", "mend that line, or start it with # to leave it out."
+        longer = sum(len(_trimmed(r)) > width for r in rows)
+        if sep == "," and (lengths[k] == 2 * width or 2 * longer > len(rows)):
+            code, cause = "decimal-comma", "numbers written with a decimal comma."
+            fix = 'separate the cells by ";" and give decimal="," (--decimal ,).'
+        raise InputError(code, problem, place=f"{path}, line {line[k]}", cause=cause, fix=fix)
+
+
+def _column(table: Table | Record, name: str) -> np.ndarray:
+    if name in table.columns:
+        return table.columns[name]
+    names = list(table.columns)
+    alike = [x for x in names if name.lower() in x.lower()]
+    have = dict.fromkeys([*alike, *get_close_matches(name, names, len(names), 0.4), *names])
+    raise InputError(
+        "no-column",
+        f"No column {name!r}; have {', '.join(map(repr, have))}.",
+        place=getattr(table, "path", ""),
+        cause=_headless(names),
+        fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
+    )
+
+
+def _headless(names: Sequence[str]) -> str:
+    numeric = bool(names) and not np.isnan(floats(names)).any()
+    return "the file has no header: its first line is numbers." if numeric else ""

@@ -1,0 +1,144 @@
+"""What a record holds and what it is fit for: summary, excitation, warnings."""
+
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._cycles import default_dead_band, noise_level, turning_points
+from ._data_warnings import clipped, loop_direction, suspicions
+from ._record import Record, duration, quantity
+
+
+def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
+    """Can these rows tell a model's parameters? Returns warnings, each ending in its `[code]`.
+
+    **Raises:** `InputError` `too-short`, `constant-input`, `constant-output`, `no-excitation`.
+    """
+    u, unit, place = record.input, record.input_unit, record.source
+    rows, needed = int(record.mask.sum()), n_parameters or 2
+    span, noise = float(np.ptp(u)) if len(u) else 0.0, _spread(record, "input")["noise"]
+    turns = sum(_turns(u[s]) for _, s in record.sequences())
+    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
+        asked = f"{n_parameters} parameters, " if n_parameters else ""
+        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
+        raise InputError("too-short", problem, place=place, fix="use more rows, or fix parameters.")
+    if span == 0:
+        problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
+        mend = "choose another column (--input COL), or drive the rig."
+        raise InputError("constant-input", problem, place=place, fix=mend)
+    counted = record.output[record.mask & np.isfinite(record.output)]
+    if not np.ptp(counted):
+        at = quantity(counted[0], record.output_unit)
+        problem = f"Output {record.output_name!r} is {at} in every row; nothing to identify."
+        mend = "choose another column (--output COL), or look at the sensor."
+        raise InputError("constant-output", problem, place=place, cause="a dead channel?", fix=mend)
+    # Steps drawn anew at every row look like noise, but the output follows them.
+    if span < 10 * noise and abs(_correlation(record)) < 0.5:
+        problem = f"Input range {quantity(span, unit)} is about the noise; nothing to identify."
+        raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
+    found = []
+    if (steps := _steps(record)).size:
+        low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
+        if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
+            low, high = (duration(x, record.time_unit) for x in (steps.min(), steps.max()))
+            found.append(
+                f"dt {low} to {high}; resample, or use a continuous model. [jittered-time]"
+            )
+    if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
+        way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
+        found.append(
+            f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
+            "fit the sponge (LinearSponge), or measure the way back. [one-way-input]"
+        )
+    found += suspicions(record)
+    single = [x for x, s in record.sequences() if s.stop - s.start < 2]
+    if single:
+        found.append(
+            f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}. [short-sequence]"
+        )
+    return found
+
+
+def summary(record: Record) -> dict[str, Any]:
+    """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
+    steps = _steps(record)
+    clock = None
+    if steps.size:
+        low, mid, high = np.quantile(steps, [0, 0.5, 1]).tolist()
+        clock = {"min": low, "median": mid, "max": high, "unit": record.time_unit}
+    return {
+        "source": record.source,
+        "sha256": record.sha256,
+        "rows": len(record),
+        "rows_used": int(record.mask.sum()),
+        "sequences": len(record.labels),
+        "cycles": record.n_cycles,
+        "input": _spread(record, "input"),
+        "output": _spread(record, "output") | {"saturated": _saturated(record)},
+        "dt": clock,
+        "loop_direction": loop_direction(record),
+    }
+
+
+def describe(record: Record) -> str:
+    """The summary for a reader, and the record's history."""
+    s = summary(record)
+    way, falls = s["loop_direction"], _correlation(record) < 0
+    turn = "counter-clockwise" if way > 0 else "clockwise"
+    # Where the output falls with the input, lagging loops turn clockwise.
+    turn += ": the output lags" if (way > 0) != falls else ": the output leads"
+    lines = [
+        f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
+        f"{_count(s['sequences'], 'sequence')}, {_count(s['cycles'], 'complete cycle')}"
+    ]
+    for role in ("input", "output"):
+        x, unit = s[role], s[role]["unit"]
+        lines.append(
+            f"{role:6} {x['name']}: {x['min']:.4g} to {quantity(x['max'], unit)}, "
+            f"noise {quantity(x['noise'], unit)}"
+        )
+    if s["dt"]:
+        low, mid, high = (f"{s['dt'][k]:.4g}" for k in ("min", "median", "max"))
+        lines.append(f"dt     {low} to {high}, median {mid} {record.time_unit}")
+    if s["output"]["saturated"]:
+        lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
+    lines.append(f"loop   {way:+.2f} ({turn})" if way else "loop   none closed")
+    return "\n".join([*lines, *record.history])
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
+
+
+def _turns(u: np.ndarray) -> float:
+    """Path length over twice the range: 1 for one loop, 1/2 for one ramp."""
+    path = np.abs(np.diff(u[turning_points(u, default_dead_band(u))])).sum()
+    return float(path / (2 * np.ptp(u))) if path else 0.0
+
+
+def _correlation(record: Record) -> float:
+    good = np.isfinite(record.output)
+    u, y = record.input[good], record.output[good]
+    return float(np.corrcoef(u, y)[0, 1]) if good.any() and np.ptp(u) and np.ptp(y) else 0.0
+
+
+def _steps(record: Record) -> np.ndarray:
+    if record.time is None:
+        return np.empty(0)
+    return np.concatenate([np.diff(record.time[s]) for _, s in record.sequences()])
+
+
+def _spread(record: Record, role: str) -> dict[str, Any]:
+    x = getattr(record, role)
+    good = np.isfinite(x)
+    low, high = (float(x[good].min()), float(x[good].max())) if good.any() else (np.nan, np.nan)
+    noise = float(np.median([noise_level(x[s][good[s]]) for _, s in record.sequences()]))
+    names = {"name": getattr(record, f"{role}_name"), "unit": getattr(record, f"{role}_unit")}
+    return names | {"min": low, "max": high, "noise": noise}
+
+
+def _saturated(record: Record) -> float:
+    """Share of the output's rows stuck at a limit."""
+    stuck = [len(found.rows) for found in clipped(record) if found.role == "output"]
+    return sum(stuck) / max(len(record), 1)

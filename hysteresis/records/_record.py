@@ -1,0 +1,443 @@
+"""Measured sequences of one rig: what went in, what came out, and which rows count."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._errors import InputError
+from .._notebook_hook import html_of
+from ..models._channel_map import common_part
+from ._arrays import fill, numbers, same_length
+from ._cycles import branches, cycles
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Samples of an input and an output in `m` independent sequences; frozen.
+
+    **Arguments:**
+
+    - `input`, `output`: (n,), in `input_unit` and `output_unit`. The output may be NaN outside
+        the mask.
+    - `time`: (n,) in `time_unit`, rising within each sequence; `None` without a clock.
+    - `starts`, `labels`: first row (m,) and name of each sequence; `starts[0] == 0`.
+    - `mask`: (n,) the rows that count in a fit or an error figure. The others still drive the
+        model: history runs over all rows.
+    - `line`: (n,) line of the file, from 1, for messages.
+    - `history`: a sentence for each thing done to the data.
+    - `source`, `sha256`: name and checksum of the file, "" for arrays.
+    - `columns`: further columns (n,) by name, for splitting.
+    - `channels`: names and units of those `columns` that a fit combines into the input. Until then the
+        input is what they have in common, see `common_part`.
+
+    Every method returns a new record.
+
+    **Raises:** `InputError` `length-mismatch`, `bad-sequences`, `nan-input`, `nan-output`,
+    `infinite`, `nan-time`, `time-repeated`, `time-backwards`.
+    """
+
+    input: np.ndarray
+    output: np.ndarray
+    time: np.ndarray | None
+    starts: np.ndarray
+    labels: tuple[str, ...]
+    mask: np.ndarray
+    line: np.ndarray
+    input_name: str = "input"
+    output_name: str = "output"
+    time_name: str = "time"
+    input_unit: str = "1"
+    output_unit: str = "1"
+    time_unit: str = "1"
+    history: tuple[str, ...] = ()
+    source: str = ""
+    sha256: str = ""
+    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
+        if self.time is not None:
+            types["time"] = float
+        for name, kind in types.items():
+            array = np.asarray(getattr(self, name), kind).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        same_length(
+            time=self.time, input=self.input, output=self.output, mask=self.mask, line=self.line
+        )
+        starts = self.starts
+        if len(starts) != len(self.labels) or starts[:1].tolist() != [0]:
+            raise InputError("bad-sequences", "Each sequence needs a first row and a label.")
+        if np.any(np.diff(starts) <= 0) or starts[-1] >= max(len(self), 1):
+            raise InputError("bad-sequences", f"Sequences start at {starts} of {len(self)} rows.")
+        self._check_finite()
+        self._check_clock()
+
+    def _check_finite(self):
+        wanted: list[tuple[str, str, np.ndarray, Any]]
+        wanted = [("input", name, self.columns[name], True) for name in self.channels]
+        wanted.append(("input", self.input_name, self.input, True))
+        wanted.append(("output", self.output_name, self.output, self.mask))
+        for role, name, x, where in wanted:
+            if (bad := np.isinf(x)).any():
+                raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+            if not (bad := np.isnan(x) & where).any():
+                continue
+            fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
+            if role == "input":
+                fill = f"hysteresis needs complete input; {fill}"
+            else:
+                fill = f'nan="omit" (--nan omit) masks them, history still runs; {fill}'
+            raise self._fault(f"nan-{role}", f"{bad.sum()} NaN in {role} {name!r}", bad, fix=fill)
+
+    def _check_clock(self):
+        if self.time is None:
+            return
+        if not (good := np.isfinite(self.time)).all():
+            mend = "drop those rows, or give the step instead: dt=... (--dt SECONDS)."
+            raise self._fault(
+                "nan-time", f"{(~good).sum()} NaN in time {self.time_name!r}", ~good, fix=mend
+            )
+        step = np.diff(self.time)
+        step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
+        if (k := np.flatnonzero(step < 0)).size:
+            t, where = self.time, self.lines(k[:1] + 1)
+            raise InputError(
+                "time-backwards",
+                f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
+                place=self.source,
+                cause=f"{k.size + 1} runs in one file?",
+                fix='segments="auto" (--segments auto) makes each its own sequence, and so does the'
+                " column that tells them apart (--group COL).",
+            )
+        if (k := np.flatnonzero(step == 0)).size:
+            raise InputError(
+                "time-repeated",
+                f"{self.lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
+                f"{f', and {k.size - 1} more pairs' if k.size > 1 else ''}.",
+                place=self.source,
+                cause="a clock coarser than the sampling, or rows written twice.",
+                fix="drop or average them, or give the step instead: dt=... (--dt SECONDS).",
+            )
+
+    def lines(self, rows: np.ndarray) -> str:
+        """The lines of the first and the last of these rows, in words."""
+        word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
+        return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
+
+    def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
+        rows = np.flatnonzero(bad)
+        lasts = ""
+        if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
+            lasts = f" ({duration(float(np.ptp(self.time[rows])), self.time_unit)})"
+        return InputError(code, f"{what}, {self.lines(rows)}{lasts}.", place=self.source, fix=fix)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        input: ArrayLike | None,
+        output: ArrayLike,
+        time: ArrayLike | None = None,
+        groups: ArrayLike | None = None,
+        *,
+        dt: float | None = None,
+        mask: ArrayLike | None = None,
+        line: ArrayLike | None = None,
+        segments: Literal["auto"] | None = None,
+        nan: Literal["raise", "omit", "interpolate"] = "raise",
+        time_unit: str = "s",
+        history: tuple[str, ...] = (),
+        columns: Mapping[str, np.ndarray] | None = None,
+        channels: Mapping[str, str] | None = None,
+        **names: str,
+    ) -> "Record":
+        """A record from (n,) arrays.
+
+        **Arguments:**
+
+        - `groups`: (n,) labels; the rows of one label form a sequence, in their order, also where
+            labels interleave.
+        - `dt`: step, in `time_unit`, where there is no `time`.
+        - `segments`: "auto" starts a new sequence wherever time goes back.
+        - `nan`: "raise"; "omit" masks rows without output; "interpolate" fills input and output
+            linearly over time (or rows), and by the nearest value at the ends of a sequence.
+        - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`.
+        - `names`: the other fields of `Record`.
+
+        **Raises:** `InputError` as `Record` does, and `not-numbers`, `bad-option`.
+        """
+        if nan not in ("raise", "omit", "interpolate"):
+            raise InputError("bad-option", f"nan={nan!r}.", fix="raise, omit or interpolate.")
+        if dt is not None and not 0 < dt < np.inf:
+            raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
+        y, kept = numbers("output", output), dict(columns or {})
+        kept |= {name: numbers(name, kept[name]) for name in channels or ()}
+        n = y.size
+        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
+        t = None if time is None else numbers("time", time)
+        group = np.zeros(n, int) if groups is None else np.asarray(groups)
+        used = np.ones(n, bool) if mask is None else np.array(mask, bool)
+        number = np.arange(1, n + 1) if line is None else np.asarray(line)
+        same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
+        same_length(output=y, **{name: kept[name] for name in channels or ()})
+        if segments not in (None, "auto"):
+            raise InputError(
+                "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
+            )
+        unique, first, member = np.unique(group, return_index=True, return_inverse=True)
+        member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
+        order = np.argsort(member, kind="stable")
+        if np.any(np.diff(order) < 0):
+            history += ("Gathered the rows of each group: they were interleaved.",)
+        u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
+        t = None if t is None else t[order]
+        kept = {name: np.asarray(column)[order] for name, column in kept.items()}
+        inputs = {name: kept[name] for name in channels} if channels else {"input": u}
+        cut = np.diff(member) > 0
+        if segments == "auto" and t is not None and np.any(back := (np.diff(t) < 0) & ~cut):
+            cut |= back
+            history += (f"Cut into {cut.sum() + 1} sequences: time went back.",)
+        starts = np.flatnonzero(np.append(True, cut))
+        label, seen = unique[np.argsort(first)] if groups is not None else ["all"], Counter()
+        labels = []
+        for name in (str(label[k]) for k in member[starts]) if n else ("all",):
+            seen[name] += 1
+            labels.append(f"{name}#{seen[name]}" if seen[name] > 1 else name)
+        if dt is not None:
+            t = dt * (np.arange(n) - np.repeat(starts, np.diff(np.append(starts, n))))
+            history += (f"Time is the row's number in its sequence, times {dt:g} {time_unit}.",)
+        if nan == "omit" and np.any(gap := np.isnan(y) & used):
+            used &= ~gap
+            history += (f"Masked {gap.sum()} rows without output.",)
+        for name, x in (inputs | {"output": y}).items() if nan == "interpolate" else ():
+            if missing := int(np.isnan(x).sum()):
+                for a, b in pairwise([*starts, n]):
+                    fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
+                history += (f"Filled {missing} NaN of the {name} by linear interpolation.",)
+        if channels:
+            u = common_part(np.column_stack([*inputs.values()]), y)
+            names.setdefault("input_name", f"common part of {len(channels)} channels")
+        unit = "1" if t is None else time_unit
+        return cls(
+            u,
+            y,
+            t,
+            starts,
+            tuple(labels),
+            used,
+            number,
+            time_unit=unit,
+            history=history,
+            columns=kept,
+            channels=dict(channels or {}),
+            **names,  # pyright: ignore[reportArgumentType]
+        )
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+    def sequences(self) -> Iterator[tuple[str, slice]]:
+        """`(label, rows)` of each sequence."""
+        for label, (a, b) in zip(self.labels, pairwise([*self.starts, len(self)]), strict=True):
+            yield label, slice(int(a), int(b))
+
+    @cached_property
+    def cycle(self) -> np.ndarray:
+        """Complete cycle 1, 2, ... of each row within its sequence, 0 for none, (n,)."""
+        return np.concatenate([cycles(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def branch(self) -> np.ndarray:
+        """+1 on loading, -1 on unloading rows, (n,)."""
+        return np.concatenate([branches(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def cycle_counts(self) -> np.ndarray:
+        """Complete cycles of each sequence, (m,)."""
+        return np.maximum.reduceat(self.cycle, self.starts) if len(self) else np.zeros(1, int)
+
+    @property
+    def n_cycles(self) -> int:
+        """Complete cycles of all sequences together."""
+        return int(self.cycle_counts.sum())
+
+    def _with(self, sentence: str, **changes: Any) -> "Record":
+        return replace(self, history=(*self.history, sentence), **changes)
+
+    def _narrow(self, keep: np.ndarray, sentence: str) -> "Record":
+        mask = self.mask & keep
+        if not mask.any():
+            raise InputError("no-rows", f"No row is left. {sentence}", place=self.source)
+        return self._with(sentence, mask=mask)
+
+    def select(
+        self,
+        branch: Literal["loading", "unloading"] | None = None,
+        range: tuple[float, float] | None = None,
+        cycle: int | Collection[int] | None = None,
+    ) -> "Record":
+        """Narrow the mask to a branch, to inputs in `[lo, hi]`, to cycles by number."""
+        keep, said = np.ones(len(self), bool), []
+        if branch is not None:
+            signs = {"loading": 1, "unloading": -1}
+            if branch not in signs:
+                raise InputError("bad-selection", f"No branch {branch!r}; have {list(signs)}.")
+            keep &= self.branch == signs[branch]
+            said.append(f"the {branch} branch")
+        if range is not None:
+            keep &= (self.input >= range[0]) & (self.input <= range[1])
+            said.append(f"input {range[0]:g} to {quantity(range[1], self.input_unit)}")
+        if cycle is not None:
+            wanted = sorted(cycle) if isinstance(cycle, Collection) else [cycle]
+            keep &= np.isin(self.cycle, wanted)
+            said.append(f"cycle {', '.join(map(str, wanted))}")
+        return self._narrow(keep, f"Only {' and '.join(said)} counts.") if said else self
+
+    def _split(self, train: np.ndarray, test: np.ndarray, how: str) -> "tuple[Record, Record]":
+        held = f"{int((test & self.mask).sum())} rows, {how}"
+        return (
+            self._narrow(train, f"Held out for testing: {held}."),
+            self._narrow(test, f"Only what was held out counts: {held}."),
+        )
+
+    def split_cycles(self, test: int) -> "tuple[Record, Record]":
+        """`(train, test)`: the last `test` complete cycles of each sequence are held out.
+
+        Rows in no cycle count in neither. Raises `too-few-cycles` where a sequence would have
+        none to train on.
+        """
+        counts = self.cycle_counts
+        short = np.flatnonzero(counts <= test) if test > 0 else np.arange(len(counts))
+        if short.size:
+            others = f" (so {short.size - 1} more sequences)" if short.size > 1 else ""
+            raise InputError(
+                "too-few-cycles",
+                f"Sequence {self.labels[short[0]]!r} has {counts[short[0]]} complete cycles"
+                f"{others}; cannot hold out {test} and train on the rest.",
+                place=self.source,
+                fix="hold out fewer cycles, whole sequences (--test-where COL=VALUE), or a tail "
+                "(--test-tail FRACTION).",
+            )
+        limit = np.repeat(counts - test, np.diff([*self.starts, len(self)]))
+        train = (self.cycle > 0) & (self.cycle <= limit)
+        return self._split(train, self.cycle > limit, f"the last {test} cycles of each sequence")
+
+    def split_groups(
+        self, test: Callable[[str], bool] | Collection[str]
+    ) -> "tuple[Record, Record]":
+        """`(train, test)`: whole sequences held out, by label or by a predicate of the label."""
+        chosen = [x for x in self.labels if test(x)] if callable(test) else list(test)
+        rest = [x for x in self.labels if x not in chosen]
+        return self.take_sequences(rest), self.take_sequences(chosen)
+
+    def split_rows(self, test_mask: ArrayLike) -> "tuple[Record, Record]":
+        """`(train, test)`: the rows (n,) where `test_mask` holds are held out."""
+        test = np.asarray(test_mask, bool)
+        same_length(input=self.input, test_mask=test)
+        return self._split(~test, test, "chosen by their values")
+
+    def split_tail(self, fraction: float) -> "tuple[Record, Record]":
+        """`(train, test)`: the last `fraction` of the rows of each sequence is held out."""
+        if not 0 < fraction < 1:
+            raise InputError(
+                "bad-fraction",
+                f"A tail of {fraction:g} of the rows cannot be held out.",
+                fix="a fraction between 0 and 1 (--test-tail 0.2).",
+            )
+        ends = np.append(self.starts[1:], len(self))
+        first = ends - np.ceil(fraction * (ends - self.starts)).astype(int)
+        test = np.arange(len(self)) >= np.repeat(first, ends - self.starts)
+        return self._split(~test, test, f"the last {fraction:.3g} of each sequence")
+
+    def take_sequences(self, labels: Collection[str]) -> "Record":
+        """Only these sequences, in the record's order. Raises `no-sequence`."""
+        for label in labels:
+            if label not in self.labels:
+                near = get_close_matches(label, self.labels, 5, 0.0)
+                raise InputError("no-sequence", f"No sequence {label!r}; have {', '.join(near)}.")
+        kept = [(x, s) for x, s in self.sequences() if x in labels]
+        if not kept:
+            raise InputError("no-rows", "No sequence is left.", place=self.source)
+        rows = np.concatenate([np.arange(s.start, s.stop) for _, s in kept])
+        starts = np.cumsum([0, *(s.stop - s.start for _, s in kept[:-1])])
+        sentence = f"Kept {len(kept)} of {len(self.labels)} sequences."
+        t = None if self.time is None else self.time[rows]
+        labels = tuple(x for x, _ in kept)
+        return self._take(rows, sentence, time=t, starts=starts, labels=labels)
+
+    def _take(self, rows: np.ndarray, sentence: str, **changes: Any) -> "Record":
+        taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return self._with(sentence, **(taken | {"columns": columns} | changes))
+
+    def resample(self, dt: float) -> "Record":
+        """Linear interpolation of each sequence onto a clock of step `dt`, in `time_unit`.
+
+        Mask, lines and further columns are those of the nearest row. No filter: average first
+        where the step is much longer than the noise.
+        """
+        if self.time is None or not dt > 0:
+            why = "there is no time column" if self.time is None else f"the step is {dt:g}"
+            raise InputError("no-clock", f"Cannot resample: {why}.", fix="give time= or dt=.")
+        y, clock, rows = [], [], []
+        inputs = {"": self.input} | {name: self.columns[name] for name in self.channels}
+        moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}
+        for _, s in self.sequences():
+            t, out = self.time[s], self.output[s]
+            c = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt * (1 + 1e-12)) + 1)
+            good = np.isfinite(out)
+            for name, x in inputs.items():
+                moved[name].append(np.interp(c, t, x[s]))
+            y.append(np.interp(c, t[good], out[good]) if good.any() else np.full(len(c), np.nan))
+            rows.append(s.start + np.searchsorted((t[1:] + t[:-1]) / 2, c))
+            clock.append(c)
+        starts = np.cumsum([0, *map(len, clock[:-1])])
+        whole = {name: np.concatenate(parts) for name, parts in moved.items()}
+        sentence = f"Resampled {len(self)} rows to a step of {quantity(dt, self.time_unit)}."
+        taken = self._take(
+            np.concatenate(rows), sentence, starts=starts, input=whole.pop(""),
+            output=np.concatenate(y), time=np.concatenate(clock),
+        )  # fmt: skip
+        return replace(taken, columns={**taken.columns, **whole})
+
+    def digest(self) -> str:
+        """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
+        code = hashlib.sha256("\0".join(self.labels).encode())
+        channels = [self.columns[name] for name in sorted(self.channels)]
+        for x in (self.input, self.output, self.time, self.starts, self.mask, *channels):
+            code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+        return code.hexdigest()
+
+    def summary(self) -> dict[str, Any]:
+        """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
+        from ._excitation import summary  # which is about records
+
+        return summary(self)
+
+    def describe(self) -> str:
+        """The summary for a reader, and the history."""
+        from ._excitation import describe
+
+        return describe(self)
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
+
+
+def quantity(x: float, unit: str) -> str:
+    """A value with its unit, to four digits."""
+    return f"{x:.4g}" if unit == "1" else f"{x:.4g} {unit}"
+
+
+def duration(x: float, unit: str) -> str:
+    """A time with its unit, to three digits where it is below a second."""
+    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else quantity(x, unit)

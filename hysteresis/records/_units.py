@@ -1,0 +1,91 @@
+"""Units of columns: from a header, a row of units, or the caller."""
+
+import re
+
+from .._errors import InputError
+
+# What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
+_UNITS = """
+N mN uN kN gf kgf mm um cm m s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT Oe
+emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
+"""
+RIG_UNITS = tuple(_UNITS.split())
+FORCES = ("N", "mN", "uN", "kN", "gf", "kgf")
+LENGTHS = ("mm", "um", "cm", "m")
+_SPELLING = {"": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm"}
+_IN_WORDS = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
+    "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
+    "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "inches": "inch",
+}  # fmt: skip
+_BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
+
+
+def bare_unit(cell: str) -> str:
+    """A cell without blanks and brackets around its unit."""
+    return cell.strip().strip("[]()").strip()
+
+
+def spelled(unit: str) -> str:
+    """A unit as this package spells it: "Sec" is s, "Volts" is V, "-" is 1."""
+    bare = bare_unit(unit)
+    return _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+
+
+def is_unit(text: str) -> bool:
+    """Whether this is a unit, in the spelling of rigs or of pint."""
+    text = spelled(text)
+    return text == "1" or text in RIG_UNITS or (not text[:1].isdigit() and _known(text))
+
+
+def are_units(cells: list[str]) -> bool:
+    """No number among them, and at least two units that rigs use: a sample may be called A."""
+    bare = [bare_unit(c) for c in cells]
+    return sum(spelled(c) in RIG_UNITS for c in bare) > 1 and not any(
+        re.match("[+-]?[.,]?[0-9]", c) for c in bare
+    )
+
+
+def column_unit(
+    name: str, role: str, given: str | None, in_row: str | None, path: str
+) -> tuple[str, list[str]]:
+    """The unit of a column, and what is to be noted about it.
+
+    It comes from the caller (`given`), the row of units (`in_row`) or the header (`name`), in that
+    order. Raises `unknown-unit`, `mass-unit`; the message names `path` and the option of the `role`.
+    """
+    bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
+    notes = []
+    if given is not None:
+        unit = given
+    elif in_row:
+        unit = in_row
+    elif bracket:
+        unit = bracket["unit"].strip()
+    elif "_" in name and suffix in RIG_UNITS:
+        unit = suffix
+    else:
+        unit, notes = "1", [f"Column {name!r} names no unit: taken as 1."]
+    unit = spelled(unit)
+    place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
+    if unit != "1" and unit not in RIG_UNITS and not _known(unit):
+        mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
+        raise InputError("unknown-unit", f"Unit {unit!r} is unknown.", place=place, fix=mend)
+    if unit in ("g", "kg", "mg") and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
+        problem = f"{unit} is mass, not force."
+        mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
+        raise InputError("mass-unit", problem, place=place, fix=mend)
+    return unit, notes
+
+
+def _known(unit: str) -> bool:
+    import pint
+
+    # pint reads a.u. as the atomic mass unit times a year; rigs mean arbitrary units.
+    if unit.lower().strip(".") in ("a.u", "au", "arb", "arb.unit", "arb. unit"):
+        return False
+    try:
+        pint.get_application_registry().parse_units(unit)
+    except Exception:  # pint raises its own, tokenizer's and arithmetic errors for odd text
+        return False
+    return True

@@ -1,0 +1,50 @@
+"""The bytes of a file and its text, or why there are none."""
+
+from difflib import get_close_matches
+from pathlib import Path
+
+from ..._errors import InputError
+
+
+def file_bytes(path: Path) -> bytes:
+    """What is in a file.
+
+    Raises `InputError` `is-directory`, `file-not-found`, `permission-denied`, `unreadable-file`,
+    `empty-file`.
+    """
+    try:
+        data = path.read_bytes()
+    except IsADirectoryError:
+        raise fault("is-directory", path, "this is a folder, not a file.") from None
+    except (FileNotFoundError, NotADirectoryError):
+        folder = path.parent
+        names = [p.name for p in folder.iterdir()] if folder.is_dir() else []
+        near = ", ".join(get_close_matches(path.name, names, 3, 0.3)) or "nothing alike"
+        where = f"nearest: {near}." if folder.is_dir() else "its folder does not exist."
+        raise fault("file-not-found", path, f"not found; {where}") from None
+    except PermissionError:
+        raise fault("permission-denied", path, "you may not read it.", "chmod +r FILE.") from None
+    except OSError as error:
+        raise fault("unreadable-file", path, f"cannot be read: {error.strerror}.") from None
+    if not data.strip():
+        raise fault("empty-file", path, "the file is empty.")
+    return data
+
+
+def decode(path: Path, data: bytes) -> tuple[str, list[str]]:
+    """The text, and what is to be noted about it. Raises `InputError` `binary-file`."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", "replace"), ["Decoded as UTF-16."]
+    if b"\0" in data or data[:4] in (b"PK\x03\x04", b"\x1f\x8b\x08\x00"):
+        sheet = data[:2] == b"PK" or data[:4] == b"\xd0\xcf\x11\xe0"  # new and old spreadsheets
+        mend = "export the sheet as CSV." if sheet else "export it as text."
+        raise fault("binary-file", path, "this is no text but binary data.", mend)
+    try:
+        return data.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        return data.decode("latin-1"), ["Decoded as Latin-1: it is not UTF-8."]
+
+
+def fault(code: str, path: Path, problem: str, fix: str = "") -> InputError:
+    """An error that concerns the whole file."""
+    return InputError(code, problem, place=str(path), fix=fix)

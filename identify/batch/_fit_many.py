@@ -1,0 +1,439 @@
+"""`fit_many`: many records, side by side on one machine, or spread over any executor."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor
+from dataclasses import fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+from uuid import uuid4
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import AbstractModel, InputError, Record
+
+from ..files._fit_folder import describe_model
+from ..fitting._fit import fit, require_double
+from ..fitting._verdict import USABLE
+from ..parameters._settings import numbers_of, with_settings
+from ..parametric._initial_guess import guess
+from ..results._fit_result import FitResult
+from ._executor import MakesExecutor, Unit, done_by
+from ._folder import (
+    Batch,
+    Folder,
+    Kept,
+    digest,
+    files_of,
+    held_in_memory,
+    parameter_cells,
+)
+from ._side_by_side import (
+    Problem,
+    Solved,
+    fit_alike,
+    kin,
+    result,
+    side_by_side,
+    statuses,
+    structure,
+    unfit,
+)
+
+Item = Record | tuple[Record, Record | None]
+"""A record, or one with the record it is judged on."""
+
+SIDE_BY_SIDE = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
+"""Names of models that `fit_many` fits by one compiled `vmap`."""
+
+_HOME = uuid4().hex
+"""Tells this process from others: what was fitted here need not travel."""
+
+
+@runtime_checkable
+class Named(Protocol):
+    """Records by name; read one after the other, so they may be made as they are asked for."""
+
+    def items(self) -> Iterable[tuple[str, Item | InputError]]:
+        """Name and record, or why there is none."""
+        ...
+
+
+def fit_many(
+    records: Named | Iterable[Item],
+    model: str | AbstractModel = "auto",
+    *,
+    names: Iterable[str] | None = None,
+    executor: Executor | MakesExecutor | None = None,
+    chunk: int | None = None,
+    starts: int = 32,
+    seed: int = 0,
+    conditioning: str = "keep",
+    clocks: str = "keep",
+    noise: str = "gaussian",
+    out: str | Path | None = None,
+    resume: bool = True,
+    progress: Callable[[str], None] | None = None,
+    function: Callable[..., FitResult] = fit,
+    extra: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> Batch:
+    """Fit one model to each of many records. One that cannot be fitted is named and stops nothing.
+
+    Records with the same number of rows and the same starts of their sequences are fitted side by side by
+    one compiled `vmap`, where the model is one of few parameters (`SIDE_BY_SIDE`, or a model without relays
+    to start from), nothing is held out, and `conditioning`, `clocks` and `noise` are as above. That gives
+    what `fit` gives with these options, to the solver's tolerance, but for what it leaves out: no parts of
+    a record are held out from its own fit, so `score` is NaN and `blocks` None. A fit is put together from
+    the arrays when it is asked for, its residuals and verdict with it.
+
+    With other options and models every record has a `fit` of its own, in turn or spread over the executor.
+
+    **Arguments:**
+
+    - `records`: by name, or in turn; a pair is a record to fit and one to judge on. `names`: of records
+      without; by default their numbers.
+    - `executor`: a `concurrent.futures.Executor`, of threads, of processes, or Dask's
+      `Client.get_executor()`; or a function that makes one, and makes it anew where a worker that died
+      broke it. Records and fits travel as plain arrays. None: all in this thread.
+    - `chunk`: how many records are fitted side by side; by default as many as 256 MB hold, 1024 at most.
+    - `out`: a folder. Each fit is saved below it as soon as it ends, batch.json and batch.csv list them,
+      and with `resume` what is there of the same data and settings is not done again.
+    - `progress`: called with a line of text now and then.
+    - `function`: what fits one record; another than `fit` is called with the record, `test` and `options`.
+    - `extra`: added to batch.json and to every fit.json.
+    - all others: as in `fit`.
+
+    Raises `InputError` where double precision is off, or `out` holds a batch with other settings.
+    """
+    require_double(bool(options.get("allow_float32", False)))
+    if function is fit:
+        own = {"conditioning": conditioning, "clocks": clocks, "noise": noise}
+        options |= own | {"starts": starts, "seed": seed, "model": model}
+    run = _Run(function, options, chunk, progress or (lambda _: None))
+    if out is not None:
+        run.folder = Folder(Path(out), run.settings(extra or {}), extra or {}, resume)
+    if isinstance(records, Named):
+        return run.over(records.items(), executor)
+    return run.over(zip(_names(names), records, strict=False), executor)
+
+
+def _names(names: Iterable[str] | None) -> Iterator[str]:
+    if names is not None:
+        yield from names
+        return
+    number = 0
+    while True:
+        yield str(number)
+        number += 1
+
+
+class _Run:
+    """One call of `fit_many`: records in, units of work out, fits back."""
+
+    folder: Folder | None = None
+
+    def __init__(
+        self,
+        function: Callable[..., FitResult],
+        options: dict[str, Any],
+        chunk: int | None,
+        say: Callable[[str], None],
+    ):
+        self.function, self.options, self.chunk, self.say = function, options, chunk, say
+        self.model = options.get("model")
+        self.batch, self.begin = Batch(), time.perf_counter()
+        self.digests: dict[str, str] = {}
+        self.order: list[str] = []
+        self.problems: dict[str, Problem] = {}
+        self.alone: list[tuple[str, Record]] = []
+
+    def settings(self, extra: Mapping[str, Any]) -> str:
+        """Digest of all that decides what a record's fit is."""
+        plain_options: dict[str, Any] = dict(self.options)
+        if isinstance(self.model, AbstractModel):
+            words, arrays = describe_model(self.model)
+            plain_options["model"] = [words, {k: v.tolist() for k, v in arrays.items()}]
+        return digest(self.function.__name__, plain_options, extra)
+
+    def over(
+        self,
+        items: Iterable[tuple[str, Item | InputError]],
+        executor: Executor | MakesExecutor | None,
+    ) -> Batch:
+        """Everything fitted."""
+        try:
+            for unit, outcome in done_by(self._units(items), executor):
+                self._take(unit, outcome)
+            # Of records side by side that failed together each is tried by itself.
+            alone = [self._alone(name, record, None) for name, record in self.alone]
+            for unit, outcome in done_by(alone, executor if alone else None):
+                self._take(unit, outcome)
+        finally:
+            batch = self._ordered()
+            if self.folder is not None:
+                self.folder.write(batch, time.perf_counter() - self.begin, finished=True)
+        return batch
+
+    def _ordered(self) -> Batch:
+        batch = self.batch
+        kept = {name: batch.kept[name] for name in self.order if name in batch.kept}
+        failed = {name: batch.failed[name] for name in self.order if name in batch.failed}
+        return replace(batch, kept=kept, failed=failed)
+
+    def _units(self, items: Iterable[tuple[str, Item | InputError]]) -> Iterator[Unit]:
+        groups: dict[Any, dict[str, Problem]] = {}
+        most: dict[Any, int] = {}
+        for name, item in items:
+            if name in self.digests:
+                item = InputError("two-of-a-name", f"{name} is the name of several records.")
+            self.order.append(name)
+            self.digests[name] = ""
+            if isinstance(item, InputError):
+                self._fail(name, item)
+                continue
+            train, test = item if isinstance(item, tuple) else (item, None)
+            try:
+                if self.folder is not None and (kept := self._held(name, train, test)) is not None:
+                    self.batch.kept[name] = kept
+                    self.batch.skipped.append(name)
+                    continue
+                problem = self._problem(train) if test is None else None
+            except InputError as error:
+                self._fail(name, error)
+                continue
+            if problem is None:
+                yield self._alone(name, train, test)
+                continue
+            key = kin(problem)
+            if key not in groups:
+                groups[key] = {}
+                most[key] = self.chunk or side_by_side(problem, self.options["starts"])
+            groups[key][name] = problem
+            if len(groups[key]) == most[key]:
+                yield from self._together(groups[key])
+                groups[key] = {}
+        for group in groups.values():
+            yield from self._together(group)
+
+    def _held(self, name: str, train: Record, test: Record | None) -> Kept | None:
+        data = [train.digest(), test and test.digest()]
+        assert self.folder is not None
+        self.digests[name] = digest(data, self.folder.settings)
+        return self.folder.held(name, self.digests[name])
+
+    @cached_property
+    def _template(self) -> tuple[AbstractModel, Any, Any] | None:
+        """The model to start from, where one was given."""
+        if not isinstance(self.model, AbstractModel):
+            return None
+        start, settings = with_settings(self.model, self.options.get("parameters") or {})
+        return start, settings, structure(start)
+
+    @cached_property
+    def _is_for_vmap(self) -> bool:
+        usual = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
+        known = {*usual, "starts", "seed", "model", "parameters", "allow_float32"}
+        if self.function is not fit or set(self.options) - known:
+            return False
+        if any(self.options[name] != value for name, value in usual.items()):
+            return False
+        if any("prior" in said for said in (self.options.get("parameters") or {}).values()):
+            return False
+        if isinstance(self.model, AbstractModel):
+            return not _has_relays(self.model) and bool(numbers_of(self.model))
+        return self.model in SIDE_BY_SIDE
+
+    def _problem(self, record: Record) -> Problem | None:
+        """What is fitted side by side; None for a record that needs a fit of its own."""
+        if not self._is_for_vmap or record.channels or not record.mask.any():
+            return None
+        u, y = record.input[record.mask], record.output[record.mask]
+        if u.min() == u.max() or y.min() == y.max():
+            return None  # `fit` says what is wrong
+        said = self.options.get("parameters") or {}
+        if self._template is None:
+            start = guess(str(self.model), record)
+            assert start is not None
+            start, settings = with_settings(start, said)
+            return Problem(record, start, False, settings, structure(start))
+        start, settings, shape = self._template
+        if record.time is None:
+            guess(type(start).__name__, record)  # says so where the model needs a clock
+        return Problem(record, start, not said, settings, shape)
+
+    def _alone(self, name: str, train: Record, test: Record | None) -> Unit:
+        arguments = (_HOME, self.function, _packed(self.options), train, test, _double())
+        return Unit((name,), _fit_alone, arguments)
+
+    def _together(self, group: dict[str, Problem]) -> Iterator[Unit]:
+        faults = unfit([*group.values()]) if group else {}
+        names = [*group]
+        for k, error in faults.items():
+            self._fail(names[k], error)
+        good = {name: group[name] for k, name in enumerate(names) if k not in faults}
+        if good:
+            self.problems |= good
+            arguments = (
+                _with_templates(good.values(), _packed),
+                self.options["starts"],
+                self.options["seed"],
+                _double(),
+            )
+            yield Unit(tuple(good), _fit_together, arguments)
+
+    def _take(self, unit: Unit, outcome: Any) -> None:
+        if isinstance(outcome, Solved):
+            problems = [self.problems.pop(name) for name in unit.names]
+            chunk = _Chunk(problems, outcome, self.options["seed"])
+            for k, name in enumerate(unit.names):
+                if np.isfinite(outcome.squares[k]):
+                    self._keep(name, chunk.kept(k))
+                else:
+                    self._fail(name, _no_start(self.options["starts"]))
+        elif isinstance(outcome, Exception) and unit.function is _fit_together:
+            self.say(f"side by side ended in {_explained(outcome)} Each by itself, then")
+            self.alone += [(name, self.problems.pop(name).record) for name in unit.names]
+        elif isinstance(outcome, Exception):
+            self._fail(unit.names[0], _explained(outcome))
+        elif isinstance(outcome, Fault):
+            self._fail(unit.names[0], InputError(*outcome[:2], **outcome.words))
+        else:
+            self._keep(unit.names[0], outcome)
+
+    def _keep(self, name: str, found: Kept | FitResult | dict[str, bytes]) -> None:
+        if self.folder is not None:
+            fitted = found.fit() if isinstance(found, Kept) else found
+            found = self.folder.put(name, fitted, self.digests[name])
+        self.batch.kept[name] = found if isinstance(found, Kept) else held_in_memory(found)
+        self._went(name, "")
+
+    def _fail(self, name: str, error: InputError) -> None:
+        self.batch.failed[name] = error
+        self._went(name, f": not fitted. {error}")
+
+    def _went(self, name: str, what: str) -> None:
+        done = len(self.batch.kept) + len(self.batch.failed)
+        self.say(f"{done}: {name}{what}")
+        if self.folder is not None:
+            self.folder.write(self.batch, time.perf_counter() - self.begin, finished=False)
+
+
+class Fault(NamedTuple):
+    """An `InputError` as it travels between processes."""
+
+    code: str
+    problem: str
+    words: dict[str, str]
+
+
+def _fit_alone(
+    home: str,
+    function: Callable[..., FitResult],
+    options: dict[str, Any],
+    train: Record,
+    test: Record | None,
+    double: bool,
+) -> FitResult | dict[str, bytes] | Fault:
+    """A fit; from another process its files."""
+    _use(double)
+    try:
+        found = function(train, test=test, **_unpacked(options))
+    except InputError as error:
+        words = {"place": error.place, "cause": error.cause, "fix": error.fix}
+        return Fault(error.code, error.problem, words)
+    return found if home == _HOME else files_of(found)
+
+
+def _fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:
+    _use(double)
+    return fit_alike(_with_templates(problems, _unpacked), starts, seed)
+
+
+class _Chunk:
+    """Fits side by side."""
+
+    def __init__(self, problems: list[Problem], solved: Solved, seed: int):
+        self.problems, self.solved, self.seed = problems, solved, seed
+
+    def kept(self, k: int) -> Kept:
+        return Kept(
+            lambda: self.row(k), lambda: result(self.problems[k], self.solved, k, self.seed)
+        )
+
+    @cached_property
+    def told(self) -> tuple[np.ndarray, np.ndarray]:
+        return statuses(self.problems[0].bounds, self.solved)
+
+    def row(self, k: int) -> dict[str, Any]:
+        solved, problem = self.solved, self.problems[k]
+        y = problem.record.output[problem.record.mask]
+        rmse = float(np.sqrt(solved.squares[k] / solved.rows[k]))
+        nrmse = 100 * rmse / float(np.ptp(y)) if np.ptp(y) > 0 else float("nan")
+        good = bool(solved.converged[k]) and nrmse <= USABLE and rmse < float(np.std(y))
+        row = {
+            "model": type(problem.template).__name__, "trusted": good, "rmse": rmse,
+            "nrmse_percent": nrmse, "sigma": solved.sigma(k), "correlation_time": 1.0,
+        }  # fmt: skip
+        errors, status = self.told
+        for j, name in enumerate(problem.bounds.names):
+            honest = float(errors[k, j]) if status[k, j] == "free" else None
+            row |= parameter_cells(name, float(solved.values[k, j]), honest, str(status[k, j]))
+        return row
+
+
+def _no_start(starts: int) -> InputError:
+    return InputError(
+        "no-finite-start",
+        f"from no start, {starts} of them about the one given, has the model a finite output.",
+        fix="give a model to start from whose output is finite over the record.",
+    )
+
+
+def _explained(error: Exception) -> InputError:
+    if isinstance(error, InputError):
+        return error
+    said = " ".join(str(error).split())[:200]
+    return InputError(
+        "fit-broke", f"its fit ended in {type(error).__name__}: {said}", cause="a fault of ours."
+    )
+
+
+def _has_relays(model: Any) -> bool:
+    """Whether a model remembers turning points: what it prepares has a size of its own for each record."""
+    if type(model).__module__.startswith("hysteresis.preisach"):
+        return True
+    values = [getattr(model, f.name) for f in fields(model)]
+    parts = [p for v in values for p in (v if isinstance(v, tuple) else (v,))]
+    return any(_has_relays(part) for part in parts if isinstance(part, eqx.Module))
+
+
+def _double() -> bool:
+    return bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+
+
+def _use(double: bool) -> None:
+    """Compute as precisely as the process that asked."""
+    if _double() != double:
+        jax.config.update("jax_enable_x64", double)
+
+
+def _with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> list[Problem]:
+    """Problems with other templates, those that share one still sharing it, and nothing beside that cannot
+    be pickled."""
+    problems = list(problems)
+    new = {id(t): made(t) for t in {id(p.template): p.template for p in problems}.values()}
+    return [p._replace(template=new[id(p.template)], structure=None) for p in problems]
+
+
+def _packed(tree: Any) -> Any:
+    """JAX's arrays as NumPy's: read in single precision by a process that has not been told yet."""
+    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree)
+
+
+def _unpacked(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, tree)

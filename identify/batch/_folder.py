@@ -1,0 +1,217 @@
+"""What many fits give back, and the folder they are kept in."""
+
+import csv
+import hashlib
+import io
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from hysteresis import InputError
+
+from ..files._fit_folder import check_free, load, plain, read_json, save, summary, write_json
+from ..results._fit_result import FitResult
+
+SCHEMA = 1
+EVERY = 3.0
+"""Seconds between two writings of batch.json and batch.csv."""
+
+
+class Kept(NamedTuple):
+    """One fit: its row of the table, and the fit itself, made or read when asked for."""
+
+    row: Callable[[], dict[str, Any]]
+    fit: Callable[[], FitResult]
+
+
+class Fits(Mapping[str, FitResult]):
+    """Fits by name. Each is put together, or read from its folder, when it is asked for."""
+
+    def __init__(self, kept: Mapping[str, Kept]):
+        self._kept = kept
+
+    def __getitem__(self, name: str) -> FitResult:
+        return self._kept[name].fit()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kept)
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Fits of many records; iterates over (name, fit).
+
+    - `failed`: why the others were not fitted, by name.
+    - `skipped`: names of those that an earlier call had fitted already.
+    """
+
+    kept: dict[str, Kept] = field(default_factory=dict, repr=False)
+    failed: dict[str, InputError] = field(default_factory=dict)
+    skipped: list[str] = field(default_factory=list)
+
+    @property
+    def fits(self) -> Fits:
+        """The fits by name."""
+        return Fits(self.kept)
+
+    def __iter__(self) -> Iterator[tuple[str, FitResult]]:
+        return iter(self.fits.items())
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row of plain data for each fit, then one for each failure: name, model, trusted, errors on the
+        training and the test rows, noise, every parameter with its error and status; or what went wrong."""
+        rows = [{"name": name, **kept.row()} for name, kept in self.kept.items()]
+        return rows + [{"name": name, "error": str(e)} for name, e in self.failed.items()]
+
+
+def row_of(fit: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of the table, from `summary` of a fit or from fit.json."""
+    test = fit["metrics"]["test"] or {}
+    row = {
+        "model": fit["model"], "trusted": fit["trusted"], "verdict": fit["verdict"]["level"],
+        "rmse": fit["metrics"]["train"]["rmse"],
+        "nrmse_percent": fit["metrics"]["train"]["nrmse_percent"],
+        "test_nrmse_percent": test.get("nrmse_percent"),
+        "sigma": fit["noise"]["sigma"], "correlation_time": fit["noise"]["correlation_time"],
+    }  # fmt: skip
+    for p in fit["parameters"]:
+        row |= parameter_cells(p["name"], p["value"], p["stderr"], p["status"])
+    return row
+
+
+def parameter_cells(name: str, value: Any, stderr: Any, status: str) -> dict[str, Any]:
+    """What a row says of one parameter."""
+    return {name: value, f"{name} stderr": stderr, f"{name} status": status}
+
+
+def digest(*parts: Any) -> str:
+    """SHA-256 of plain data."""
+    return hashlib.sha256(json.dumps(plain(parts), sort_keys=True).encode()).hexdigest()
+
+
+class Folder:
+    """Where a batch is kept: a folder for each fit, and batch.json and batch.csv beside them.
+
+    Everything is written whole or not at all, so a batch that was killed goes on where it stopped.
+
+    Raises `InputError` where the folder holds a batch with other settings, unless it may be written over.
+    """
+
+    def __init__(self, place: Path, settings: str, extra: Mapping[str, Any], resume: bool):
+        self.place, self.settings, self.extra, self.resume = place, settings, extra, resume
+        self._written, self._took = time.monotonic(), 0.0
+        check_free(place, overwrite=False)
+        place.mkdir(parents=True, exist_ok=True)
+        file = place / "batch.json"
+        if resume and file.exists() and read_json(file).get("settings") != settings:
+            raise InputError(
+                "other-settings",
+                "results of a batch with another configuration are there, and were left as they are.",
+                place=str(place),
+                fix="name another folder (--out DIR), or do all of it anew (--no-resume).",
+            )
+
+    def held(self, name: str, digest: str) -> Kept | None:
+        """The fit of the same data with the same settings, where it is there already.
+
+        Raises `InputError` for a name that leads elsewhere, and for a fit that is no part of a batch.
+        """
+        parts = PurePosixPath(name).parts
+        if not parts or ".." in parts or name.startswith(("/", ".")) or "\\" in name:
+            raise InputError("bad-name", f"{name!r} is no name of a folder.")
+        folder = self.place / name
+        if not self.resume or not (folder / "fit.json").is_file():
+            return None
+        document = read_json(folder / "fit.json")
+        if "batch" not in document:
+            check_free(folder, overwrite=False)
+        if document["batch"] != {"digest": digest}:
+            return None
+        return Kept(lambda: row_of(document), lambda: load(folder))
+
+    def put(self, name: str, fit: FitResult | Mapping[str, bytes], digest: str) -> Kept:
+        """Write a fit, or the files of one, to its folder."""
+        folder = self.place / name
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        new = Path(tempfile.mkdtemp(prefix=".new-", dir=self.place))
+        try:
+            if isinstance(fit, FitResult):
+                save(fit, new, extra={**self.extra, "batch": {"digest": digest}})
+            else:
+                write_files(fit, new)
+                document = read_json(new / "fit.json")
+                write_json(new / "fit.json", document | {**self.extra, "batch": {"digest": digest}})
+            row = row_of(read_json(new / "fit.json"))
+            new.chmod(0o755)  # mkdtemp's is for nobody else
+            shutil.rmtree(folder, ignore_errors=True)
+            os.replace(new, folder)
+        finally:
+            shutil.rmtree(new, ignore_errors=True)
+        return Kept(lambda: row, lambda: load(folder))
+
+    def write(self, batch: Batch, seconds: float, finished: bool) -> None:
+        """batch.json and batch.csv, now and then on the way and at the end."""
+        # A table of many rows takes long to write: no more than a tenth of the time.
+        if not finished and time.monotonic() < self._written + max(EVERY, 10 * self._took):
+            return
+        begin, rows = time.monotonic(), batch.table()
+        document = {
+            "schema": SCHEMA, "settings": self.settings, "finished": finished,
+            "fitted": len(batch), "skipped": len(batch.skipped),
+            "failed": {name: str(error) for name, error in batch.failed.items()},
+            "seconds": round(seconds, 3), **self.extra, "fits": rows[: len(batch)],
+        }  # fmt: skip
+        write_json(self.place / "batch.json", document)
+        new = self.place / "batch.csv.new"
+        new.write_text(csv_of(rows), "utf-8", newline="")
+        os.replace(new, self.place / "batch.csv")
+        self._written = time.monotonic()
+        self._took = self._written - begin
+
+
+def csv_of(rows: list[dict[str, Any]]) -> str:
+    """A table with all columns that any row has."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns, restval="")
+    writer.writeheader()
+    writer.writerows({k: "" if v is None else v for k, v in plain(row).items()} for row in rows)
+    return text.getvalue()
+
+
+def files_of(fit: FitResult) -> dict[str, bytes]:
+    """A saved fit as its files: how it travels between processes, without a pickle of JAX's arrays."""
+    with tempfile.TemporaryDirectory() as folder:
+        save(fit, folder)
+        return {file.name: file.read_bytes() for file in Path(folder).iterdir()}
+
+
+def write_files(files: Mapping[str, bytes], folder: Path) -> None:
+    """The files of a saved fit into a folder."""
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+
+
+def held_in_memory(fit: FitResult | Mapping[str, bytes]) -> Kept:
+    """A fit without a folder of its own."""
+    if isinstance(fit, FitResult):
+        return Kept(lambda: row_of(plain(summary(fit))), lambda: fit)
+
+    def opened() -> FitResult:
+        with tempfile.TemporaryDirectory() as folder:
+            write_files(fit, Path(folder))
+            return load(folder)
+
+    return Kept(lambda: row_of(json.loads(fit["fit.json"])), opened)

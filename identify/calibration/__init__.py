@@ -1,0 +1,1 @@
+"""Calibration of any residual system, and optimal experimental design."""

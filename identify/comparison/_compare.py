@@ -1,0 +1,343 @@
+"""Which of several models of the same data predicts best, and whether the data can tell."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from hysteresis import InputError, Record, extended
+
+from ..files._fit_folder import read_document, summary
+from ..posterior._posterior import Posterior
+from ..records._folds import block_errors
+from ..results._fit_result import FitResult, predict
+from ._gaussian_estimate import Fitted, opened
+from ._information_criteria import criteria, is_coloured, leave_one_out, log_evidence
+from ._psis_loo import RELIABLE, Loo
+
+
+class Compared(NamedTuple):
+    """A model with the figures it is compared by; None where one is not to be had.
+
+    - `held_out`, `test`: NRMSE in per cent on held-out blocks of the training part, and on the test record.
+    - `numbers`: how many were fitted, the noise's not counted; None for weights held together by a prior,
+      which AIC and BIC do not count either.
+    - `aic`, `bic`, `log_evidence`, `loo`: see `compare`.
+    - `blocks`, `test_blocks`: mean squared errors of blocks of consecutive rows, in squares of a per cent.
+    """
+
+    name: str
+    model: str
+    held_out: float | None
+    test: float | None
+    numbers: int | None
+    aic: float | None = None
+    bic: float | None = None
+    log_evidence: float | None = None
+    loo: Loo | None = None
+    blocks: Float[np.ndarray, " blocks"] | None = None
+    test_blocks: Float[np.ndarray, " blocks"] | None = None
+
+
+class Difference(NamedTuple):
+    """By how much the error of one model is less than another's, in per cent of the range, and the standard
+    error of that, paired over `blocks`."""
+
+    value: float
+    error: float
+    blocks: int
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is beyond chance: Student's t at 95 %."""
+        return abs(self.value) > float(scipy.stats.t.ppf(0.975, self.blocks - 1)) * self.error
+
+
+class Pair(NamedTuple):
+    """One model against another: `held_out` and `test` are positive where `one` predicts better; `elpd`
+    is the difference of leave-one-out log densities with its standard error, likewise."""
+
+    one: str
+    other: str
+    held_out: Difference | None
+    test: Difference | None
+    elpd: tuple[float, float] | None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What can be said of the two, in sentences."""
+        known = {"held-out": self.held_out, "test": self.test}
+        said = [self._sentence(rows, d) for rows, d in known.items() if d is not None]
+        if self.elpd is not None:
+            value, error = self.elpd
+            said.append(
+                f"Leave-one-out: {abs(value):.3g} ± {error:.2g} in log density for"
+                f" {self.one if value > 0 else self.other}."
+            )
+        return tuple(said) or (f"{self.one} and {self.other}: no blocks to pair.",)
+
+    def _sentence(self, rows: str, found: Difference) -> str:
+        if not found.clear:
+            size = f"{found.value:+.2g} ± {found.error:.1g} %"
+            return f"{self.one} and {self.other} cannot be told apart on {rows} rows ({size})."
+        first, second = (self.one, self.other) if found.value > 0 else (self.other, self.one)
+        size = f"{abs(found.value):.2g} ± {found.error:.1g} %"
+        return f"{first} predicts {rows} rows better than {second} by {size} of the range."
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Models ranked by how well they predict rows they were not fitted to, best first.
+
+    - `ranked_on`: "held-out" blocks of the training part, or the "test" record.
+    - `notes`: what to mind.
+    """
+
+    models: tuple[Compared, ...]
+    ranked_on: str
+    notes: tuple[str, ...]
+
+    @property
+    def best(self) -> str:
+        """Name of the first."""
+        return self.models[0].name
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """The best against every other."""
+        return tuple(self.pair(self.best, other.name) for other in self.models[1:])
+
+    def pair(self, one: str, other: str) -> Pair:
+        """Any two; the other way round all signs change."""
+        known = {model.name: model for model in self.models}
+        a, b = known[one], known[other]
+        elpd = None
+        if a.loo is not None and b.loo is not None:
+            d = a.loo.pointwise - b.loo.pointwise
+            elpd = float(d.sum()), float(np.sqrt(len(d)) * d.std())
+        held_out, test = _paired(a.blocks, b.blocks), _paired(a.test_blocks, b.test_blocks)
+        return Pair(one, other, held_out, test, elpd)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What was found, in sentences."""
+        return (*(said for pair in self.pairs for said in pair.words), *self.notes)
+
+
+def compare(
+    fits: Mapping[str, Fitted] | Sequence[Fitted],
+    *,
+    posteriors: Sequence[Posterior | None] | None = None,
+) -> Comparison:
+    """Rank fits of the same data by their error on rows that were held out from them.
+
+    What counts is the error on blocks of consecutive rows, never on random rows, which their neighbours
+    would tell. A difference is paired over the blocks: with e_k the mean squared error of block k in
+    squares of the output's range and m its mean,
+
+        difference = 100 (sqrt m_B - sqrt m_A),
+        error      = 100 sd_k(e_k,B / (2 sqrt m_B) - e_k,A / (2 sqrt m_A)) / sqrt(blocks).
+
+    Beside it, where the fits count the same training rows, and as far as they can be had:
+
+    - `criteria`, with one number of rows for all: rows / correlation time of the best model's residuals.
+    - `log_evidence`, of parametric fits with a noise model; a statement about their priors too.
+    - `leave_one_out`, where a posterior is given; not for coloured residuals, which the notes say.
+
+    **Arguments:**
+
+    - `fits`: fits or their folders, by name or in a row; of either orientation, of one output.
+    - `posteriors`: of each fit, or None; by default those in the folders.
+
+    Raises `InputError` for fits of other data or of another output (`other-data`), and for fits that held
+    out other rows and share no test record (`other-held-out`).
+    """
+    named = fits if isinstance(fits, Mapping) else dict(zip(_names(fits), fits, strict=True))
+    loaded, found = opened([*named.values()], posteriors)
+    by_name = dict(zip(named, loaded, strict=True))
+    _check_same_data(by_name)
+    same_train = _alike([_counted(fit.train, fit.train.mask) for fit in loaded])
+    tests = [fit.test and _counted(fit.test, fit.test.mask) for fit in loaded]
+    same_test = None not in tests and _alike(tests)
+    models = [compared(name, summary(fit)) for name, fit in by_name.items()]
+    notes = []
+    if same_test:
+        pairs = zip(models, loaded, strict=True)
+        models = [model._replace(test_blocks=_test_blocks(fit)) for model, fit in pairs]
+    if not same_train:
+        notes.append("They held out other training rows, so only the test record compares them.")
+        models = [model._replace(held_out=None, blocks=None) for model in models]
+    models, ranked_on = _ranked(models, same_test)
+    if not _alike([_counted(fit.train, fit.internals["used"]) for fit in loaded]):
+        notes.append("Fitted to other training rows: criteria and evidence say nothing.")
+        return Comparison(tuple(models), ranked_on, tuple(notes))
+    models = with_criteria(models, {name: summary(fit) for name, fit in by_name.items()})
+    drawn = dict(zip(named, found, strict=True))
+    for k, model in enumerate(models):
+        fit, posterior = by_name[model.name], drawn[model.name]
+        left = None if posterior is None else leave_one_out(fit, posterior)
+        models[k] = model._replace(log_evidence=log_evidence(fit), loo=left)
+        notes += [f"{model.name}: {said}" for said in _doubts(fit, left)]
+    if sum(model.log_evidence is not None for model in models) > 1:
+        notes.append("The evidence weighs the priors too: with wider ones it is less.")
+    return Comparison(tuple(models), ranked_on, tuple(notes))
+
+
+def compare_candidates(folder: str | Path) -> Comparison:
+    """The candidates of one fit, from the figures that its folder keeps.
+
+    Raises `InputError` where it tried one model alone, or nothing was held out (a step).
+    """
+    document = read_document(folder)
+    tried = {candidate["model"]: candidate for candidate in document["candidates"]}
+    if len(tried) < 2:
+        raise InputError(
+            "too-few-fits",
+            "one model was tried here, so there is nothing to compare it with.",
+            place=str(folder),
+            fix="name a second folder, or fit several models (--model NAME,NAME).",
+        )
+    models = [compared(name, candidate) for name, candidate in tried.items()]
+    notes = [
+        "Of candidates the figures alone are kept: no test rows paired, no evidence, no posterior."
+    ]
+    if all(model.blocks is None for model in models):
+        notes.append("Held-out blocks were not kept: fit again for standard errors.")
+    models, ranked_on = _ranked(models, all(model.test is not None for model in models))
+    if _alike([candidate["noise"]["samples"] for candidate in tried.values()]):
+        models = with_criteria(models, tried)
+    return Comparison(tuple(models), ranked_on, tuple(notes))
+
+
+def compared(name: str, figures: dict[str, Any]) -> Compared:
+    """A model with what `summary` says of it."""
+    test, blocks, score = (
+        figures["metrics"]["test"],
+        figures.get("blocks"),
+        figures["score_percent"],
+    )
+    if blocks is not None:
+        squares = np.array(blocks)
+        blocks = squares * (score**2 / (squares.mean() or 1.0))
+    return Compared(
+        name,
+        figures["model"],
+        score if blocks is not None else None,
+        None if test is None else test["nrmse_percent"],
+        figures.get("numbers"),
+        blocks=blocks,
+    )
+
+
+def with_criteria(
+    models: Sequence[Compared], figures: Mapping[str, dict[str, Any]]
+) -> list[Compared]:
+    """AIC and BIC of each, with the rows that the first one's residuals are worth."""
+    first = figures[models[0].name]["noise"]
+    rows = first["samples"] / first["correlation_time"]
+    found = []
+    for model in models:
+        rmse = figures[model.name]["metrics"]["train"]["rmse"]
+        if model.numbers is not None and rmse > 0:
+            model = model._replace(**criteria(rmse, model.numbers, rows)._asdict())
+        found.append(model)
+    return found
+
+
+def _doubts(fit: FitResult, left: Loo | None) -> list[str]:
+    """What stands against believing a leave-one-out."""
+    if left is None:
+        return []
+    said = []
+    if is_coloured(fit):
+        said.append(
+            f"leave-one-out is not for coloured residuals (correlated over"
+            f" {fit.noise.correlation_time:.0f} rows): neighbours tell the row left out."
+        )
+    if left.unreliable:
+        said.append(
+            f"{left.unreliable} of {len(left.k)} rows have a Pareto k above {RELIABLE}:"
+            " leave-one-out is not to be believed there."
+        )
+    return said
+
+
+def _ranked(models: list[Compared], same_test: bool) -> tuple[list[Compared], str]:
+    """Best first, by held-out blocks where every model has them, else by the test record."""
+    lengths = {None if model.blocks is None else len(model.blocks) for model in models}
+    if len(lengths) == 1 and None not in lengths:
+        return sorted(models, key=lambda model: model.held_out or 0.0), "held-out"
+    if same_test:
+        return sorted(models, key=lambda model: model.test or 0.0), "test"
+    raise InputError(
+        "other-held-out",
+        "the fits were held out from in different ways, or not at all, and share no test record.",
+        cause="one left first cycles out or had a test part that another did not.",
+        fix="fit with the same --test-cycles, --test-tail or --test-where.",
+    )
+
+
+def _paired(one: np.ndarray | None, other: np.ndarray | None) -> Difference | None:
+    """Of the roots of two means of paired blocks; its error to first order."""
+    if one is None or other is None or len(one) != len(other) or len(one) < 2:
+        return None
+    roots = [max(float(np.sqrt(blocks.mean())), 1e-300) for blocks in (one, other)]
+    each = other / (2 * roots[1]) - one / (2 * roots[0])
+    error = float(each.std(ddof=1) / np.sqrt(len(each)))
+    return Difference(roots[1] - roots[0], error, len(each))
+
+
+def _test_blocks(fit: FitResult) -> np.ndarray:
+    """Squared errors on the test record, which is kept as the model saw it, in ten blocks."""
+    record = fit.test
+    assert record is not None
+    model = extended(fit.model, float(np.nanmin(record.input)), float(np.nanmax(record.input)))
+    error = (predict(model, record) - record.output)[record.mask]
+    span = float(np.ptp(record.output[record.mask])) or 1.0
+    return 1e4 * np.array(block_errors(error)) / span**2
+
+
+def _counted(record: Record, rows: np.ndarray) -> tuple[str, bytes]:
+    """Which measurements these rows of a record are."""
+    return _measured(record), record.line[rows].tobytes()
+
+
+def _measured(record: Record) -> str:
+    """Checksum of a record's file, of arrays that of the output."""
+    return record.sha256 or hashlib.sha256(record.output.tobytes()).hexdigest()
+
+
+def _alike(items: Sequence[Any]) -> bool:
+    return all(item == items[0] for item in items)
+
+
+def _check_same_data(fits: Mapping[str, FitResult]) -> None:
+    """Raise `InputError` where two fits are of other files, other rows of a file, or other outputs."""
+    (first, fit), *others = fits.items()
+    for name, other in others:
+        one, two = fit.train, other.train
+        if (one.output_name, one.output_unit) != (two.output_name, two.output_unit):
+            what = f"{first} predicts {one.output_name}, {name} {two.output_name}"
+        elif _counted(one, one.line > 0) != _counted(two, two.line > 0):
+            said = [f"{(r.line > 0).sum()} rows of {r.source or 'arrays'}" for r in (one, two)]
+            what = f"{first} was fitted to {said[0]}, {name} to {said[1]}"
+        else:
+            continue
+        raise InputError(
+            "other-data",
+            f"{what}: their errors do not compare.",
+            fix="fit both to the same rows; of one model on different data, see what changed (--change).",
+        )
+
+
+def _names(fits: Sequence[Fitted]) -> list[str]:
+    """Folders by their names, fits by their models', numbered where two are alike."""
+    plain = [fit.name if isinstance(fit, FitResult) else Path(fit).name for fit in fits]
+    if len(set(plain)) < len(plain):
+        plain = [f.name if isinstance(f, FitResult) else str(f) for f in fits]
+    return [f"{n} ({k})" if plain.count(n) > 1 else n for k, n in enumerate(plain, 1)]

@@ -1,0 +1,145 @@
+"""Where a fit is wrong: its residuals by branch, cycle, rate and input."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from hysteresis import Record
+
+from ..noise._residual_statistics import estimate_noise
+from ..results._fit_result import FitResult, predict
+from ._whiteness import has_one_speed, speed
+
+Kind = Literal["branch", "cycle", "rate", "input"]
+KINDS: tuple[Kind, ...] = ("branch", "cycle", "rate", "input")
+RANGES = 5
+"""Bins of the input; of the rate one fewer."""
+
+MUCH = 1.5
+"""An rms error so many times that of all rows is told even where it may be chance."""
+
+
+class Part(NamedTuple):
+    """Some of the rows: their number, the root and mean of their residuals, and what they add to the whole.
+
+    - `share`: of the sum of squares; those of one kind add up to 1.
+    - `excess`: mean square over that of all rows, less 1, in deviations of what chance would make it.
+    """
+
+    kind: Kind
+    name: str
+    rows: int
+    rmse: float
+    bias: float
+    share: float
+    excess: float
+
+
+class Breakdown(NamedTuple):
+    """Residuals of a record in parts; `said`: where it is worst, in words."""
+
+    parts: tuple[Part, ...]
+    said: str
+
+    def of(self, kind: Kind) -> tuple[Part, ...]:
+        """The parts of one kind."""
+        return tuple(part for part in self.parts if part.kind == kind)
+
+
+def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
+    """Residuals, predicted - measured, by branch, cycle, rate and input.
+
+    Branches rise, fall, or rest: less than a thousandth of the fastest change. Cycles are sequences where
+    there are several. Rates are quantiles of the speed of the rows that move, where there is more than one
+    speed; inputs are equal parts of the range.
+
+    **Arguments:** `record`, as the model sees it, `fit.test` for instance; the fitted rows unless given.
+    """
+    if record is None:
+        record, used = fit.train, fit.internals["used"]
+        residuals = fit.residuals
+    else:
+        used = record.mask
+        residuals = predict(fit.model, record) - record.output
+    r = residuals[used]
+    sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
+    time = estimate_noise(sequences).correlation_time
+    parts = tuple(
+        _part(kind, name, r[inside], r, time)
+        for kind, names, which in _cuts(record, used)
+        for k, name in enumerate(names)
+        if (inside := which == k).any()
+    )
+    return Breakdown(parts, _in_words(parts, record))
+
+
+def _cuts(record: Record, used: np.ndarray) -> Iterator[tuple[Kind, list[str], np.ndarray]]:
+    """Of each kind the names of its parts, and the number of the part of each used row."""
+    v, u = speed(record)[used], record.input[used]
+    fastest = float(np.abs(v).max(initial=0.0))
+    moves = np.abs(v) > 1e-3 * fastest
+    yield "branch", ["rising", "falling", "rest"], np.where(moves, np.where(v > 0, 0, 1), 2)
+    if len(record.labels) > 1:
+        lengths = np.diff([*record.starts, len(record)])
+        yield "cycle", [*record.labels], np.repeat(np.arange(len(lengths)), lengths)[used]
+    else:
+        numbers, which = np.unique(record.cycle[used], return_inverse=True)
+        yield "cycle", [f"cycle {n}" if n else "outside cycles" for n in numbers], which
+    if not has_one_speed(v):
+        unit = _per(record.input_unit, record.time_unit if record.time is not None else "row")
+        edges = [float(x) for x in np.quantile(np.abs(v[moves]), np.linspace(0, 1, RANGES))]
+        # Rates that hardly differ are one: 1 to 1.01 says nothing.
+        apart = [edges[0]]
+        apart += [edge for edge in edges[1:-1] if edge > 1.3 * apart[-1]]
+        names, which = _bins(np.abs(v), np.array([*apart, edges[-1]]), unit)
+        yield "rate", [*names, "rest"], np.where(moves, which, len(names))
+    unit = record.input_unit if record.input_unit != "1" else ""
+    yield "input", *_bins(u, np.linspace(u.min(), u.max(), RANGES + 1), unit)
+
+
+def _bins(x: np.ndarray, edges: np.ndarray, unit: str) -> tuple[list[str], np.ndarray]:
+    which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    return [f"{a:.3g} to {b:.3g} {unit}".rstrip() for a, b in pairwise(edges)], which
+
+
+def _per(unit: str, time: str) -> str:
+    return f"{unit}/{'time' if time == '1' else time}"
+
+
+def _part(
+    kind: Kind, name: str, inside: Float[np.ndarray, " _"], all_: np.ndarray, time: float
+) -> Part:
+    whole = float(np.mean(all_**2)) or 1.0
+    square = float(np.mean(inside**2))
+    # The mean of m squares of Gaussian residuals has the relative deviation sqrt(2 / m).
+    chance = np.sqrt(2 * max(time, 1.0) / len(inside))
+    share = float(np.sum(inside**2)) / (whole * len(all_))
+    return Part(kind, name, len(inside), float(np.sqrt(square)), float(inside.mean()), share,
+                float((square / whole - 1) / chance))  # fmt: skip
+
+
+def _in_words(parts: tuple[Part, ...], record: Record) -> str:
+    worst = max(parts, key=lambda part: part.excess)
+    rows = sum(part.rows for part in parts if part.kind == worst.kind)
+    whole = sum(part.rmse**2 * part.rows for part in parts if part.kind == worst.kind) / rows
+    # One family of parts in a hundred has one so far off by chance.
+    clear = worst.excess > scipy.stats.norm.ppf(0.99 ** (1 / len(parts)))
+    if not clear and worst.rmse < MUCH * np.sqrt(whole):
+        return "The error is spread evenly over branches, cycles, rates and inputs."
+    name = {"rate": f"rates of {worst.name}", "input": f"inputs of {worst.name}"}.get(
+        worst.kind, f"sequence {worst.name}" if len(record.labels) > 1 and worst.kind == "cycle"
+        else worst.name,
+    )  # fmt: skip
+    unit = "" if record.output_unit == "1" else f" {record.output_unit}"
+    leans = ""
+    if abs(worst.bias) > 0.5 * worst.rmse:
+        leans = f", the model {'above' if worst.bias > 0 else 'below'} the reading there"
+    return (
+        f"Worst at {name}: rms {worst.rmse:.3g}{unit}, {worst.rmse / np.sqrt(whole):.1f} times that of all"
+        f" rows; {100 * worst.share:.0f} % of the squared error in {100 * worst.rows / rows:.0f} % of the"
+        f" rows{leans}{'' if clear else '; that may be chance'}."
+    )

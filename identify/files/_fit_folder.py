@@ -1,0 +1,382 @@
+"""A fit in a folder: JSON and plain arrays, nothing that can run.
+
+fit.json     for people and scripts: model, parameters, metrics, candidates, verdict, data
+model.npz    arrays of the model      data.npz   the training and the test record
+fit.npz      residuals, starts, and the normal equations of a grid fit
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError, Record
+
+from ..comparison._information_criteria import numbers
+from ..linear._composition import Composition
+from ..linear._composition_fit import CompositionFit
+from ..linear._preisach_fit import LinearFit
+from ..linear._preisach_unknowns import Unknowns
+from ..noise._model import NoiseModel
+from ..noise._reml import PARTS
+from ..noise._residual_statistics import Noise
+from ..parameters._settings import from_words, in_words
+from ..parametric._multistart import Starts
+from ..records._clocks import Clocks
+from ..results._fit_result import FitResult, Parameter, Verdict
+from ..results._metrics import Metrics
+from ..storage._model import describe_model, rebuild_model
+from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
+
+SCHEMA = 1
+_RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
+
+
+def save(
+    fit: FitResult,
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+    extra: dict[str, Any] | None = None,
+) -> Path:
+    """Write a fit to a folder, which is made; a folder with results in it only with `overwrite`.
+
+    `extra` is added to fit.json. A posterior or report of an earlier fit is removed.
+
+    Raises `InputError` where results are there already or the folder cannot be written.
+    """
+    folder = Path(folder)
+    check_free(folder, overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
+    posterior = ("posterior.json", "posterior.nc", "posterior_models.npz")
+    for old in (*posterior, "chains.h5", "chains.previous.h5", "report.html"):
+        (folder / old).unlink(missing_ok=True)
+    structure, arrays = describe_model(fit.model)
+    channels: dict[str, Any] = {}
+    if fit.channels is not None:
+        channels["channels"], more = describe_model(fit.channels, "channels.")
+        arrays |= more
+    _write_arrays(folder / "model.npz", arrays)
+    records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
+    _write_arrays(
+        folder / "data.npz",
+        {
+            f"{part}_{name}": value
+            for part, record in records.items()
+            for name in _RECORD_ARRAYS
+            if (value := getattr(record, name)) is not None
+        },
+    )
+    _write_arrays(folder / "fit.npz", _fit_arrays(fit))
+    document = (
+        to_json(fit)
+        | channels
+        | {
+            "structure": structure,
+            "records": {part: _record_words(record) for part, record in records.items()},
+            "files": {
+                name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
+                for name in ("model.npz", "data.npz", "fit.npz")
+            },
+        }
+    )
+    if "composition" in fit.internals:
+        document["composition"] = fit.internals["composition"].meaning._asdict()
+    if "linear" in fit.internals:
+        document["unknowns"] = fit.internals["linear"].meaning.words()
+    if "spectrum" in fit.internals:
+        document["spectrum"] = spectrum_words(fit.internals["spectrum"])
+    write_json(folder / "fit.json", document | (extra or {}))
+    return folder
+
+
+def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> None:
+    """Raise `InputError` where `folder` holds the results `name` and they may not be written over."""
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
+    if (folder / name).exists() and not overwrite:
+        raise InputError(
+            "would-overwrite",
+            "results are there already, and were left as they are.",
+            place=str(folder),
+            fix="name another folder (--out DIR), or write over them (--overwrite).",
+        )
+
+
+def load(folder: str | Path) -> FitResult:
+    """A fit from the folder `save` wrote. Candidates come back with their figures only.
+
+    Raises `InputError` for a missing or damaged file, a changed checksum, a newer schema, an
+    unknown model; nothing in the folder is executed.
+    """
+    folder = Path(folder)
+    document = read_document(folder)
+    if "folders" in document:
+        raise InputError(
+            "several-fits",
+            f"here are {len(document['folders'])} fits, one in each folder below.",
+            place=str(folder),
+            fix=f"name one of them: {', '.join(list(document['folders'].values())[:5])}.",
+        )
+    try:
+        return _load(folder, document)
+    except (
+        AttributeError, EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile,
+    ) as error:  # fmt: skip
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            "damaged-file",
+            f"fit.json does not fit its arrays: {type(error).__name__} {error}.",
+            place=str(folder),
+            cause="it was edited.",
+            fix="fit again.",
+        ) from error
+
+
+def _load(folder: Path, document: dict[str, Any]) -> FitResult:
+    for name, digest in document["files"].items():
+        file = folder / Path(name).name
+        if not file.is_file():
+            raise InputError("file-not-found", f"{name} is missing.", place=str(folder))
+        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+            raise InputError(
+                "changed-checksum",
+                f"{name} is not the file that was saved.",
+                place=str(folder),
+                cause="it was cut off or edited.",
+                fix="fit again.",
+            )
+    data, extra = (_read_arrays(folder / name) for name in ("data.npz", "fit.npz"))
+    records = {
+        part: Record(
+            **{n: data.get(f"{part}_{n}") for n in _RECORD_ARRAYS},  # type: ignore[arg-type]
+            **{k: tuple(v) if isinstance(v, list) else v for k, v in words.items()},
+        )
+        for part, words in document["records"].items()
+    }
+    internals: dict[str, Any] = {"used": extra["used"]}
+    if "unknowns" in document:
+        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
+        meaning = Unknowns(**document["unknowns"], block=extra["block"])
+        scalars = {"rows": int(extra["used"].sum()), "strength": 0.0, "dropped": False}
+        internals["linear"] = LinearFit(meaning=meaning, **own, **scalars)
+    if "composition" in document:
+        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
+        words: Any = document["composition"]
+        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
+        internals["composition"] = CompositionFit(
+            meaning=Composition(**words), rows=int(extra["rows"]), strength=0.0, **own
+        )
+    arrays = _read_arrays(folder / "model.npz")
+    model = rebuild_model(document["structure"], arrays)
+    if "spectrum" in document:
+        internals["spectrum"] = rebuild_spectrum(document["spectrum"], extra, model)
+    starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
+    return FitResult(
+        name=document["model"],
+        model=model,
+        parameters=_parameters(document["parameters"]),
+        covariance=extra["covariance"],
+        residuals=extra["residuals"],
+        metrics=_metrics(document["metrics"]),
+        success=document["success"],
+        score=math.nan if (score := document["score_percent"]) is None else score,
+        noise=Noise(**document["noise"]),
+        blocks=None if document.get("blocks") is None else np.array(document["blocks"]),
+        noise_model=_noise_model(document.get("noise_model")),
+        noise_evidence=document.get("noise_evidence", {}),
+        settings=from_words(document.get("settings", {})),
+        train=records["train"],
+        test=records.get("test"),
+        notes=tuple(document["notes"]),
+        starts=Starts(**starts) if starts else None,
+        internals=internals,
+        verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
+        skipped=document["skipped"],
+        clocks=Clocks(**document.get("clocks", {})),
+        channels=rebuild_model(document["channels"], arrays) if "channels" in document else None,
+        seed=document["seed"],
+        seconds=document["seconds"],
+    )
+
+
+def read_document(folder: str | Path) -> dict[str, Any]:
+    """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
+    file = Path(folder) / "fit.json"
+    if not file.is_file():
+        raise InputError(
+            "no-fit",
+            "there is no fit.json.",
+            place=str(folder),
+            fix="make one: hysid fit --out DIR.",
+        )
+    document = read_json(file)
+    schema = document.get("schema")
+    if schema != SCHEMA:
+        raise InputError(
+            "newer-schema",
+            f"fit.json has schema {schema}, and this version reads {SCHEMA}.",
+            place=str(folder),
+            fix="update hysid, or fit again.",
+        )
+    return document
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """A JSON object from a file. Raises `InputError` where it is none."""
+    try:
+        document = json.loads(file.read_text("utf-8"))
+    except (ValueError, OSError) as error:
+        document = error
+    if not isinstance(document, dict):
+        raise InputError(
+            "damaged-file",
+            f"{file.name} cannot be read: {document}.",
+            place=str(file.parent),
+            cause="it was cut off, or is not ours.",
+            fix="make it again.",
+        )
+    return document
+
+
+def to_json(fit: FitResult) -> dict[str, Any]:
+    """What fit.json says about a fit, as plain data."""
+    record = fit.train
+    document = summary(fit) | {
+        "schema": SCHEMA,
+        "candidates": [summary(candidate) for candidate in fit.candidates],
+        "skipped": fit.skipped,
+        "data": {
+            "source": record.source,
+            "sha256": record.sha256 or record.digest(),
+            "rows": int((record.line > 0).sum()),  # a step's own row has no line
+            "rows_train": int(record.mask.sum()),
+            "rows_test": 0 if fit.test is None else int(fit.test.mask.sum()),
+            "sequences": len(record.labels),
+            "input": {"name": record.input_name, "unit": record.input_unit},
+            "output": {"name": record.output_name, "unit": record.output_unit},
+            "time_unit": record.time_unit,
+            "history": list(record.history),
+        },
+        "clocks": fit.clocks._asdict(),
+        "settings": in_words(fit.settings),
+        "seed": fit.seed,
+        "versions": versions(),
+    }
+    return plain(document)
+
+
+def summary(fit: FitResult) -> dict[str, Any]:
+    """The part of a fit that its candidates have too."""
+    return {
+        "model": fit.name,
+        "parameters": [p._asdict() for p in fit.parameters],
+        "metrics": {k: None if m is None else m._asdict() for k, m in fit.metrics.items()},
+        "score_percent": fit.score,
+        "blocks": fit.blocks,
+        "numbers": numbers(fit),
+        "success": fit.success,
+        "trusted": fit.trusted,
+        "noise": fit.noise._asdict(),
+        "noise_model": _noise_words(fit.noise_model),
+        "noise_evidence": fit.noise_evidence,
+        "notes": list(fit.notes),
+        "verdict": {"level": fit.verdict.level, "reasons": list(fit.verdict.reasons)},
+        "seconds": round(fit.seconds, 3),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a fit depends on."""
+    names = ("hysid", "jax", "equinox", "optimistix", "emcee", "numpy")
+    found = {"python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can say: NumPy to Python, numbers that are not finite to null."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(file: Path, document: dict[str, Any]) -> None:
+    """Write a JSON document whole or not at all: a new file first, then its name."""
+    new = file.with_suffix(".new")
+    new.write_text(json.dumps(plain(document), indent=2, ensure_ascii=False) + "\n", "utf-8")
+    os.replace(new, file)
+
+
+def _fit_arrays(fit: FitResult) -> dict[str, Any]:
+    arrays = {
+        "residuals": fit.residuals,
+        "covariance": fit.covariance,
+        "used": fit.internals["used"],
+    }
+    if fit.starts is not None:
+        arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
+    if (spectrum := fit.internals.get("spectrum")) is not None:
+        arrays |= spectrum_arrays(spectrum)
+    if (linear := fit.internals.get("linear")) is not None:
+        arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
+        arrays["block"] = linear.meaning.block
+    if (composition := fit.internals.get("composition")) is not None:
+        arrays |= {k: getattr(composition, k) for k in ("at", "H", "b", "rows", "blocks")}
+    return arrays
+
+
+def _noise_words(noise: NoiseModel | None) -> dict[str, Any] | None:
+    if noise is None:
+        return None
+    parts = {name: getattr(noise, name) for name in PARTS}
+    return {"kind": noise.words} | {n: float(v) for n, v in parts.items() if v is not None}
+
+
+def _noise_model(words: dict[str, Any] | None) -> NoiseModel | None:
+    if words is None:
+        return None
+    return NoiseModel(**{name: words[name] for name in PARTS if name in words})
+
+
+def _record_words(record: Record) -> dict[str, Any]:
+    names = [f"{role}_{what}" for role in ("input", "output", "time") for what in ("name", "unit")]
+    return {n: getattr(record, n) for n in (*names, "labels", "history", "source", "sha256")}
+
+
+def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def _read_arrays(file: Path) -> dict[str, np.ndarray]:
+    with np.load(file, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:
+    # JSON knows no infinity: a threshold of -inf was written as null.
+    read = [Parameter(**p) for p in listed]
+    return tuple(p if p.value is not None else p._replace(value=float("nan")) for p in read)
+
+
+def _metrics(saved: dict[str, Any]) -> dict[str, Metrics | None]:
+    return {k: None if m is None else Metrics(**m) for k, m in saved.items()}

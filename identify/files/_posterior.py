@@ -1,0 +1,137 @@
+"""A posterior beside its fit: a summary to read, draws for any tool that reads netCDF."""
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import InputError
+
+from ..posterior._posterior import Posterior, Summary
+from ..storage._model import describe_model, rebuild_model
+from ._fit_folder import read_json, write_json
+
+Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
+
+
+def posterior_json(posterior: Posterior) -> dict[str, Any]:
+    """The summary: parameters with mean, sd, quantiles, R-hat, effective draws and what to mind."""
+    ensembles, draws, _ = posterior.draws.shape
+    return {
+        "parameters": [s._asdict() | {"words": list(s.words)} for s in posterior.summaries],
+        "draws": ensembles * draws,
+        "seconds": round(posterior.seconds, 3),
+        "method": posterior.method,
+        "acceptance": posterior.acceptance,
+        "autocorrelation": posterior.autocorrelation,
+        "converged": posterior.converged,
+        "long_enough": posterior.long_enough,
+        "notes": list(posterior.notes),
+    }
+
+
+def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
+    """Write posterior.json, posterior.nc (ArviZ's groups and dimensions) and the models' arrays.
+
+    The groups are `posterior`, and where a sampler walked `sample_stats` (lp, acceptance_rate, ...),
+    `prior`, and by the counted rows of the record `log_likelihood`, `posterior_predictive` and
+    `observed_data`.
+    """
+    import h5netcdf
+
+    folder = Path(folder)
+    structure, arrays = describe_model(posterior.model)
+    np.savez_compressed(folder / "posterior_models.npz", allow_pickle=False, **arrays)
+    new = folder / "posterior.new.nc"
+    with h5netcdf.File(new, "w") as file:
+        for name, variables in _groups(posterior).items():
+            group = file.create_group(name)
+            sizes = {
+                d: n for dims, a in variables.values() for d, n in zip(dims, a.shape, strict=True)
+            }
+            group.dimensions = sizes
+            for dimension, size in sizes.items():
+                if dimension not in variables:
+                    group.create_variable(dimension, (dimension,), data=np.arange(size))
+            for variable, (dims, array) in variables.items():
+                packed = {"compression": "gzip"} if array.ndim == 3 else {}
+                group.create_variable(variable, dims, data=array, **packed)
+    os.replace(new, folder / "posterior.nc")
+    document = posterior_json(posterior) | {"structure": structure, "names": list(posterior.names)}
+    write_json(folder / "posterior.json", document)
+    return folder / "posterior.nc"
+
+
+def _groups(posterior: Posterior) -> Groups:
+    """{group: {variable: (dimensions, values)}}."""
+    by_draw, by_row = ("chain", "draw"), ("chain", "draw", "row")
+    found: Groups = {"posterior": _named(posterior, posterior.draws)}
+    if posterior.log_probability is not None:
+        statistics = {"lp": (by_draw, posterior.log_probability)}
+        for name, array in posterior.statistics.items():
+            whole = np.broadcast_to(array.reshape(len(array), -1), posterior.draws.shape[:2])
+            statistics[name] = (by_draw, whole)
+        found["sample_stats"] = statistics
+    if posterior.prior is not None:
+        found["prior"] = _named(posterior, posterior.prior[None])
+    if (rows := posterior.per_row) is not None:
+        row = {"row": (("row",), rows.rows)}
+        found["log_likelihood"] = {"output": (by_row, rows.log_likelihood), **row}
+        found["posterior_predictive"] = {"output": (by_row, rows.predictive), **row}
+        found["observed_data"] = {"output": (("row",), rows.observed), **row}
+    return found
+
+
+def _named(
+    posterior: Posterior, draws: np.ndarray
+) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+    return {name: (("chain", "draw"), draws[..., j]) for j, name in enumerate(posterior.names)}
+
+
+def load_posterior(folder: str | Path) -> Posterior | None:
+    """The posterior of a fit's folder, or None where it was not sampled.
+
+    Raises `InputError` where its files are damaged.
+    """
+    import h5netcdf
+
+    folder = Path(folder)
+    if not (folder / "posterior.json").is_file():
+        return None
+    document = read_json(folder / "posterior.json")
+    try:
+        with h5netcdf.File(folder / "posterior.nc", "r") as file:
+            group = file["posterior"]
+            columns: list[Any] = [group[name][...] for name in document["names"]]
+            draws = np.stack(columns, -1)
+        with np.load(folder / "posterior_models.npz", allow_pickle=False) as arrays:
+            # Under vmap each model has its own shapes; together their arrays keep the draw axis.
+            rebuild = partial(rebuild_model, document["structure"])
+            model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(
+            "damaged-file",
+            f"the posterior cannot be read: {error}.",
+            place=str(folder),
+            fix="sample again: hysid sample DIR.",
+        ) from error
+    return Posterior(
+        names=tuple(document["names"]),
+        draws=draws,
+        model=model,
+        summaries=tuple(_summary(s) for s in document["parameters"]),
+        method=document["method"],
+        acceptance=document["acceptance"],
+        autocorrelation=np.nan if (tau := document["autocorrelation"]) is None else tau,
+        seconds=document["seconds"],
+        notes=tuple(document.get("notes", ())),
+        long_enough=document.get("long_enough", True),
+    )
+
+
+def _summary(saved: dict[str, Any]) -> Summary:
+    return Summary(**{k: v for k, v in saved.items() if k in Summary._fields})

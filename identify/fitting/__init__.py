@@ -1,0 +1,1 @@
+"""`fit` and `fit_step`: candidates, selection, the verdict."""

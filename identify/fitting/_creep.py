@@ -1,0 +1,275 @@
+"""Creep and relaxation: a constant input, and an output that goes on moving."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from hysteresis import InputError, Record, parameters
+
+from ..noise._residual_statistics import estimate_noise
+from ..results._fit_result import FitResult, Parameter, Status, Verdict
+from ..results._metrics import metrics
+from ..spectra._extrapolation import CONFIDENCE
+from ..spectra._prony_series import Input, Kind
+from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
+from ._fit import require_double
+from ._verdict import judge
+
+AT_ONCE = 10
+"""A clock that begins within so many of its median steps began with the load."""
+FIRST_ROW = "The step is taken at the first row"
+MOVES = 3.0
+"""An output that changes by less than this times its noise neither creeps nor relaxes."""
+UNKNOWN = 2.0
+"""A parameter whose logarithm is uncertain by more than this is not identified."""
+NORMAL = 1.645
+"""Standard deviations on either side that hold 90 % of a Gaussian."""
+
+
+def stepped(record: Record, at_first_row: bool | None = None) -> Record:
+    """A record of one constant input from the clock's zero on, as a model has to see it.
+
+    Where the step is before the first row, at zero of its clock, a row at zero is put before it, masked
+    and without output: the input jumped there and not at the first reading. Where the step is at the
+    first row, that becomes zero. Without `at_first_row` it is there if the clock begins late, more
+    than ten of its median steps after zero, as a machine's clock does.
+
+    Raises `InputError` for an input that is 0 or not constant, several sequences, rows without a clock
+    or from before the step.
+    """
+    place, t = record.source, record.time
+    if len(record.labels) > 1:
+        raise InputError(
+            "several-sequences",
+            f"{len(record.labels)} sequences, and a step has one.",
+            place=place,
+            fix="choose one (--where COL=VALUE), or fit one for each value (--each COL).",
+        )
+    if t is None:
+        raise InputError(
+            "no-time",
+            "creep and relaxation are told by the clock, and this record has none.",
+            place=place,
+            fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+        )
+    if not len(record) or np.ptp(record.input) > 0 or record.input[0] == 0:
+        raise InputError(
+            "no-step",
+            "the input of a step is one constant other than 0.",
+            place=place,
+            fix="give the constant force or displacement (--step VALUE).",
+        )
+    if t[0] < 0:
+        raise InputError(
+            "before-the-step",
+            f"time begins at {t[0]:g}, before the step at 0.",
+            place=place,
+            fix="leave those rows out (--where), or count time from the step.",
+        )
+    if t[0] == 0:
+        return record
+    history = record.history
+    if at_first_row is None:
+        at_first_row = len(t) > 1 and t[0] > AT_ONCE * float(np.median(np.diff(t)))
+    if at_first_row:
+        said = f"{FIRST_ROW}, {t[0]:g} {record.time_unit} on its clock."
+        return replace(record, time=t - t[0], history=(*history, said))
+    said = f"The step is at time 0, {t[0]:g} {record.time_unit} before the first row."
+    return replace(
+        record,
+        input=np.append(record.input[:1], record.input),
+        output=np.append(np.nan, record.output),
+        time=np.append(0.0, t),
+        mask=np.append(False, record.mask),
+        line=np.append(0, record.line),
+        columns={name: np.append(x[:1], x) for name, x in record.columns.items()},
+        history=(*history, said),
+    )
+
+
+def is_at_first_row(record: Record) -> bool:
+    """Whether `stepped` took the first row of a record for the step."""
+    return any(said.startswith(FIRST_ROW) for said in record.history)
+
+
+def kind_of(record: Record) -> Kind:
+    """Creep or relaxation: does the output go on in the direction of the step, or come back?
+
+    Raises `InputError` where the output is on the other side of zero, or does not move.
+    """
+    rows = _counted(record)
+    y = record.output[rows] / record.input[rows]
+    if len(y) < 8:
+        raise InputError(
+            "too-few-samples",
+            f"{len(y)} rows count: a spectrum needs at least 8.",
+            place=record.source,
+        )
+    if np.median(y) <= 0:
+        raise InputError(
+            "wrong-sign",
+            f"{record.output_name} is on the other side of 0 than the step.",
+            place=record.source,
+            cause="the sign convention of one of them.",
+            fix="turn the step's sign (--step VALUE).",
+        )
+    tenth = -(-len(y) // 10)
+    change = float(np.median(y[-tenth:]) - np.median(y[:tenth]))
+    noise = record.summary()["output"]["noise"] / abs(record.input[0])
+    if abs(change) <= MOVES * noise:
+        raise InputError(
+            "no-excitation",
+            f"{record.output_name} changes by {abs(change * record.input[0]):.3g}, about its noise:"
+            " neither creep nor relaxation.",
+            place=record.source,
+            fix="choose another column (--output COL), or measure for longer.",
+        )
+    return "creep" if change > 0 else "relaxation"
+
+
+def fit_step(
+    record: Record,
+    *,
+    test: Record | None = None,
+    test_tail: float | None = None,
+    seed: int = 0,
+    allow_float32: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> FitResult:
+    """Fit a discrete spectrum of time constants to creep or relaxation under a constant input.
+
+    An output that rises with time is a displacement under a constant force: `GeneralizedKelvinVoigt`.
+    One that falls is a force under a constant displacement: `GeneralizedMaxwell`. Errors are weighed by
+    1 / output; the number of time constants is that of the greatest evidence. See `spectrum`.
+
+    **Arguments:**
+
+    - `record`: one sequence with a clock and a constant input other than 0; see `stepped`.
+    - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
+    - `seed`: kept with the result; nothing here is random.
+    - `allow_float32`: fit although JAX's double precision is off.
+    - `progress`: called with a line of text now and then.
+
+    The result's candidates are the orders tried, best first; their `score` is the relative error in per
+    cent, raised by what the evidence charges for parameters. `internals["spectrum"]` is the `Spectrum`
+    of output / input, whose `predict` has the range that the record leaves open.
+
+    Raises `InputError` where the record is no answer to a step, or double precision is off.
+    """
+    begin = time.perf_counter()
+    say = progress or (lambda _: None)
+    require_double(allow_float32)
+    if test is not None and test_tail is not None:
+        raise InputError("two-hold-outs", "Give one of test and test_tail.")
+    record = stepped(record)
+    if test_tail is not None:
+        record, test = record.split_tail(test_tail)
+    elif test is not None:
+        test = stepped(test)
+    kind = kind_of(record)
+    rows = _counted(record)
+    assert record.time is not None
+    found = spectrum(record.time[rows], record.output[rows] / record.input[rows], kind)
+    say(f"{kind}: {found.order} time constants of at most {len(found.table) - 1}")
+    fits = [
+        _result(found, row, answer, record, test, seed)
+        for row, answer in zip(found.table, found.answers, strict=True)
+    ]
+    chosen = fits.pop(found.order)
+    chosen = replace(chosen, notes=found.notes, internals=chosen.internals | {"spectrum": found})
+    verdict = judge(chosen, found.notes)
+    if (covered := _coverage(found, test)) is not None:
+        share, said = covered
+        level = "CAUTION" if verdict.level == "PASS" and share < CONFIDENCE else verdict.level
+        verdict = Verdict(level, (*verdict.reasons, said))
+    chosen = replace(chosen, verdict=verdict)
+    others = [replace(fit, verdict=judge(fit)) for fit in sorted(fits, key=lambda fit: fit.score)]
+    return replace(chosen, candidates=(chosen, *others), seconds=time.perf_counter() - begin)
+
+
+def _result(
+    found: Spectrum, row: Order, answer: Answer, record: Record, test: Record | None, seed: int
+) -> FitResult:
+    """One order as a fit."""
+    rows, model = _counted(record), answer.model
+    residuals = np.where(rows, _outputs(found, answer, record) - record.output, np.nan)
+    figures = {"train": metrics(record.output, record.output + residuals, rows), "test": None}
+    if test is not None:
+        figures["test"] = metrics(test.output, _outputs(found, answer, test), _counted(test))
+    listed, covariance = _parameters(found, answer, record)
+    return FitResult(
+        name=f"{type(model).__name__} of order {row.order}",
+        model=model,
+        parameters=listed,
+        covariance=covariance,
+        residuals=residuals,
+        metrics=figures,
+        success=True,
+        score=float(100 * np.exp(row.evidence / (2 * found.noise.effective))),
+        noise=estimate_noise([residuals[rows]], row.parameters),
+        train=record,
+        test=test,
+        internals={"used": rows},
+        seed=seed,
+    )
+
+
+def _outputs(found: Spectrum, answer: Answer, record: Record) -> Float[np.ndarray, " samples"]:
+    """What the answer's model makes of a record, without compiling that anew for every order."""
+    assert record.time is not None
+    return record.input * answer.fitted.outputs(Input(found.kind, record.time, None))
+
+
+def _parameters(
+    found: Spectrum, answer: Answer, record: Record
+) -> tuple[tuple[Parameter, ...], Float[np.ndarray, "free free"]]:
+    """Values with honest errors, and the covariance of the free ones.
+
+    An element whose time is outside the record's is a spring or a dashpot: of its two numbers the one
+    that this has is known.
+    """
+    model = answer.model
+    words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    about = {name: (info.in_units(words), value) for name, info, value in parameters(model)}
+    error = np.sqrt(np.diagonal(answer.covariance))
+    tau = np.sort(1 / np.asarray(model.chain().rates))
+    listed, values = [], []
+    for k, name in enumerate(answer.names):
+        field, number = (name, 0) if name in about else (name[:-1], int(name[-1]))
+        unit, value = about[field]
+        value = float(value[number - 1] if number else value)
+        known = error[k] < UNKNOWN
+        if number and not found.step < tau[number - 1] < found.span:
+            slow = tau[number - 1] >= found.span
+            known &= (field == "eta") == slow if found.kind == "creep" else field == "E" and slow
+        status: Status = "free" if known else "unidentified"
+        listed.append(Parameter(name, value, unit, value * error[k] if known else None, status))
+        values.append(value)
+    if found.kind == "relaxation" and "E_inf" not in answer.names:
+        listed.append(Parameter("E_inf", 0.0, about["E_inf"][0], None, "at bound"))
+    free = [k for k in range(len(values)) if listed[k].status == "free"]
+    scale = np.array(values)[free]
+    return tuple(listed), answer.covariance[np.ix_(free, free)] * scale[:, None] * scale
+
+
+def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
+    """How much of the held-out rows lies where the spectrum allows them, noise included; in words."""
+    if test is None:
+        return None
+    assert test.time is not None
+    rows = _counted(test)
+    value, low, high = found.predict(test.time[rows])
+    y, noise = test.output[rows] / test.input[rows], NORMAL * found.noise.sigma * value
+    share = float(np.mean((low - noise <= y) & (y <= high + noise)))
+    last = test.time[rows][-1] / found.span
+    said = (
+        f"{100 * share:.0f} % of the held-out rows, up to {last:.3g} times the record's span, lie"
+    )
+    return share, f"{said} in the 90 % range of what the record leaves open."
+
+
+def _counted(record: Record) -> Bool[np.ndarray, " samples"]:
+    return record.mask & np.isfinite(record.output)

@@ -1,0 +1,54 @@
+"""First cycles of a sample that settles: what they do is seen once, and nothing tells it from memory."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hysteresis import Record
+
+from ..linear._composition import CURVE, RELAYS
+from ..linear._composition_fit import Problem
+from ..parametric._initial_guess import orientations, output_falls
+from ..records._folds import Fold, as_good
+from ..records._folds import parts as parts_of
+
+FEWEST = 6
+"""Cycles that a record needs; the last three are always kept."""
+
+ALIKE = 0.15
+"""By how much of their median the ranges of cycles that repeat each other may differ."""
+
+PRIOR = 1e-4
+"""Strength of the prior of the model that judges."""
+
+
+def settled(record: Record) -> Record:
+    """The record without its first cycles, where one cycle is repeated until the sample has settled.
+
+    A curve with relays, fitted to all cycles, to the last half or to the last three, predicts the last one.
+    As many are left out as cost nothing: how a sample settled is no news of another run, before which it
+    may have settled already. Only a single sequence of cycles that are alike is judged so.
+    """
+    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
+    if len(record.labels) > 1 or len(numbers) < FEWEST or output_falls(record):
+        return record
+    ranges = [np.ptp(record.input[record.cycle == number]) for number in numbers]
+    cut = parts_of(record)
+    if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
+        return record
+    (fold,) = cut.folds
+    counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
+    choices = []
+    for leading in orientations(record):
+        problem = Problem(record, cut, leading, "negative", None, (CURVE, RELAYS))
+        folds = [Fold(tuple(p for p in fold.train if p >= count), fold.test) for count in counts]
+        choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)).blocks for fold in folds])
+    errors = min(choices, key=lambda blocks: min(block.mean() for block in blocks))
+    best = min(errors, key=np.mean)
+    count = next(c for c, blocks in zip(counts, errors, strict=True) if as_good(blocks, best))
+    if not count:
+        return record
+    first = record.cycle[cut.label == count][0]
+    said = f"Left out what comes before cycle {first}: the sample settles."
+    mask = record.mask & (record.cycle >= first)
+    return replace(record, mask=mask, history=(*record.history, said))

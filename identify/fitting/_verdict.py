@@ -1,0 +1,83 @@
+"""Whether a fit can be used, in words."""
+
+import numpy as np
+
+from ..diagnostics._profile_likelihood import another_minimum
+from ..diagnostics._sloppiness import without_effect
+from ..diagnostics._time_constants import unseen_time_constants
+from ..results._fit_result import FitResult, Level, Verdict
+
+GOOD, USABLE = 5.0, 15.0
+"""Held-out NRMSE in per cent up to which a fit passes, and up to which it may be used with care."""
+
+
+def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
+    """PASS, CAUTION or FAIL of a fit with all its reasons: the error first, then the gravest.
+
+    FAIL: not converged; held-out error above 15 % of the range; no better than the mean.
+    CAUTION: held-out error above 5 %, or more than twice that on the training part; nothing held out;
+    parameters without an honest error; another minimum as good; a time constant that the record cannot
+    show; a tenth of the test rows beyond the trained inputs; a warning about the data.
+    """
+    train, test = fit.metrics["train"], fit.metrics["test"]
+    assert train is not None
+    level: Level
+    fails, cautions, facts = [], [], []
+    if not fit.success:
+        fails.append("The solver did not converge: more starts, or a simpler model.")
+    judged, where = (train, "the training rows") if test is None else (test, "the held-out rows")
+    said = f"It predicts {where} to {judged.nrmse_percent:.2g} % of their range"
+    unit = "" if fit.train.output_unit == "1" else f" {fit.train.output_unit}"
+    said += f" ({judged.rmse:.3g}{unit} rms, {judged.max_abs:.3g}{unit} at most)"
+    if judged.nrmse_percent > USABLE or not judged.r2 > 0:
+        level, said = "FAIL", f"{said}: too far off to use."
+    elif judged.nrmse_percent > GOOD:
+        level, said = "CAUTION", f"{said}: above {GOOD:g} %."
+    else:
+        level, said = "PASS", f"{said}."
+    if test is None:
+        cautions.append("Nothing was held out, so nothing is known about unseen data.")
+    elif test.nrmse_percent > 2 * train.nrmse_percent and test.nrmse_percent > 1:
+        cautions.append(
+            f"That is {test.nrmse_percent / train.nrmse_percent:.1f} times the error on the"
+            " training rows: the held-out ones differ, or the model is too free."
+        )
+    if test is not None:
+        outside = _share_outside(fit)
+        if outside > 0.1:
+            cautions.append(
+                f"{100 * outside:.0f} % of the held-out rows lie beyond the trained inputs."
+            )
+    for status in ("at bound", "unidentified"):
+        names = [p.name for p in fit.parameters if p.status == status]
+        if names:
+            cautions.append(f"{', '.join(names)}: {status}, so without an error bar.")
+            if status == "unidentified":
+                cautions += without_effect(fit, names)
+    if (found := another_minimum(fit)) is not None:
+        sentence, exchanged = found
+        (facts if exchanged else cautions).append(sentence)
+    cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
+    if fit.noise_model is not None and fit.noise_model.words != "Gaussian":
+        facts.append(f"Its residuals are taken for noise of this kind: {fit.noise_model.words}.")
+    elif fit.noise_model is None and fit.noise_evidence:
+        facts.append(
+            "No kind of noise explains its residuals: the model itself is off by that much."
+        )
+    if fit.noise.correlation_time > 3:
+        facts.append(
+            f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"
+            f" {fit.noise.samples} rows count as {fit.noise.effective:.0f}, and errors are widened for it."
+        )
+    if cautions and level == "PASS":
+        level = "CAUTION"
+    return Verdict("FAIL" if fails else level, (said, *fails, *cautions, *facts))
+
+
+def _share_outside(fit: FitResult) -> float:
+    assert fit.test is not None
+    seen = fit.train.input[fit.train.mask]
+    u = fit.test.input[fit.test.mask]
+    # Within a hundredth of the range the seam does not matter.
+    margin = 0.01 * np.ptp(seen)
+    return float(np.mean((u < seen.min() - margin) | (u > seen.max() + margin)))

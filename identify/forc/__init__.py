@@ -1,0 +1,1 @@
+"""First-order reversal curves: branches, diagram, Everett surface."""

@@ -1,0 +1,1 @@
+"""Non-negative linear fits: Preisach weights and compositions."""

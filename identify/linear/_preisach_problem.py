@@ -1,0 +1,157 @@
+"""A Preisach fit of one shape: exact non-negative least squares with a smoothness prior.
+
+With the unknowns x, z = P x the offset, reversible increments and weights, and s the output's range,
+
+    |A x - y|^2 / (2 N s^2) + lambda/2 ( (n/20)^4 |D_w z|^2 + (n/20)^3 |D_r z|^2 )
+
+is minimised under x >= 0 but for the offset, and C x >= 0 for a leading model. D_w are the
+differences of the weights between neighbouring cells of n x n, D_r those of the increments; the powers
+of n make lambda mean the same on every grid.
+"""
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+import scipy.sparse as sparse
+from jaxtyping import Bool, Float
+
+from hysteresis import Record
+
+from ..records._folds import Parts, block_errors
+from ..results._fit_result import prepare
+from ._nnls import constrained_least_squares, nonnegative_least_squares
+from ._preisach_design_matrix import Normal, design_rows, normal_equations
+from ._preisach_unknowns import Unknowns
+
+COARSE = 20
+"""Cells of the grid on which the prior's strength is counted, and the first one tried."""
+
+
+class PreisachProblem:
+    """One kind of unknowns on one record: its normal equations, part by part.
+
+    Built once; fits for any choice of rows and prior strength then cost a few Cholesky factors.
+    """
+
+    def __init__(self, record: Record, parts: Parts, meaning: Unknowns):
+        self.meaning, self.parts = meaning, parts
+        self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
+        template = meaning.model(np.zeros(meaning.count))
+        self.B = design_rows(template, prepare(template, record))
+        P = meaning.expansion
+        self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())
+        self.normal = {
+            p: normal_equations(
+                meaning.space, self.B[parts.label == p], self.y[parts.label == p], P
+            )
+            for p in parts.all
+        }
+
+    def objective(
+        self, which: tuple[int, ...], strength: float
+    ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"]]:
+        """H and b of x'Hx/2 - b'x over some parts."""
+        total = self.total(which)
+        H = total.H / total.rows + strength * self.prior
+        H[0, 0] *= 1 + 1e-12
+        return H, total.b / total.rows
+
+    def held_out_errors(self, strength: float, dropped: bool) -> Float[np.ndarray, " blocks"]:
+        """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part."""
+        blocks, start = [], None
+        for fold in self.parts.folds:
+            train = self.parts.without_conditioning(fold.train, dropped)
+            # Without the slope constraints of a leading model: close enough to rank by.
+            H, b = self.objective(train, strength)
+            x = nonnegative_least_squares(H, b, self.meaning.free, start)
+            start = x != 0
+            rows = np.isin(self.parts.label, fold.test)
+            error = self.B[rows] @ self.meaning.space.from_unknowns(self.meaning.expansion @ x)
+            blocks += block_errors(error - self.y[rows])
+        return np.array(blocks)
+
+    def log_evidence(
+        self, strength: float, start: Bool[np.ndarray, " n"] | None = None
+    ) -> tuple[float, Float[np.ndarray, " n"]]:
+        """Log marginal likelihood of a prior strength, but for a constant, and the x it leads to.
+
+        For white Gaussian noise of unknown size and a Gaussian prior on the unknowns that are not held
+        at zero: with J = |A x - y|^2 / N + lambda x'Kx at the minimum and both determinants over those,
+
+            log p(y | lambda) = -(N log J + log det(A'A / N + lambda K) - log det(lambda K)) / 2.
+
+        Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992).
+        """
+        total = self.total(self.parts.all)
+        H, b = self.objective(self.parts.all, strength)
+        x = nonnegative_least_squares(H, b, self.meaning.free, start)
+        inside = np.flatnonzero(x)
+        tied = inside[inside > 0]  # the offset has a flat prior
+        J = total.yy / total.rows - b @ x
+        told = _log_determinant(H, inside) - _log_determinant(strength * self.prior, tied)
+        return -0.5 * float(total.rows * np.log(max(J, 1e-300)) + told), x
+
+    def strength_by_evidence(self) -> float:
+        """The prior strength of the greatest marginal likelihood, to a quarter of a decade."""
+        start: Bool[np.ndarray, " n"] | None = None
+
+        def loss(exponent: float) -> float:
+            nonlocal start
+            value, x = self.log_evidence(10.0**exponent, start)
+            start = x != 0
+            return -value
+
+        found = scipy.optimize.minimize_scalar(
+            loss, bounds=(-8.0, 1.0), method="bounded", options={"xatol": 0.25}
+        )
+        return float(10.0**found.x)
+
+    def total(self, which: tuple[int, ...]) -> Normal:
+        """The normal equations over some parts, without prior."""
+        first, *rest = (self.normal[p] for p in which)
+        return sum(rest, first)
+
+
+def minimum(
+    meaning: Unknowns,
+    H: Float[np.ndarray, "n n"],
+    b: Float[np.ndarray, " n"],
+    start: Bool[np.ndarray, " n"] | None = None,
+) -> Float[np.ndarray, " n"]:
+    """The unknowns that minimise x'Hx/2 - b'x among the models there can be."""
+    if len(meaning.constraints):
+        return constrained_least_squares(H, b, meaning.constraints, meaning.free, start)
+    return nonnegative_least_squares(H, b, meaning.free, start)
+
+
+def smoothness(meaning: Unknowns) -> sparse.csr_matrix:
+    """K, sparse, in the space of z: x'P'KPx is what the prior weighs with lambda.
+
+    A trace of ridge makes it definite.
+    """
+    n = meaning.cells
+    finer = n / COARSE
+    i, j = np.tril_indices(n)
+    index = np.full((n + 1, n + 1), -1)
+    index[i, j] = np.arange(len(i))
+    density = np.where(i == j, 2.0, 1.0)  # mass to density: half cells have half the area
+    steps = []
+    for di, dj in ((1, 0), (0, 1)):
+        here = np.flatnonzero((i + di < n) & (i + di >= j + dj))
+        there = index[i[here] + di, j[here] + dj]
+        row = np.tile(np.arange(len(here)), 2)
+        values = np.concatenate([-density[here], density[there]])
+        shape = (len(here), len(i))
+        steps.append(sparse.csr_matrix((values, (row, np.concatenate([here, there]))), shape=shape))
+    D_w, D_r = sparse.vstack(steps), sparse.csr_matrix(np.diff(np.eye(n), axis=0))
+    weights = finer**4 * (D_w.T @ D_w) + 1e-3 * finer**2 * sparse.eye(len(i))
+    increments = finer**3 * (D_r.T @ D_r) + 1e-6 * sparse.eye(n)
+    # Relays that are up at first end at a staircase: hardly smooth.
+    fitted = [0.01 * weights] * (meaning.initial == "fit")
+    blocks = [sparse.csr_matrix((1, 1)), increments, weights, *fitted]
+    return sparse.csr_matrix(sparse.block_diag(blocks))
+
+
+def _log_determinant(H: np.ndarray, at: np.ndarray) -> float:
+    factor = scipy.linalg.cholesky(H[np.ix_(at, at)], lower=True, check_finite=False)
+    return 2 * float(np.log(np.diagonal(factor)).sum())

@@ -1,0 +1,172 @@
+"""What a vector of unknowns of a Preisach fit stands for: blocks of cells, slacks, a first state."""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sparse
+from jaxtyping import Bool, Float, Int
+
+from hysteresis.preisach import GridDensity, Preisach
+
+from ._preisach_design_matrix import NodeSpace
+
+TOTALS = ("offset", "reversible.rise", "density.mass")
+"""The figures a grid model is summed up in: constant, rise of the memoryless part, relays' mass."""
+
+
+class Unknowns:
+    """A vector x of unknowns in units of `scale`: (offset, increments or slacks, masses of blocks).
+
+    The grid has `cells` x `cells` cells; `block` (weights,) says which block each of its weights, row
+    by row, belongs to. A block's mass is spread evenly over its cells, so a fine grid needs no more
+    unknowns than the data can tell apart.
+
+    A leading model must not fall on any branch. Its increments are c_k = s_k + 2 (row k of the
+    weights, its half cell twice), with slacks s_k >= 0 as unknowns; the same for the columns, s_k +
+    2 (row k - column k) >= 0, are `constraints`.
+
+    With `initial="fit"` each block has two masses, of relays that are down and of those that are up
+    before the first sample. `leading`, `initial` and `dead_band` are otherwise those of the model.
+    """
+
+    def __init__(
+        self,
+        cells: int,
+        low: float,
+        high: float,
+        leading: bool,
+        initial: Any,
+        scale: float,
+        dead_band: float = 0.0,
+        block: Int[np.ndarray, " weights"] | None = None,
+    ):
+        self.cells, self.low, self.high = cells, low, high
+        self.leading, self.initial, self.scale = leading, initial, scale
+        self.dead_band = dead_band
+        self.block = np.arange(cells * (cells + 1) // 2) if block is None else block
+
+    def words(self) -> dict[str, Any]:
+        """All but the blocks, as plain data."""
+        names = ("cells", "low", "high", "leading", "initial", "scale", "dead_band")
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def space(self) -> NodeSpace:
+        return NodeSpace(self.cells, self.initial == "fit")
+
+    @property
+    def count(self) -> int:
+        return self.expansion.shape[1]
+
+    @property
+    def free(self) -> Bool[np.ndarray, " unknowns"]:
+        """Which may be negative: the offset."""
+        return np.arange(self.count) == 0
+
+    @cached_property
+    def spread(self) -> Any:
+        """(weights, blocks), sparse: a block's mass over its cells, by area."""
+        i, j = np.tril_indices(self.cells)
+        area = np.where(i == j, 0.5, 1.0)
+        share = area / np.bincount(self.block, area)[self.block]
+        return sparse.csr_matrix((share, (np.arange(len(share)), self.block)))
+
+    @cached_property
+    def expansion(self) -> Any:
+        """P, sparse: (offset, increments, weights and, if fitted, weights that are up) = P x."""
+        weights = self.spread
+        parts = [[weights]]
+        if self.initial == "fit":
+            parts = [[weights, weights], [None, weights]]
+        relays: Any = sparse.bmat(parts, format="csr")
+        ahead = 1 + self.cells
+        swept = None
+        if self.leading:
+            # A half cell on the diagonal is swept twice as fast at its end: dE/df = 2 w f.
+            i, j = np.tril_indices(self.cells)
+            each = (np.where(i == j, 4.0, 2.0), (1 + i, np.arange(len(i))))
+            swept = sparse.csr_matrix(each, shape=(ahead, len(i))) @ relays[: len(i)]
+        return sparse.bmat([[sparse.eye(ahead), swept], [None, relays]], format="csr")
+
+    @cached_property
+    def constraints(self) -> Float[np.ndarray, "constraints unknowns"]:
+        """C with C x >= 0, beyond the signs."""
+        if not self.leading:
+            return np.zeros((0, self.count))
+        i, j = np.tril_indices(self.cells)
+        at = np.flatnonzero(i != j)
+        k, ones = np.arange(len(i))[at], np.full(len(at), 2.0)
+        turned = sparse.csr_matrix(
+            (np.concatenate([ones, -ones]), (np.concatenate([i[at], j[at]]), np.tile(k, 2))),
+            shape=(self.cells, len(i)),
+        )
+        constraints = np.zeros((self.cells, self.count))
+        constraints[:, 1 : 1 + self.cells] = np.eye(self.cells)
+        expansion: Any = self.expansion
+        relays = expansion[1 + self.cells : 1 + self.cells + len(i), 1 + self.cells :]
+        swept: Any = turned @ relays
+        constraints[:, 1 + self.cells :] = swept.toarray()
+        return constraints
+
+    @property
+    def totals(self) -> Float[np.ndarray, "3 unknowns"]:
+        """Rows that sum up the unknowns to `TOTALS`, over `scale`."""
+        n, weights = self.cells, len(self.block)
+        sums = np.zeros((3, self.expansion.shape[0]))
+        sums[0, 0], sums[1, 1 : 1 + n], sums[2, 1 + n : 1 + n + weights] = 1.0, 1.0, 1.0
+        return sums @ self.expansion
+
+    def masses(self, unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " weights"]:
+        """The mass of every cell, over `scale`."""
+        return (self.expansion @ unknowns)[1 + self.cells :][: len(self.block)]
+
+    def model(self, unknowns: Float[np.ndarray, "*draws unknowns"]) -> Preisach:
+        """The model of a vector of unknowns; of many, one whose arrays have leading draw axes."""
+        if unknowns.ndim > 1:
+            models = [self.model(draw) for draw in unknowns]
+            return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models)
+        n, count = self.cells, len(self.block)
+        z = self.scale * (self.expansion @ unknowns)
+        reversible = np.maximum(z[1 : 1 + n], 0.0)
+        weights = self._table(z[1 + n : 1 + n + count])
+        fitted = self.initial == "fit"
+        up = np.minimum(self._table(z[1 + n + count :]), weights) if fitted else None
+        model = Preisach(
+            GridDensity(self.low, self.high, weights), reversible, z[0], up,
+            leading=self.leading, initial="negative" if fitted else self.initial,
+            dead_band=self.dead_band,
+        )  # fmt: skip
+        if not self.leading:
+            return model
+        # Lift the increments by what rounding left the slopes below zero.
+        width = (self.high - self.low) / n
+        lifted = reversible + np.maximum(-np.asarray(model.least_slope()) * width, 0.0)
+        return replace(model, reversible=lifted)
+
+    def _table(self, weights: Float[np.ndarray, " weights"]) -> Float[np.ndarray, "cells cells"]:
+        table = np.zeros((self.cells, self.cells))
+        table[np.tril_indices(self.cells)] = np.maximum(weights, 0.0)
+        return table
+
+
+def refined(
+    block: Int[np.ndarray, " weights"],
+    masses: Float[np.ndarray, " weights"],
+    share: float = 1e-3,
+) -> Int[np.ndarray, " finer"]:
+    """Blocks on a grid twice as fine: those with more than `share` of the mass are split in four.
+
+    The output depends on how the mass lies inside a block by at most that mass.
+    """
+    cells = int(np.sqrt(2 * len(block)))
+    heavy = np.bincount(block, masses) > share * masses.sum()
+    coarse = np.zeros((cells, cells), int)
+    coarse[np.tril_indices(cells)] = np.where(heavy[block], -1, block)
+    i, j = np.tril_indices(2 * cells)
+    kept = coarse[i // 2, j // 2]
+    own = block.max() + 1 + np.arange(len(i))
+    return np.unique(np.where(kept < 0, own, kept), return_inverse=True)[1]

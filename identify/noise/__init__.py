@@ -1,0 +1,1 @@
+"""The noise model: definition, restricted likelihood, adequacy, variance inflation."""

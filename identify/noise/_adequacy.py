@@ -1,0 +1,96 @@
+"""What a noise model leaves of the residuals, and the chance that this is noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from ._model import Rows
+
+LAGS = 20
+"""Lags over which innovations are looked at."""
+
+BELIEVED = 1e-3
+"""Chance of noise to leave what is left, below which it is not believed to be noise."""
+
+
+TWENTIETH = 1.96
+"""Standard deviations beyond which one of twenty Gaussian numbers lies."""
+
+
+class Left(NamedTuple):
+    """What is left of a linearised model under one noise, all through the filter that makes it white.
+
+    - `x` (rows,): innovations, of unit variance where the noise is the right one.
+    - `W` (directions, parameters): the model's directions. `shapes` (rows, shapes): those of a misfit.
+    - `information`: of a row of unit variance.
+    """
+
+    x: Float[Array | np.ndarray, " rows"]
+    W: Float[Array | np.ndarray, "directions parameters"]
+    shapes: Float[Array | np.ndarray, "rows shapes"]
+    information: Float[Array | np.ndarray, ""]
+
+    def root(self, precision: Float[np.ndarray, "parameters parameters"]) -> np.ndarray:
+        """Rows with root'root = the information about the parameters, that of the prior below."""
+        values, vectors = np.linalg.eigh(precision)
+        of_prior = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
+        return np.concatenate([np.asarray(self.W) * np.sqrt(self.information), of_prior])
+
+
+def believed(left: Left, place: Float[Array, " rows"], spent: int) -> float:
+    """The smaller of two chances: of white innovations to be as coloured, and of noise to look as much like
+    a function of the input. `place` as in `Rows`; `spent`: how many of phi and theta there are."""
+    x, W, shapes = (np.asarray(a) for a in left[:3])
+    return min(_white(x, np.asarray(place), spent), _shapeless(x, W, shapes))
+
+
+def nothing_speaks_against(left: Left, rows: Rows) -> bool:
+    """Whether independent Gaussian noise of one size can be believed without trying other kinds.
+
+    Color, shapes, tails (Jarque and Bera's kurtosis) and growth (Breusch and Pagan's correlation of squares
+    with the squared reading) are each as strong by chance in one of twenty cases at least.
+    """
+    x, reading = np.asarray(left.x), np.asarray(rows.output) ** 2
+    counted = np.asarray(rows.counted)
+    squares, reading = x[counted] ** 2, reading[counted]
+    count = len(squares)
+    if count < 20 or not squares.any():
+        return False
+    tails = abs(np.mean(squares**2) / np.mean(squares) ** 2 - 3) * np.sqrt(count / 24)
+    spread = np.std(squares) * np.std(reading)
+    growth = np.cov(squares, reading)[0, 1] / spread * np.sqrt(count) if spread > 0 else 0.0
+    quiet = bool(max(tails, abs(growth)) < TWENTIETH)
+    return quiet and believed(left, rows.place, 0) > 0.05
+
+
+def _white(x: np.ndarray, place: np.ndarray, spent: int) -> float:
+    """Ljung and Box: rows (rows + 2) sum over lags of rho_k^2 / (rows - k) is chi-square with as many
+    degrees of freedom as lags, less those spent. Outliers count as four deviations."""
+    x = np.clip(x, -4.0, 4.0)
+    count = int(np.count_nonzero(x))
+    lags = np.arange(1, min(LAGS, count // 4) + 1)
+    if len(lags) <= spent:
+        return 1.0
+    rho = np.array([np.sum((x[k:] * x[:-k])[place[k:] >= k]) for k in lags]) / (x @ x)
+    Q = count * (count + 2) * np.sum(rho**2 / (count - lags))
+    return float(scipy.stats.chi2.sf(Q, len(lags) - spent))
+
+
+def _shapeless(x: np.ndarray, W: np.ndarray, shapes: np.ndarray) -> float:
+    """|P x|^2 is chi-square, P the projection onto what the shapes add to the model's own directions."""
+    if not shapes.shape[1]:
+        return 1.0
+    own, rank = _explained(x, W)
+    whole, ranks = _explained(x, np.hstack([W, shapes]))
+    return float(scipy.stats.chi2.sf(whole - own, max(ranks - rank, 1)))
+
+
+def _explained(x: np.ndarray, A: np.ndarray) -> tuple[float, int]:
+    """|Q'x|^2, Q an orthonormal basis of the columns of A, and how many these are."""
+    size = np.sqrt(np.sum(A**2, 0))
+    values, vectors = np.linalg.eigh((A.T @ A) / np.outer(size + (size == 0), size + (size == 0)))
+    seen = values > 1e-9
+    along = vectors[:, seen].T @ ((A / (size + (size == 0))).T @ x)
+    return float(np.sum(along**2 / values[seen])), int(seen.sum())

@@ -1,0 +1,173 @@
+"""The likeliest noise of one kind, and the change of the model's parameters that goes with it.
+
+Pure JAX, so that kinds and records can be tried at once by `jax.vmap`.
+"""
+
+from itertools import product
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Array, Bool, Float
+from scipy.special import logit
+
+from hysteresis import InputError
+
+from ._model import NoiseModel, Rows
+
+PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
+"""The parts a noise model may have, in the order of their free numbers."""
+
+ABSENT = (0.0, np.log(1e-9), np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2e-6)))
+"""Free numbers that leave a part out: as good as none of it."""
+
+BEGIN = (0.0, *[np.log(0.3)] * 3, float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
+"""Where a part that is there is sought from: phi = 0.5, theta = -0.1, five degrees of freedom."""
+
+WITHIN = ((-9.0,) * 4 + (-12.0,) * 3, (3.0,) * 4 + (12.0,) * 3)
+"""Ends of the free numbers in a search: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
+
+
+class Linearised(NamedTuple):
+    """A model about one place, with the rows it stands for:
+
+    residuals r(z + d) = residuals + jacobian d,     -log prior(z + d) = pull'd + d'precision d / 2.
+    """
+
+    residuals: Float[Array, " rows"]
+    jacobian: Float[Array, "rows parameters"]
+    rows: Rows
+    pull: Float[Array, " parameters"]
+    precision: Float[Array, "parameters parameters"]
+
+
+class NoiseFit(NamedTuple):
+    """The likeliest noise of one kind.
+
+    - `free`: the noise's free numbers, in `PARTS`' order, those of other kinds as good as absent.
+    - `away`: d of the model's parameters that goes with it.
+    - `cost`: -log of the restricted likelihood.
+    """
+
+    free: Float[Array, " parts"]
+    away: Float[Array, " parameters"]
+    cost: Float[Array, ""]
+
+
+def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
+    """The parts of every kind of noise that is to be tried, the plainest first.
+
+    `noise`: "auto", or words out of gaussian, student-t, ar1, arma11, growing, input, misfit with +
+    between.
+
+    Raises `InputError` for another word, and for a misfit with Student's t, which has no closed form.
+    """
+    if noise == "auto":
+        correlated = ((), ("phi",), ("phi", "theta"))
+        choices = product(correlated, ((), ("tail",)), ((), ("growth",)))
+        found = [("sigma", *c, *t, *g) for c, t, g in choices]
+        return tuple(sorted(found, key=len))
+    meaning = {
+        "gaussian": (), "student-t": ("tail",), "ar1": ("phi",), "arma11": ("phi", "theta"),
+        "growing": ("growth",), "input": ("input_sigma",), "misfit": ("misfit",),
+    }  # fmt: skip
+    words = [word.strip() for word in noise.split("+")]
+    if odd := [word for word in words if word not in meaning]:
+        raise InputError(
+            "unknown-noise",
+            f"no noise {odd[0]!r}; have auto, or {', '.join(meaning)} with + between.",
+        )
+    if {"misfit", "student-t"} <= set(words):
+        raise InputError(
+            "unknown-noise", "a misfit goes with Gaussian noise only.", fix="leave out student-t."
+        )
+    return (("sigma", *dict.fromkeys(part for word in words for part in meaning[word])),)
+
+
+def lanes(kinds: tuple[tuple[str, ...], ...]) -> Bool[np.ndarray, "kinds parts"]:
+    """Which parts each kind has."""
+    return np.array([[part in kind for part in PARTS] for kind in kinds])
+
+
+def of_free(
+    free: Float[Array, " parts"],
+    sizes: Float[Array, " parts"] | float = 1.0,
+    with_misfit: bool = False,
+) -> NoiseModel:
+    """The noise of free numbers, as `Transform` has them; `sizes` multiply the positive ones."""
+    sigma, growth, input_sigma, misfit = (sizes * jnp.exp(free))[:4]
+    phi, theta = jnp.tanh(free[4:6] / 2)
+    tail = 0.5 / (1 + jnp.exp(-free[6]))
+    return NoiseModel(sigma, growth, input_sigma, phi, theta, tail, misfit if with_misfit else None)
+
+
+def noise_fit(
+    at: Linearised, kind: Bool[Array, " parts"], with_misfit: bool = False, steps: int = 100
+) -> NoiseFit:
+    """The noise of one kind and the change of the model that make the residuals likeliest.
+
+    Minimises -log p(r + J d | noise) - log prior + log det(J'J + precision, whitened) / 2: the restricted
+    likelihood, which counts the facts that the model's own parameters have taken. For Gaussian noise that
+    is the likelihood of the noise alone, integrated over d.
+
+    Source: Patterson, Thompson, Recovery of inter-block information when block sizes are unequal,
+    Biometrika 58 (1971).
+    """
+    r, J, rows, pull, precision = at
+    counted = jnp.where(rows.counted, 1.0, 0.0)
+    count = counted.sum()
+    size = jnp.sqrt(jnp.sum(counted * r**2) / count)
+    basis, seen = _basis(J * counted[:, None], size)
+    columns, precision = J @ basis, basis.T @ precision @ basis
+    sizes = jnp.append(size / _largest(rows), jnp.ones(3))
+
+    def free_of(x: Array) -> Array:
+        inside = jnp.clip(x[: len(PARTS)], *(jnp.asarray(ends) for ends in WITHIN))
+        return jnp.where(kind, inside, jnp.asarray(ABSENT))
+
+    def cost(x: Array, _: None) -> tuple[Array, Array]:
+        noise, d = of_free(free_of(x), sizes, with_misfit), x[len(PARTS) :]
+        likelihood = noise.log_likelihood(r + columns @ d, rows)
+        open_ways = jnp.diag(jnp.where(seen, 0.0, count))
+        information = noise.information_of(columns, rows) + precision + open_ways
+        _, log_determinant = jnp.linalg.slogdet(information / count)
+        prior = (pull @ basis) @ d + d @ precision @ d / 2
+        prior = prior - jnp.sum(jnp.where(kind, log_prior(free_of(x)), 0.0))
+        value = (-likelihood + log_determinant / 2 + prior) / count
+        return value, value
+
+    start = jnp.append(jnp.where(kind, jnp.asarray(BEGIN), 0.0), jnp.zeros(J.shape[1]))
+    solver = optimistix.BFGS(rtol=1e-7, atol=1e-9)
+    found = optimistix.minimise(cost, solver, start, has_aux=True, max_steps=steps, throw=False)
+    free = free_of(found.value) + jnp.log(sizes)
+    return NoiseFit(free, basis @ found.value[len(PARTS) :], count * found.aux)
+
+
+def _basis(J: Array, size: Array) -> tuple[Array, Array]:
+    """Changes of the parameters that move the output by `size` each, without overlap: the search has round
+    valleys. And which of them move it at all; the others are zero."""
+    gram = J.T @ J
+    norm = jnp.sqrt(jnp.diagonal(gram))
+    norm = jnp.where(norm > 0, norm, 1.0)
+    values, vectors = jnp.linalg.eigh(gram / jnp.outer(norm, norm))
+    seen = values > 1e-12
+    width = size * jnp.sqrt(len(J) / jnp.where(seen, values, 1.0))
+    return vectors / norm[:, None] * jnp.where(seen, width, 0.0)[None], seen
+
+
+def _largest(rows: Rows) -> Array:
+    """1, the largest output and the largest slope, and 1: what the positive parts multiply."""
+    found = [jnp.max(jnp.abs(jnp.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
+    return jnp.stack([jnp.ones(()), *(jnp.where(x > 0, x, 1.0) for x in found), jnp.ones(())])
+
+
+def log_prior(free: Float[Array, " parts"]) -> Float[Array, " parts"]:
+    """Weak priors of the noise: flat but for a fence that keeps phi, theta and tail off their bounds.
+
+    No more than that: the density of the free number, a tenth of it stronger, pulls phi towards 0 and makes
+    errors too small.
+    """
+    fence = jax.nn.log_sigmoid(free[4:]) + jax.nn.log_sigmoid(-free[4:])
+    return jnp.concatenate([jnp.zeros(4), 0.1 * fence])

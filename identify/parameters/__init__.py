@@ -1,0 +1,1 @@
+"""What a fit may change: parameter settings, priors, bounds as smooth transforms."""

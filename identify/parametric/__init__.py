@@ -1,0 +1,1 @@
+"""Solvers for models of few, non-linear parameters."""

@@ -1,0 +1,1 @@
+"""Log-posterior, samplers, convergence diagnostics, predictive bands."""

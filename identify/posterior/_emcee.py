@@ -1,0 +1,257 @@
+"""emcee: independent ensembles advanced together, until they agree and are long enough."""
+
+import math
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..storage._checkpoint import Checkpoint, History
+from ._chains import Chains, Progress
+from ._convergence import autocovariance, rhat
+from ._emcee_moves import LogProbability, SideBySide
+
+LENGTH, AGREED = 50, 1.01
+"""Autocorrelation times that an ensemble's steps have to hold, and the R-hat to fall below."""
+
+FIRST_CHECK, NEXT_CHECK = 200, 1.2
+"""The rule is tried after so many steps, and whenever they have grown by this factor: at the same steps
+however the run was cut up."""
+
+MOMENT = 0.25
+"""Seconds of a block of steps: how often it can be interrupted, and says where it is."""
+
+
+class Judgement(NamedTuple):
+    """What the chains are like: steps to leave out, and of the rest the autocorrelation times, in steps,
+    and R-hat; `finished`: the rule holds."""
+
+    burn: int
+    tau: Float[np.ndarray, "ensembles parameters"]
+    rhat: Float[np.ndarray, " parameters"]
+    finished: bool
+
+
+def judged(points: Float[np.ndarray, "ensembles steps walkers parameters"]) -> Judgement:
+    """The rule: R-hat below 1.01 across ensembles and 50 autocorrelation times in each, of all parameters.
+
+    Five of the longest autocorrelation times, at most half of the steps, are left out before.
+    """
+    steps = points.shape[1]
+    burn = min(math.ceil(5 * autocorrelation_times(points).max()), steps // 2)
+    kept = points[:, burn:]
+    tau = autocorrelation_times(kept)
+    thin = max(1, int(tau.max() / 2))
+    few = kept[:, ::thin].reshape(len(points), -1, points.shape[-1])
+    agreement = np.array([rhat(few[..., j]) for j in range(points.shape[-1])])
+    finished = steps - burn >= LENGTH * tau.max() and agreement.max() < AGREED
+    return Judgement(burn, tau, agreement, bool(finished))
+
+
+def autocorrelation_times(
+    points: Float[np.ndarray, "ensembles steps walkers parameters"],
+) -> Float[np.ndarray, "ensembles parameters"]:
+    """Integrated autocorrelation time of every ensemble, in steps, as emcee has it:
+
+        tau = 1 + 2 sum of rho_k up to the first k >= 5 tau,    rho the mean over the walkers;
+
+    all the steps there are where a walker does not move, or where no such k is.
+
+    Source: Foreman-Mackey and others, emcee: the MCMC hammer, PASP 125 (2013); Sokal's window.
+    """
+    steps = points.shape[1]
+    tau = np.empty((len(points), points.shape[-1]))
+    for k, chain in enumerate(points):
+        covariance = autocovariance(chain)
+        if not covariance[0].all():
+            tau[k] = steps
+            continue
+        sums = 2 * np.cumsum((covariance / covariance[0]).mean(axis=1), axis=0) - 1
+        inside = np.arange(steps)[:, None] >= 5 * sums
+        window = np.where(inside.any(axis=0), inside.argmax(axis=0), steps - 1)
+        tau[k] = np.take_along_axis(sums, window[None], axis=0)[0]
+    return np.clip(tau, 1.0, steps)
+
+
+def sample_ensembles(
+    log_probability: LogProbability,
+    first: Float[np.ndarray, "ensembles walkers parameters"],
+    place: Float[np.ndarray, " parameters"],
+    root: Float[np.ndarray, "parameters parameters"],
+    seed: int,
+    steps: int | None,
+    most: int,
+    checkpoint: Checkpoint,
+    tell: Progress,
+) -> Chains:
+    """Advance ensembles from `first`, or from what the checkpoint kept, to their end; see `SideBySide` for
+    `place` and `root`.
+
+    Whatever stops it, the checkpoint is written once more before the error goes on.
+
+    Raises `InputError` where the checkpoint cannot be used or written.
+    """
+    history = checkpoint.read() or _begun(first, log_probability, seed, place, root)
+    run = _Run(log_probability, history)
+    checkpoint.check_length(steps, run.done)
+    last, pace, begin, begun = None, 1.0, time.perf_counter(), run.done
+    saved = time.monotonic()
+    try:
+        while True:
+            if steps is None and _is_check(run.done):
+                last = judged(run.history.points[:, 1:])
+                if last.finished:
+                    tell(run.done, run.done, _words(run, last, 0.0))
+                    break
+            if run.done >= (end := most if steps is None else steps):
+                break
+            block = min(max(1, int(MOMENT / pace)), 100, end - run.done)
+            if steps is None:
+                block = min(block, _next_check(run.done) - run.done)
+            since = time.perf_counter()
+            run.advance(block)
+            pace = (time.perf_counter() - since) / block
+            total = steps or _expected(last, run.done, most)
+            to_go = (time.perf_counter() - begin) / (run.done - begun) * (total - run.done)
+            if checkpoint.is_due(time.monotonic() - saved):
+                checkpoint.write(run.history)
+                saved = time.monotonic()
+            tell(run.done, total, _words(run, last, to_go))
+    except KeyboardInterrupt:
+        checkpoint.write(run.history)
+        raise
+    checkpoint.write(run.history)
+    return _finished(run.history, checkpoint, wants_rule=steps is None)
+
+
+def _finished(history: History, checkpoint: Checkpoint, wants_rule: bool) -> Chains:
+    points = history.points[:, 1:]
+    ensembles, steps, walkers, _ = points.shape
+    last = judged(points)
+    kept, tau = steps - last.burn, last.tau.mean(axis=0)
+    said = list(checkpoint.said)
+    if wants_rule and not last.finished:
+        said.append(
+            f"not converged after {steps:,} steps: R-hat {last.rhat.max():.3f} (below {AGREED} is wanted),"
+            f" {kept / last.tau.max():.0f} of {LENGTH} autocorrelation times."
+        )
+    rates = history.accepted.mean(axis=1) / steps
+    return Chains(
+        points=points[:, last.burn :],
+        log_probability=history.log_probability[:, 1 + last.burn :],
+        rhat=last.rhat,
+        ess=ensembles * walkers * kept / tau,
+        thin=max(1, int(tau.max() / 2)),
+        autocorrelation=float(tau.max()),
+        long_enough=bool(kept >= LENGTH * last.tau.max()),
+        acceptance=float(rates.mean()),
+        statistics={"acceptance_rate": rates},
+        method=f"emcee, {ensembles} x {walkers} walkers, {steps:,} steps",
+        notes=tuple(said),
+    )
+
+
+class _Run:
+    """The ensembles in memory. What was done is one attribute, replaced when a block is whole, so that an
+    interrupt at any line leaves chains that can be kept."""
+
+    def __init__(self, log_probability: LogProbability, history: History):
+        import emcee
+
+        self._shape = ensembles, _, walkers, parameters = history.points.shape
+        # One ensemble to emcee; the move keeps them apart.
+        self._sampler = emcee.EnsembleSampler(
+            ensembles * walkers, parameters, log_probability,
+            vectorize=True, moves=SideBySide(log_probability, ensembles, history.place, history.root),
+        )  # fmt: skip
+        self._blocks = [history]
+
+    @property
+    def history(self) -> History:
+        """All steps so far."""
+        last = self._blocks[-1]
+        points, found = (
+            np.concatenate(parts, axis=1)
+            for parts in zip(*(b[:2] for b in self._blocks), strict=True)
+        )
+        self._blocks = [last._replace(points=points, log_probability=found)]
+        return self._blocks[0]
+
+    @property
+    def done(self) -> int:
+        """Steps so far."""
+        return sum(block.points.shape[1] for block in self._blocks) - 1
+
+    @property
+    def acceptance(self) -> float:
+        """Part of the proposals that were taken."""
+        return float(self._blocks[-1].accepted.mean()) / max(self.done, 1)
+
+    def advance(self, steps: int) -> None:
+        """So many steps of every ensemble."""
+        import emcee
+
+        now, (ensembles, _, walkers, parameters) = self._blocks[-1], self._shape
+        state = emcee.State(
+            now.points[:, -1].reshape(-1, parameters),
+            log_prob=now.log_probability[:, -1].ravel(),
+            random_state=now.random,
+        )
+        self._sampler.reset()
+        self._sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+        backend: Any = self._sampler.backend
+        shape = (steps, ensembles, walkers)
+        block = History(
+            backend.get_chain().reshape(*shape, parameters).swapaxes(0, 1),
+            backend.get_log_prob().reshape(shape).swapaxes(0, 1),
+            now.accepted + backend.accepted.reshape(ensembles, walkers).astype(int),
+            backend.random_state,
+            now.place,
+            now.root,
+        )
+        self._blocks = [*self._blocks, block]
+
+
+def _begun(
+    points: np.ndarray,
+    log_probability: LogProbability,
+    seed: int,
+    place: np.ndarray,
+    root: np.ndarray,
+) -> History:
+    ensembles, walkers, parameters = points.shape
+    halves = points.reshape(2, -1, parameters)  # the shape that is compiled
+    found = np.concatenate([log_probability(half) for half in halves]).reshape(
+        ensembles, 1, walkers
+    )
+    accepted = np.zeros((ensembles, walkers), int)
+    random: Any = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(seed))).get_state()
+    return History(points[:, None], found, accepted, random, place, root)
+
+
+def _is_check(steps: int) -> bool:
+    return steps == FIRST_CHECK or steps == _next_check(steps - 1)
+
+
+def _next_check(steps: int) -> int:
+    """The first step after these at which the rule is tried."""
+    check = FIRST_CHECK
+    while check <= steps:
+        check = math.ceil(check * NEXT_CHECK)
+    return check
+
+
+def _expected(last: Judgement | None, done: int, most: int) -> int:
+    """How many steps it will be, as far as that can be told."""
+    if last is None:
+        return most
+    wanted = last.burn + math.ceil(LENGTH * last.tau.max())
+    return min(max(wanted, _next_check(done)), most)
+
+
+def _words(run: _Run, last: Judgement | None, to_go: float) -> str:
+    said = [f"acceptance {run.acceptance:.2f}"]
+    if last is not None:
+        said += [f"R-hat {last.rhat.max():.3f}", f"autocorrelation {last.tau.max():.0f} steps"]
+    return ", ".join([*said, f"{to_go:.0f} s to go"])

@@ -1,0 +1,124 @@
+"""The log-posterior of a fit: what samplers draw from, and what profiles and evidence look at."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import AbstractModel, InputError
+
+from ..noise._model import NoiseModel, Rows, rows_of
+from ..parameters._priors import Prior
+from ..parameters._settings import Setting
+from ..parameters._transform import Transform, Vector, transform, transform_for
+from ..results._fit_result import FitResult, prepare
+
+NOISE_PRIORS = {
+    "growth": Setting(prior=Prior("half-normal", 1.0, default=True)),
+    "input_sigma": Setting(prior=Prior("half-normal", 1.0, default=True)),
+}
+
+
+class Target(eqx.Module):
+    """log p(z | data) = weight * log-likelihood + log-prior, z the model's free numbers, then the noise's.
+
+    Pure JAX in `point` (parameters,): every method may be traced, mapped and differentiated.
+
+    - `bounds`, `noise_bounds`: between z and parameters; `template`, `noise_template`: what those go into.
+    - `prepared`, `measured`, `rows`: the record.
+    - `start`: the maximum that the fit found.
+    - `weight`: below 1 where no noise model explains the residuals' correlation: they count for as many as
+      are independent.
+    """
+
+    bounds: Transform
+    noise_bounds: Transform
+    template: AbstractModel
+    noise_template: NoiseModel
+    prepared: Any
+    measured: Float[Array, " rows"]
+    rows: Rows
+    start: Float[Array, " parameters"]
+    weight: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the numbers in z: the model's, then the noise's."""
+        return (*self.bounds.names, *self.noise_bounds.names)
+
+    def model(self, point: Float[Array, " parameters"]) -> AbstractModel:
+        """The model at a point."""
+        z = point[: len(self.bounds.names)]
+        return self.bounds.insert(self.template, self.bounds.to_values(z))
+
+    def noise(self, point: Float[Array, " parameters"]) -> NoiseModel:
+        """The noise at a point."""
+        z = point[len(self.bounds.names) :]
+        return self.noise_bounds.insert(self.noise_template, self.noise_bounds.to_values(z))
+
+    def values(self, point: Vector) -> Vector:
+        """The parameters in their units."""
+        xp: Any = np if isinstance(point, np.ndarray) else jnp
+        z, noise = xp.split(point, [len(self.bounds.names)])
+        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)])
+
+    def residuals(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
+        """predicted - measured; 0 where a row does not count."""
+        return self._compared(point)[0]
+
+    def pointwise(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
+        """log p(y_i | those before it), without a misfit's part; 0 where a row does not count."""
+        residuals, rows = self._compared(point)
+        return self.noise(point).pointwise(residuals, rows)
+
+    def log_likelihood(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
+        """log p(data | point), times the weight."""
+        residuals, rows = self._compared(point)
+        return self.weight * self.noise(point).log_likelihood(residuals, rows)
+
+    def log_prior(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
+        """log of the priors' density in the free space."""
+        z, noise = jnp.split(point, [len(self.bounds.names)])
+        return self.bounds.log_prior(z) + self.noise_bounds.log_prior(noise)
+
+    def log_probability(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
+        """log of the posterior up to a constant; -inf where it is not a number."""
+        found = self.log_likelihood(point) + self.log_prior(point)
+        return jnp.where(jnp.isfinite(found), found, -jnp.inf)
+
+    def _compared(self, point: Array) -> tuple[Array, Rows]:
+        predicted = self.model(point).evaluate(self.prepared)
+        rows = self.rows._replace(output=predicted)
+        return jnp.where(rows.counted, predicted - self.measured, 0.0), rows
+
+
+def target(fit: FitResult) -> Target:
+    """The log-posterior of a fit of few parameters.
+
+    Without a noise model that explains the residuals they are Gaussian and count for as many as are
+    independent.
+
+    Raises `InputError` for a fit by weights or a spectrum, and where no parameter is free.
+    """
+    if {"linear", "composition", "spectrum"} & set(fit.internals):
+        raise InputError(
+            "no-target", f"{fit.name} was fitted by linear weights, not by parameters."
+        )
+    record, used, noise = fit.train, fit.internals["used"], fit.noise_model
+    bounds = transform_for(fit.model, record, fit.settings)
+    if not bounds.names:
+        raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")
+    predicted = np.where(used, record.output + np.where(used, fit.residuals, 0.0), 0.0)
+    weight = 1.0 if noise is not None else 1 / fit.noise.correlation_time
+    noise = noise or NoiseModel(max(fit.noise.sigma, 1e-12))
+    size = float(np.ptp(record.output[record.mask]))
+    noise_bounds = transform(noise, size, float(np.ptp(record.input[record.mask])), NOISE_PRIORS)
+    point = np.concatenate([bounds.to_free(fit.model), noise_bounds.to_free(noise)])
+    return Target(
+        bounds, noise_bounds, fit.model, noise, prepare(fit.model, record),
+        jnp.asarray(np.where(used, record.output, 0.0)),
+        rows_of(record, used, predicted),
+        jnp.asarray(point), weight,
+    )  # fmt: skip

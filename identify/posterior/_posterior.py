@@ -1,0 +1,105 @@
+"""What the data leave open: a posterior's draws, and what can be said of each parameter."""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import html_of
+
+from ._convergence import has_two_modes, rhat
+from ._pointwise import PerRow
+
+NARROWER = 0.1
+"""A posterior whose variance is less than this part below the prior's is as wide as its prior."""
+
+
+class Summary(NamedTuple):
+    """One parameter's marginal posterior, and whether the sampler can be believed.
+
+    - `modes`: 2 where the draws lie about more than one place, see `has_two_modes`.
+    - `contraction`: 1 - variance / prior variance in the free space, where both are nearest to normal: 0
+      where the data said nothing, 1 where they said all; None where no prior is known.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    q05: float
+    q95: float
+    rhat: float
+    ess: float
+    modes: int = 1
+    contraction: float | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What to mind: two modes, a posterior as wide as its prior."""
+        wide = self.contraction is not None and self.contraction < NARROWER
+        return ("two modes",) * (self.modes > 1) + ("as wide as its prior",) * wide
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws from the posterior of a fit.
+
+    - `names`, `draws`: parameters, (ensembles, draws, parameters).
+    - `model`: one model, or calibrated system, with a leading draw axis on every parameter, for `jax.vmap`
+      and `invert`.
+    - `summaries`: mean, deviation, 5 and 95 % quantiles, R-hat across ensembles, effective draws.
+    - `method`: how it was drawn. `acceptance`, `autocorrelation` (steps; NaN where draws are
+      independent), `seconds`. `notes`: what to mind, in sentences.
+    - `long_enough`: the chains hold so many autocorrelation times that R-hat and effective draws mean
+      something.
+
+    Where a sampler walked, and not in a posterior that was loaded:
+
+    - `log_probability`: (ensembles, draws), up to a constant. `statistics`: more of the sampler's,
+      (ensembles, ...).
+    - `prior`: draws of the priors, (draws, parameters). `per_row`: what the draws say of each row.
+    """
+
+    names: tuple[str, ...]
+    draws: Float[np.ndarray, "ensembles draws parameters"]
+    model: Any
+    summaries: tuple[Summary, ...]
+    method: str
+    acceptance: float
+    autocorrelation: float
+    seconds: float
+    notes: tuple[str, ...] = ()
+    long_enough: bool = True
+    log_probability: Float[np.ndarray, "ensembles draws"] | None = None
+    statistics: dict[str, np.ndarray] = field(default_factory=dict)
+    prior: Float[np.ndarray, "prior_draws parameters"] | None = None
+    per_row: PerRow | None = None
+
+    @property
+    def converged(self) -> bool:
+        """R-hat below 1.01 and a hundred effective draws of every parameter, from chains that can tell."""
+        return self.long_enough and all(s.rhat < 1.01 and s.ess > 100 for s in self.summaries)
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
+
+
+def summary_of(
+    name: str,
+    draws: Float[np.ndarray, "ensembles draws"],
+    ess: float,
+    agreement: float | None = None,
+    modes: int = 1,
+    contraction: float | None = None,
+) -> Summary:
+    """Of one parameter's draws; R-hat from them where it is not given."""
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return Summary(
+        name, float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high),
+        rhat(draws) if agreement is None else agreement, ess, modes, contraction,
+    )  # fmt: skip
+
+
+def modes_of(draws: Float[np.ndarray, "ensembles draws"], ess: float) -> int:
+    """2 where `has_two_modes`."""
+    return 1 + has_two_modes(draws.ravel(), ess)

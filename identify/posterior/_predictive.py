@@ -1,0 +1,184 @@
+"""Where the next measurement would lie, and whether held-out ones do."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, Int
+
+from hysteresis import AbstractModel, Record
+
+from ..noise._model import NoiseModel, rows_of
+from ..noise._reml import PARTS
+from ..noise._residual_statistics import estimate_noise
+from ..results._fit_result import FitResult, prepare
+from ._log_posterior import target
+from ._mode import likeliest_near
+from ._posterior import Posterior
+from ._sample import sample
+
+LEVELS = (0.5, 0.9, 0.99)
+DRAWS, ROWS = 100, 2000
+"""Draws of the model, and rows of the record, at most."""
+
+HALVINGS = 25
+"""Of the interval around a quantile of a mixture: 3e-8 of it are left."""
+
+
+class Bands(NamedTuple):
+    """Posterior predictive bands over some `rows` of a record.
+
+    - `measured`, `middle` (rows,): readings, and the median prediction.
+    - `low`, `high` (levels, rows): of a new reading, for each of `LEVELS`; `clean_low`, `clean_high`: of
+      the output without noise.
+    - `coverage` (levels,): share of the readings inside. `cycles`: the same by cycle, or by sequence
+      where there are several.
+    - `effective`: as how many independent readings they count. `said`: whether 90 % hold 90 %.
+    """
+
+    rows: Int[np.ndarray, " rows"]
+    measured: Float[np.ndarray, " rows"]
+    middle: Float[np.ndarray, " rows"]
+    low: Float[np.ndarray, "levels rows"]
+    high: Float[np.ndarray, "levels rows"]
+    clean_low: Float[np.ndarray, "levels rows"]
+    clean_high: Float[np.ndarray, "levels rows"]
+    coverage: Float[np.ndarray, " levels"]
+    cycles: dict[str, Float[np.ndarray, " levels"]]
+    effective: float
+    said: str
+
+
+def predictive(
+    fit: FitResult, record: Record | None = None, posterior: Posterior | None = None
+) -> Bands:
+    """Bands of new readings on a record, whatever its own readings are.
+
+    Every draw of the parameters, posterior's or Laplace's where there is no posterior, predicts a
+    noise-free output and the noise's marginal scale, which may grow with the reading. A band's end is the
+    quantile of the equal mixture of all draws' distributions, so it is smooth and the same every time.
+    With Student's t the mixture is of t's, as if correlated residuals had the innovations' tails.
+
+    Neighbouring rows are no independent facts: as many count as `Noise` says of the residuals, and with
+    so many the coverage that would be no surprise is told, 95 % of a binomial's.
+
+    **Arguments:**
+
+    - `record`: as the model sees it; the held-out rows unless given, or the fitted ones where there are
+      none.
+    - `posterior`: of this fit.
+    """
+    if record is None:
+        record = fit.train if fit.test is None else fit.test
+    held_out = record is not fit.train
+    if posterior is None and {"linear", "composition"} & set(fit.internals):
+        posterior = sample(fit, steps=DRAWS // 4, ensembles=4, seed=fit.seed)
+    models, noise = _drawn(fit) if posterior is None else _chosen(posterior)
+    counted = np.flatnonzero(record.mask)
+    rows = counted[:: -(-len(counted) // ROWS)]
+    # All draws of a model prepare an input alike.
+    one: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
+    prepared = prepare(one, record)
+    of_rows = rows_of(record, record.mask, np.zeros(len(record)))
+    y, scale = (np.asarray(a) for a in _evaluate(models, noise, prepared, of_rows, rows))
+    tail = None if noise.tail is None else np.asarray(noise.tail)
+    ends = [0.5, *((1 + sign * level) / 2 for sign in (-1, 1) for level in LEVELS)]
+    middle, *bands = (_quantile(q, y, scale, tail) for q in ends)
+    low, high = np.split(np.array(bands), 2)
+    clean_low, clean_high = np.split(np.quantile(y, ends[1:], axis=0), 2)
+    measured = record.output[rows]
+    inside = (low <= measured) & (measured <= high)
+    which = record.cycle[rows]
+    name = "cycle {}"
+    if len(record.labels) > 1:
+        which, name = np.searchsorted(record.starts, rows, side="right"), "{}"
+    cycles = {
+        name.format(record.labels[k - 1] if name == "{}" else k): inside[:, which == k].mean(1)
+        for k in np.unique(which[which > 0])
+    }
+    coverage, effective = inside.mean(1), _effective(record, rows, middle - measured)
+    said = _in_words(coverage, effective, len(rows), "held-out" if held_out else "training")
+    return Bands(
+        rows, measured, middle, low, high, clean_low, clean_high, coverage, cycles, effective, said
+    )
+
+
+def _drawn(fit: FitResult) -> tuple[Any, NoiseModel]:
+    """Draws about the likelihood's maximum, Gaussian with its curvature; what the data leave open moves
+    by one in the free space, a factor of e, within which a curvature may mean something."""
+    aim = target(fit)
+    count = len(aim.names)
+    top = likeliest_near(aim, aim.start, jnp.ones(count, bool), jnp.ones(len(aim.measured)))
+    values, vectors = np.linalg.eigh(np.asarray(top.curvature))
+    random = np.random.default_rng(fit.seed).normal(size=(DRAWS, count))
+    away = random / np.sqrt(np.maximum(values, 1.0)) @ vectors.T
+    points = jnp.asarray(np.asarray(top.point) + away)
+    return jax.vmap(aim.model)(points), jax.vmap(aim.noise)(points)
+
+
+def _chosen(posterior: Posterior) -> tuple[Any, NoiseModel]:
+    """Some draws of a posterior."""
+    flat = posterior.draws.reshape(-1, len(posterior.names))
+    chosen = np.unique(np.linspace(0, len(flat) - 1, min(DRAWS, len(flat))).astype(int))
+    noise: dict[str, Any] = {
+        part: flat[chosen, posterior.names.index(part)] for part in PARTS if part in posterior.names
+    }
+    return jax.tree.map(lambda leaf: leaf[chosen], posterior.model), NoiseModel(**noise)
+
+
+@eqx.filter_jit
+def _evaluate(
+    models: Any, noise: NoiseModel, prepared: Any, of_rows: Any, rows: Any
+) -> tuple[Array, Array]:
+    def one(drawn: Any) -> tuple[Array, Array]:
+        model, noise = drawn
+        y = model.evaluate(prepared)
+        return y[rows], noise.scale(of_rows._replace(output=y))[rows]
+
+    return jax.lax.map(one, (models, noise), batch_size=10)
+
+
+def _quantile(
+    q: float,
+    y: Float[np.ndarray, "draws rows"],
+    scale: Float[np.ndarray, "draws rows"],
+    tail: Float[np.ndarray, " draws"] | None,
+) -> Float[np.ndarray, " rows"]:
+    """Of the mixture of all draws: it lies between the least and the greatest of theirs."""
+    each = scipy.stats.norm.ppf(q) if tail is None else scipy.stats.t.ppf(q, 1 / tail)[:, None]
+    ends = y + scale * each
+    low, high = ends.min(0), ends.max(0)
+    for _ in range(HALVINGS):
+        at = (low + high) / 2
+        x = (at - y) / scale
+        below = scipy.special.ndtr(x) if tail is None else scipy.special.stdtr(1 / tail[:, None], x)
+        over = below.mean(0) > q
+        low, high = np.where(over, low, at), np.where(over, at, high)
+    return (low + high) / 2
+
+
+def _effective(record: Record, rows: np.ndarray, residual: np.ndarray) -> float:
+    """How many independent facts the rows hold."""
+    inside = np.searchsorted(record.starts, rows, side="right")
+    cut = np.flatnonzero(np.diff(inside)) + 1
+    return estimate_noise([r for r in np.split(residual, cut) if len(r)]).effective
+
+
+def _in_words(coverage: np.ndarray, effective: float, rows: int, word: str) -> str:
+    held, level, facts = float(coverage[1]), LEVELS[1], max(round(effective), 1)
+    low, high = scipy.stats.binom.interval(0.95, facts, level)
+    low, high = low / facts, high / facts
+    said = (
+        f"The {100 * level:.0f} % band holds {100 * held:.0f} % of {rows:,} {word} rows, which count as"
+        f" {facts:,}: {100 * low:.0f} to {100 * high:.0f} % would be no surprise."
+    )
+    # A few facts may all lie outside nine tenths by chance, but not outside 99 hundredths.
+    least = [scipy.stats.binom.ppf(0.0125, facts, p) / facts for p in LEVELS[1:]]
+    if (coverage[1:] < least).any():
+        said += " It is too narrow: the model is off by more than noise there."
+    elif held > high:
+        said += " It is wider than need be."
+    return said if word == "held-out" else f"{said} These rows were fitted, so that proves little."

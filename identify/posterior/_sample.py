@@ -1,0 +1,257 @@
+"""`sample`: draws from the posterior of a fit, by the sampler that suits it."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import InputError
+
+from ..files._fit_folder import versions
+from ..results._fit_result import FitResult
+from ..storage._checkpoint import Checkpoint, Identity, digest
+from ..storage._model import describe_model
+from ._chains import Chains, Progress
+from ._emcee import sample_ensembles
+from ._emcee_moves import LogProbability
+from ._linear_weights import MOST, sample_weights
+from ._log_posterior import Target, target
+from ._mode import top_of
+from ._pointwise import per_row
+from ._posterior import Posterior, modes_of, summary_of
+
+MOST_STEPS = 20_000
+PRIOR_DRAWS = 1000
+"""Enough for a variance to 5 per cent."""
+
+
+def sample(
+    fit: FitResult,
+    steps: int | None = None,
+    ensembles: int = 4,
+    seed: int = 0,
+    *,
+    walkers: int | None = None,
+    method: str = "emcee",
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    every: float = 10.0,
+    most: int = MOST_STEPS,
+    progress: Progress | None = None,
+) -> Posterior:
+    """Draw from the posterior of a fit, `Target`.
+
+    Models of few parameters: several independent ensembles of emcee's, compiled and side by side, so that
+    R-hat means something. Without `steps` they go on until R-hat is below 1.01 and every ensemble holds 50
+    autocorrelation times of every parameter; where that is not so after `most` steps, the notes say so.
+    Burn-in is five autocorrelation times. First walkers are drawn about the fit from Laplace's covariance,
+    wider, each ensemble about a place of its own.
+
+    `method="nuts"`, the extra `hysid[nuts]`: the No-U-Turn sampler, for many parameters; `ensembles`
+    chains, a thousand `steps` of each by default.
+
+    Weights on a grid: the Gaussian posterior of the linear problem, each draw projected in its own metric
+    onto the models that can be (no negative weight, no falling branch); such draws are independent. Where
+    the data leave much open their mean moves away from the fit, into the models that can be.
+
+    **Arguments:** `steps` for each of `ensembles` (total, also when resumed); `seed`.
+
+    **Other arguments:**
+
+    - `walkers`: of each ensemble, even, at least twice the parameters; by default four times them, and no
+      less than 16.
+    - `checkpoint`: an HDF5 file that keeps the chains of emcee, written every so many seconds (`every`)
+      and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
+      nothing had been interrupted. NUTS keeps none, and independent draws need none.
+    - `progress(done, total, text)` is called now and then.
+
+    Raises `InputError` for a spectrum, a fit without free parameters, too few steps or walkers, a
+    checkpoint that belongs to something else, is damaged or cannot be written.
+    """
+    _check(steps, ensembles, seed, most, method)
+    if "spectrum" in fit.internals:
+        raise InputError(
+            "no-posterior",
+            "a spectrum has no posterior to draw from.",
+            fix="what its record leaves open are the errors of its parameters and the range of"
+            " `Spectrum.predict` (hysid predict, hysid report).",
+        )
+    begin = time.perf_counter()
+    tell = progress or (lambda done, total, text: None)
+    if "linear" in fit.internals or "composition" in fit.internals:
+        return sample_weights(fit, steps or MOST, ensembles, seed, tell, begin)
+    aim = target(fit)
+    if method == "nuts":
+        from ._nuts import sample_nuts
+
+        notes = ("NUTS keeps no checkpoint.",) if checkpoint is not None else ()
+        chains = sample_nuts(aim, steps or 1000, ensembles, seed, tell, notes)
+        return _posterior(aim, chains, seed, begin)
+    walkers = walkers_for(walkers, len(aim.names))
+    file = None if checkpoint is None else Path(checkpoint)
+    kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
+    density = log_probability(aim)
+    place, _, root = map(np.asarray, top_of(aim))
+    first = first_walkers(density, place, root, ensembles, walkers, seed)
+    chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
+    return _posterior(aim, chains, seed, begin)
+
+
+def log_probability(aim: Target) -> LogProbability:
+    """The log-posterior of many points at once, compiled: (points, parameters) -> (points,)."""
+    leaves, structure = jax.tree.flatten(aim)
+    is_array = [isinstance(leaf, np.ndarray | Array) for leaf in leaves]
+    # Split by hand, once: equinox's `filter_jit` does it in every call, which takes as long as the call.
+    arrays = [leaf if yes else None for leaf, yes in zip(leaves, is_array, strict=True)]
+    rest = tuple(None if yes else leaf for leaf, yes in zip(leaves, is_array, strict=True))
+    return lambda points: np.asarray(_log_probability((structure, rest), arrays, points))
+
+
+@partial(jax.jit, static_argnums=0)
+def _log_probability(
+    static: Any, arrays: list[Any], points: Float[Array, "points parameters"]
+) -> Array:
+    structure, rest = static
+    leaves = [one if array is None else array for array, one in zip(arrays, rest, strict=True)]
+    return jax.vmap(jax.tree.unflatten(structure, leaves).log_probability)(points)
+
+
+def first_walkers(
+    density: LogProbability,
+    place: Float[np.ndarray, " parameters"],
+    root: Float[np.ndarray, "parameters parameters"],
+    ensembles: int,
+    walkers: int,
+    seed: int,
+) -> Float[np.ndarray, "ensembles walkers parameters"]:
+    """Start about the fit, every ensemble about a place of its own, so that they have to find each other.
+
+    In Laplace's metric an ensemble's place is one and a half deviations from the fit, its walkers one from
+    there. Whoever is hopeless, more than 10 + 3 per parameter below the fit in log-probability, comes
+    halfway back, lest it stays there.
+    """
+    random = np.random.default_rng([seed, 1])
+    places = 1.5 * random.normal(size=(ensembles, 1, len(place)))
+    away = (places + random.normal(size=(ensembles, walkers, len(place)))) @ root.T
+    away = away.reshape(2, -1, len(place))  # in two halves, as the ensembles are moved
+    floor = density(np.broadcast_to(place, away[0].shape))[0] - 10 - 3 * len(place)
+    for _ in range(60):
+        low = np.stack([density(place + half) for half in away]) < floor
+        if not low.any():
+            break
+        away = np.where(low[..., None], away / 2, away)
+    return (place + away).reshape(ensembles, walkers, -1)
+
+
+def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str) -> None:
+    longest = most if steps is None else steps
+    if ensembles < 2 or longest < 20:
+        raise InputError(
+            "too-few-draws",
+            f"{longest} steps in {ensembles} ensembles say nothing about convergence.",
+            fix="take at least 20 steps and 2 ensembles.",
+        )
+    if seed < 0:
+        raise InputError("bad-seed", f"the seed is {seed}.", fix="take a whole number from 0 on.")
+    if method not in ("emcee", "nuts"):
+        raise InputError("unknown-method", f"there is no sampler {method!r}.", fix="emcee or nuts.")
+
+
+def walkers_for(walkers: int | None, parameters: int) -> int:
+    if walkers is None:
+        return max(4 * parameters, 16)
+    if walkers < 2 * parameters or walkers % 2:
+        raise InputError(
+            "too-few-walkers",
+            f"{walkers} walkers for {parameters} parameters.",
+            cause="the two halves of an ensemble move by each other's differences, which have to span all"
+            " parameters.",
+            fix=f"take an even number from {2 * parameters} on.",
+        )
+    return walkers
+
+
+def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: int) -> Identity:
+    def of(module: Any) -> str:
+        structure, arrays = describe_model(module)
+        return digest(structure, *arrays.values())
+
+    record, known = fit.train, versions()
+    columns = (record.input, record.output, record.time, record.starts, record.mask)
+    return Identity(
+        model=of(aim.template),
+        data=digest(*columns, fit.internals["used"], np.asarray(aim.start)),
+        noise=digest(of(aim.noise_template), aim.weight),
+        priors=digest(
+            aim.bounds[:3], aim.bounds[4:], np.asarray(aim.bounds.scale), aim.noise_bounds.priors
+        ),
+        seed=str(seed),
+        ensembles=str(ensembles),
+        walkers=str(walkers),
+        versions=", ".join(f"{name} {known[name]}" for name in ("emcee", "jax", "numpy")),
+    )
+
+
+def _posterior(aim: Target, chains: Chains, seed: int, begin: float) -> Posterior:
+    """Of a fit: with its prior, and what the draws say of each row."""
+    values, free = _prior(aim, seed)
+    found = posterior_of(aim.names, chains, aim.values, jax.vmap(aim.model), free.var(0), begin)
+    return replace(found, prior=values, per_row=per_row(aim, _thinned(chains), seed))
+
+
+def posterior_of(
+    names: tuple[str, ...],
+    chains: Chains,
+    values: Callable[[Array], Array],
+    models: Callable[[Array], Any],
+    prior_variance: Float[np.ndarray, " parameters"],
+    begin: float,
+) -> Posterior:
+    """Chains in the parameters' units, thinned, with what can be said of each.
+
+    **Arguments:** `values` and `models`: of one point of the free space, and of many; `prior_variance`: of
+    each parameter there; `begin`: when the work began, `time.perf_counter()`.
+    """
+
+    def in_units(points: np.ndarray) -> np.ndarray:
+        flat = jnp.asarray(points.reshape(-1, points.shape[-1]))
+        return np.asarray(jax.vmap(values)(flat)).reshape(points.shape)
+
+    ensembles, _, _, parameters = chains.points.shape
+    every, thinned = in_units(chains.points), _thinned(chains)
+    summaries = []
+    for j, name in enumerate(names):
+        column, ess = every[..., j].reshape(ensembles, -1), float(chains.ess[j])
+        contraction = 1 - chains.points[..., j].var() / prior_variance[j]
+        said = {"modes": modes_of(thinned[..., j], ess), "contraction": float(contraction)}
+        summaries.append(summary_of(name, column, ess, float(chains.rhat[j]), **said))
+    flat = jnp.asarray(thinned.reshape(-1, parameters))
+    density = chains.log_probability[:, :: chains.thin].reshape(ensembles, -1)
+    return Posterior(
+        names, in_units(thinned), models(flat), tuple(summaries), chains.method, chains.acceptance,
+        chains.autocorrelation, time.perf_counter() - begin, chains.notes, chains.long_enough,
+        density, chains.statistics,
+    )  # fmt: skip
+
+
+def _thinned(chains: Chains) -> Float[np.ndarray, "ensembles draws parameters"]:
+    ensembles, _, _, parameters = chains.points.shape
+    return chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
+
+
+def _prior(aim: Target, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Independent draws of the priors, cut off at the bounds: in their units, and in the free space."""
+    random, values, free = np.random.default_rng([seed, 2]), [], []
+    for bounds in (aim.bounds, aim.noise_bounds):
+        columns = [prior.draws(random, PRIOR_DRAWS) for prior in bounds.priors]
+        values.append(np.stack(columns, 1))
+        free.append(bounds.from_values(values[-1]))
+    inside = np.isfinite(np.hstack(free)).all(1)
+    return np.hstack(values)[inside], np.hstack(free)[inside]

@@ -1,0 +1,1 @@
+"""A record made ready for a fit: held-out folds, clocks, channels."""

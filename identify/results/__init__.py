@@ -1,0 +1,1 @@
+"""What a fit gives back, and its figures of merit."""

@@ -1,0 +1,153 @@
+"""What a fit gives back."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of
+
+from ..noise._model import NoiseModel
+from ..noise._residual_statistics import Noise
+from ..parameters._settings import Settings
+from ..parametric._multistart import Starts
+from ..records._channel_map import beyond, combine
+from ..records._clocks import Clocks
+from ._metrics import Metrics
+
+Level = Literal["PASS", "CAUTION", "FAIL"]
+Status = Literal["free", "fixed", "at bound", "unidentified"]
+
+
+class Parameter(NamedTuple):
+    """A fitted parameter: value, unit, standard error (None where there is no honest one), status.
+
+    `low`, `high`: its 90 % interval, as skewed as the posterior of the prior that was asked for, else of a
+    flat one in the free space, and never beyond a bound.
+    """
+
+    name: str
+    value: float
+    unit: str
+    stderr: float | None
+    status: Status
+    low: float | None = None
+    high: float | None = None
+
+
+class Verdict(NamedTuple):
+    """PASS, CAUTION or FAIL, and why, in sentences."""
+
+    level: Level
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A model fitted to a record, with everything needed to judge it.
+
+    - `name`, `model`: the model's name, and a new model of that type.
+    - `parameters`, `covariance` (of the free ones, in their order).
+    - `residuals`: predicted - measured on the training record, (samples,); NaN where not counted.
+    - `metrics`: {"train": Metrics, "test": Metrics or None}.
+    - `success`: the solver converged. `trusted`: the answer can be used; `verdict` says why not.
+    - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
+    - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
+    - `noise`: size and correlation of the residuals.
+    - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
+      -log evidence of every kind tried over the best one's. `settings`: what was said of the parameters.
+    - `starts`: every start's objective, for parametric models.
+    - `internals`: arrays the posterior of grid weights needs.
+    - `candidates`: the other models tried, best first, this one included.
+    - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
+    - `clocks`: what was done to their input before; `predict` does the same.
+    - `channels`: what combined several channels into that input, None where there is one.
+    """
+
+    name: str
+    model: AbstractModel
+    parameters: tuple[Parameter, ...]
+    covariance: Float[np.ndarray, "free free"]
+    residuals: Float[np.ndarray, " samples"]
+    metrics: dict[str, Metrics | None]
+    success: bool
+    score: float
+    noise: Noise
+    train: Record
+    test: Record | None = None
+    notes: tuple[str, ...] = ()
+    blocks: Float[np.ndarray, " blocks"] | None = None
+    starts: Starts | None = None
+    internals: dict[str, Any] = field(default_factory=dict)
+    verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
+    candidates: tuple["FitResult", ...] = ()
+    skipped: dict[str, str] = field(default_factory=dict)
+    clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
+    channels: ChannelMap | None = None
+    noise_model: NoiseModel | None = None
+    noise_evidence: dict[str, float] = field(default_factory=dict)
+    settings: Settings = field(default_factory=dict)
+    seed: int = 0
+    seconds: float = 0.0
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the answer can be used: the verdict is not FAIL and the solver converged."""
+        return self.success and self.verdict.level != "FAIL"
+
+    def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
+        """The model's output on a record, every sequence from the virgin state.
+
+        Beyond the inputs of the fit relays go on as play operators, see `extended`; `beyond` tells where.
+
+        Raises `InputError` `unit-clash` where its input is in another unit than the fit's.
+        """
+        if not record.channels:
+            check_unit(record.input_name, record.input_unit, self.train.input_unit)
+        record = self.clocks.applied(self.combined(record))
+        low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
+        return predict(extended(self.model, low, high), record)
+
+    def combined(self, record: Record) -> Record:
+        """The record with its channels combined as in the fit; as it is where it has one input.
+
+        Raises `InputError` `other-channels` where its inputs are not those of the fit.
+        """
+        return combine(record, self.channels)
+
+    def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
+        """Rows with an input, or a channel of it, outside those that counted in the fit."""
+        u, seen = self.combined(record).input, self.train.input[self.train.mask]
+        outside = (u < seen.min()) | (u > seen.max())
+        if self.channels is not None and record.channels:
+            outside |= beyond(record, self.channels)
+        return outside
+
+    def _repr_html_(self) -> str | None:
+        return html_of(self)
+
+
+def check_unit(name: str, unit: str, fitted: str) -> None:
+    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
+    if unit != fitted and "1" not in (unit, fitted):
+        raise InputError(
+            "unit-clash",
+            f"{name} is in {unit}; the model was fitted to {fitted}.",
+            cause="another quantity, or the same in another unit.",
+            fix=f"give the column in {fitted}, and say so in its header.",
+        )
+
+
+def prepare(model: AbstractModel, record: Record) -> Any:
+    """A record's input prepared for a model, every sequence from the virgin state."""
+    return model.prepare(record.time, record.input, starts=starts_of(record))
+
+
+def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
+    """A model's output on a record, every sequence from the virgin state."""
+    return np.asarray(model.simulate(record.time, record.input, starts=starts_of(record)))
+
+
+def starts_of(record: Record) -> tuple[int, ...]:
+    return tuple(int(k) for k in record.starts)

@@ -1,0 +1,1 @@
+"""Creep and relaxation spectra, Prony series and their extrapolation."""

@@ -1,0 +1,107 @@
+"""What a spectrum's record allows beyond its own span: the range over all spectra that fit it.
+
+With strengths c >= 0 on a fine grid of time constants, tau from a third of the record's step to a
+hundred spans, the record's squared residuals are a quadratic q(c) with minimum q0. The whole curve of
+the true spectrum lies, with 90 % (Scheffé), among the curves of
+
+    C = { c >= 0 :  q(c) <= q0 (1 + p F / (m - p)) },
+
+p numbers fitted, m independent facts in the residuals, F the 90 % point of F(p, m - p). At a time t the
+range is the least and the largest e(t)'c over C, e(t) the answer of each column. Each is found from
+the minimum of q(c) / 2 -+ lambda e'c, with lambda as large as C lets it be. No prior is needed: where
+the record says nothing of slow processes, the range runs from none of them to as many as fit.
+
+Source: Stark, Inference in infinite-dimensional inverse problems, J. Geophys. Res. 97 (1992), strict
+bounds; Scheffé, The Analysis of Variance (1959).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from ..linear._nnls import nonnegative_least_squares
+from ..noise._residual_statistics import Noise
+from ._prony_series import Fitted, Input, Problem
+
+A_DECADE = 4
+"""Time constants of the grid in each decade: one between two differs from a mixture of them by 1 %."""
+BEYOND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+"""Times, in spans of the record, at which the extremes of a step's answer are looked for."""
+INSIDE = 3
+"""Times in each decade inside the record at which they are; in between the range is a little narrow."""
+CONFIDENCE = 0.9
+POWERS = (-3.0, 9.0)
+"""Between which powers of ten lambda |e| |c| / q is looked for."""
+HALVINGS = 11
+"""Bisections between them: lambda to 1 %."""
+
+
+class Allowed(NamedTuple):
+    """Spectra at the edge of what a record allows, on one grid.
+
+    - `log_tau`: time constants of the branches.
+    - `strengths`: of the memoryless columns and of the branches, one row for each spectrum; the first
+      is that of the fit.
+    """
+
+    log_tau: Float[np.ndarray, " branches"]
+    strengths: Float[np.ndarray, "spectra columns"]
+
+    def outputs(self, at: Input) -> Float[np.ndarray, "spectra times"]:
+        """The answers of all of them to an input."""
+        return self.strengths @ np.hstack([at.memoryless, at.branches(self.log_tau)]).T
+
+
+def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: float) -> Allowed:
+    """The spectra that make a step's answer least and largest, time after time, and the fit itself."""
+    slowest = span * BEYOND[-1]
+    count = int(A_DECADE * np.log10(3 * slowest / step))
+    even = np.linspace(np.log(step / 3), np.log(slowest), count)
+    log_tau = np.append(fitted.log_tau, even)
+    fit = np.zeros(fitted.memoryless + len(log_tau))
+    fit[: len(fitted.strengths)] = fitted.strengths
+
+    A = problem.columns(log_tau)
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    A /= size
+    # The grid's columns are alike to rounding: a weak prior, 3e-5 of the output, keeps the factors.
+    H = A.T @ A + 1e-9 * np.eye(len(size))
+    b, free = A.T @ problem.target, np.append(problem.free, np.zeros(len(log_tau), bool))
+
+    def square(c: Float[np.ndarray, " columns"]) -> float:
+        return float(np.sum((A @ c - problem.target) ** 2))
+
+    best = nonnegative_least_squares(H, b, free)
+    facts = max(min(noise.effective, len(A)) - fitted.parameters, 1.0)
+    quantile = float(scipy.stats.f.ppf(CONFIDENCE, fitted.parameters, facts))
+    limit = square(best) * (1 + fitted.parameters * quantile / facts)
+
+    found = [fit]
+    for e in _step_answers(problem.input, log_tau, step, span) / size:
+        scale = limit / (np.linalg.norm(e) * np.linalg.norm(best))
+        for sign in (1.0, -1.0):
+            (low, high), edge, last = POWERS, best, best != 0
+            for _ in range(HALVINGS):
+                middle = (low + high) / 2
+                c = nonnegative_least_squares(H, b + sign * 10**middle * scale * e, free, last)
+                last = c != 0
+                if square(c) <= limit:
+                    edge, low = c, middle
+                else:
+                    high = middle
+            found.append(edge / size)
+    return Allowed(log_tau, np.array(found))
+
+
+def _step_answers(
+    input: Input, log_tau: Float[np.ndarray, " branches"], step: float, span: float
+) -> Float[np.ndarray, "times columns"]:
+    """A unit step's answer of each column, 0 for the offset, at the times of the search."""
+    inside = np.geomspace(step, span, 1 + int(INSIDE * np.log10(span / step)), endpoint=False)
+    at = Input(input.kind, np.append(inside, span * np.array(BEYOND)), None)
+    memoryless = np.zeros((len(at.t), input.memoryless.shape[1]))
+    memoryless[:, : at.memoryless.shape[1]] = at.memoryless
+    return np.hstack([memoryless, at.branches(log_tau)])

@@ -1,0 +1,1 @@
+"""Files kept whole: checkpoints and a model as data."""

@@ -1,0 +1,1 @@
+"""Gradient training of networks, and the scales of a Gaussian process."""
