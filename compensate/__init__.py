@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 from .runtime._status import Status as Status
 
 if TYPE_CHECKING:
-    from ._invert import AbstractCompensator as AbstractCompensator
-    from ._invert import BracketedCompensator as BracketedCompensator
-    from ._invert import Estimate as Estimate
+    from ._contract import AbstractCompensator as AbstractCompensator
+    from ._contract import Estimate as Estimate
     from ._invert import invert as invert
     from .export._export import Exported as Exported
     from .export._export import Quantity as Quantity
     from .export._export import export_c as export_c
     from .export._export import export_runtime as export_runtime
+    from .inverses import BracketedCompensator as BracketedCompensator
     from .qualification._loop_widths import Loop as Loop
     from .qualification._loop_widths import loop_widths as loop_widths
     from .qualification._qualify import Qualification as Qualification
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from .uncertainty._flat_intervals import flat_intervals as flat_intervals
 
 _HOME = {
-    "_invert": ("AbstractCompensator", "BracketedCompensator", "Estimate", "invert"),
+    "_contract": ("AbstractCompensator", "Estimate"),
+    "_invert": ("invert",),
+    "inverses": ("BracketedCompensator",),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),
     "uncertainty._calibrated": ("CalibratedCompensator", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),
@@ -48,7 +50,6 @@ __all__ = sorted([*_MODULE, "Status"])
 def __getattr__(name: str) -> Any:
     if name not in _MODULE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import_module("._invert", __name__)
     return getattr(import_module(f".{_MODULE[name]}", __name__), name)
 
 

@@ -1,7 +1,6 @@
-"""The contract every compensator keeps, and `invert`, the way to get one."""
+"""The contract that every compensator keeps."""
 
 import abc
-from functools import singledispatch
 from typing import Any, Generic, NamedTuple
 
 import equinox as eqx
@@ -9,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from hysteresis import AbstractModel, InputError, html_of, parameters
+from hysteresis import html_of
 from hysteresis._type_variables import State
 
 from .runtime._status import Status as Status
@@ -44,39 +43,6 @@ class AbstractCompensator(eqx.Module, Generic[State]):
 
     def _repr_html_(self) -> str | None:
         return html_of(self)
-
-
-def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> AbstractCompensator:
-    """The exact inverse of a fitted model, as a compensator.
-
-    Of many models, such as `Posterior.model`, an `EnsembleCompensator`, which tells how far their
-    estimates lie apart; `output_sigma` and `seed` are its own.
-
-    Raises `InputError` where the model has no inverse: a decreasing stage, a signed density, no slope.
-    """
-    from .uncertainty._ensemble import (
-        EnsembleCompensator,  # which is a compensator, and inverts one draw
-    )
-
-    if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
-        return EnsembleCompensator(model, output_sigma, seed)
-    if output_sigma is not None:
-        raise InputError(
-            "one-model",
-            "one model's inverse has no spread for a reading's noise to add to.",
-            fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
-        )
-    return inverse_of(model)
-
-
-@singledispatch
-def inverse_of(model: AbstractModel) -> AbstractCompensator:
-    """`invert` of one kind of model; each kind registers its own."""
-    raise InputError(
-        "not-invertible",
-        f"no inverse is known for {type(model).__name__}.",
-        fix="BracketedCompensator(model, low, high), if its output rises with its input.",
-    )
 
 
 def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:

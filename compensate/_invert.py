@@ -1,14 +1,28 @@
-"""All inverses: each module registers those of its models with `invert`."""
+"""`invert`: the inverse of a fitted model, or of many draws of one."""
 
-from ._contract import AbstractCompensator as AbstractCompensator
-from ._contract import Estimate as Estimate
-from ._contract import invert as invert
-from .inverses import _bouc_wen as _bouc_wen
-from .inverses import _compose as _compose
-from .inverses import _curves as _curves
-from .inverses import _degrading_bouc_wen as _degrading_bouc_wen
-from .inverses import _output_dependent as _output_dependent
-from .inverses import _prandtl_ishlinskii as _prandtl_ishlinskii
-from .inverses import _preisach as _preisach
-from .inverses import _viscoelastic as _viscoelastic
-from .inverses._bisection import BracketedCompensator as BracketedCompensator
+from typing import Any
+
+from hysteresis import AbstractModel, InputError, parameters
+
+from ._contract import AbstractCompensator
+from .inverses import inverse_of
+from .uncertainty._ensemble import EnsembleCompensator
+
+
+def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> AbstractCompensator:
+    """The exact inverse of a fitted model, as a compensator.
+
+    Of many models, such as `Posterior.model`, an `EnsembleCompensator`, which tells how far their
+    estimates lie apart; `output_sigma` and `seed` are its own.
+
+    Raises `InputError` where the model has no inverse: a decreasing stage, a signed density, no slope.
+    """
+    if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
+        return EnsembleCompensator(model, output_sigma, seed)
+    if output_sigma is not None:
+        raise InputError(
+            "one-model",
+            "one model's inverse has no spread for a reading's noise to add to.",
+            fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
+        )
+    return inverse_of(model)

@@ -21,7 +21,7 @@ from ._mesh import Mesh as Mesh
 from ._shape import AbstractShape as AbstractShape
 from ._solver import ContactSolver as ContactSolver
 from ._stream import ContactStream as ContactStream
-from ._stream import Touch as Touch
+from ._touch import Touch as Touch
 from ._uncertain import Alternative as Alternative
 from ._uncertain import UncertainArmor as UncertainArmor
 from ._uncertain import UncertainContact as UncertainContact

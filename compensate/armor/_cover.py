@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, FoamCurve, InputError, is_concrete
 
-from .._invert import AbstractCompensator
+from .._contract import AbstractCompensator
 from ..inverses._linear_sponge import LinearSpongeCompensator
 from ._faces import METRES
 from ._fields import AbstractField, Uniform, as_field

@@ -10,13 +10,14 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
 
+from ..runtime._contact_status import ContactStatus
 from ._choice import Candidates, Limits, candidates_of, contact_at, judged, likeliest
 from ._contact import Contact
 from ._cover import Cover, as_cover
 from ._faces import dots
 from ._line import Crossing, Line, crossing_of, line_of
 from ._shape import AbstractShape
-from ._stream import Touch, touched, untouched
+from ._touch import Touch
 
 CHUNK = 8192
 """Contacts solved at a time: what they need in between stays in the cache."""
@@ -130,7 +131,11 @@ class ContactSolver(eqx.Module):
 
     def init(self) -> Touch:
         """The state of a stream before anything was touched."""
-        return untouched(self)
+        zero = jnp.zeros_like(self.threshold)
+        none, place = jnp.zeros((), int), jnp.zeros((3,), zero.dtype)
+        status = jnp.asarray(int(ContactStatus.NO_CONTACT), int)
+        contact = Contact(place, none, zero, status, zero, place, zero, zero)
+        return Touch(jnp.zeros((), bool), none, place, zero - jnp.inf, self.cover.init(), contact)
 
     def step(
         self, state: Touch, t: Any, force: Any, moment: Any, doubt: Any = None
@@ -228,18 +233,65 @@ def _solve(
     return jax.tree.map(lambda a: a.reshape(leading + a.shape[1:]), contact)
 
 
+def _touched(
+    solver: ContactSolver, state: Touch, t: Array, force: Array, moment: Array, doubt: Any,
+    near: Array | None,
+) -> tuple[Touch, Contact]:  # fmt: skip
+    """`ContactSolver.step` on the faces `near`.
+
+    Every face makes a trial of its own normal force; the state of the touched one is kept.
+    """
+    limits = solver.limits()
+    least = jnp.where(state.touching, solver.release, limits.threshold)
+    limits = limits._replace(threshold=least)
+    line = line_of(force, moment)
+    crossing = solver.cross(line, near)
+    moved = crossing.point - state.place[None]
+    far = dots(moved, moved) > solver.same_place**2
+    late = t - state.time > solver.recovery
+    elsewhere = crossing.faces.surface != state.surface
+    fresh = elsewhere | (~state.touching & (far | late))
+    virgin = solver.cover.init()
+
+    def trial(is_fresh: Array, along: Array) -> tuple[Any, Array]:
+        before = jax.tree.map(lambda v, kept: jnp.where(is_fresh, v, kept), virgin, state.cover)
+        return solver.cover.press(before, t, along)
+
+    covers, pressed = jax.vmap(trial)(fresh, jnp.maximum(crossing.along, 0))
+    found = candidates_of(crossing, solver.settle(crossing, pressed), limits)
+    best = likeliest(crossing, found, limits)
+    contact = judged(best, crossing, found, line, limits, doubt)
+    touching = contact.surface > 0
+    # Without contact nothing bears on the place that was touched last: it recovers as its model does.
+    rested = solver.cover.press(state.cover, t, jnp.zeros_like(t))[0]
+    after = Touch(
+        touching,
+        jnp.where(touching, contact.surface, state.surface),
+        jnp.where(touching, contact.touched, state.place),
+        jnp.where(touching, t, state.time),
+        jax.tree.map(lambda trials, rest: jnp.where(touching, trials[best], rest), covers, rested),
+        contact,
+    )
+    # A sample that cannot be used leaves everything as it was.
+    usable = line.finite & jnp.isfinite(t) & (doubt != int(ContactStatus.INVALID))
+    invalid = jnp.full_like(contact.status, int(ContactStatus.INVALID))
+    held = state.contact._replace(status=invalid)
+    after = jax.tree.map(lambda new, old: jnp.where(usable, new, old), after, state)
+    return after, jax.tree.map(lambda new, old: jnp.where(usable, new, old), contact, held)
+
+
 @eqx.filter_jit
 def _step(
     solver: ContactSolver, state: Touch, t: Array, force: Array, moment: Array, doubt: Any,
     near: Array | None,
 ) -> tuple[Touch, Contact]:  # fmt: skip
-    return touched(solver, state, t, force, moment, doubt, near)
+    return _touched(solver, state, t, force, moment, doubt, near)
 
 
 @eqx.filter_jit
 def _stream(solver: ContactSolver, samples: tuple[Array | None, ...]) -> Contact:
     def step(state: Touch, sample: Any) -> tuple[Touch, Contact]:
-        return touched(solver, state, *sample)
+        return _touched(solver, state, *sample)
 
     return jax.lax.scan(step, solver.init(), samples)[1]
 

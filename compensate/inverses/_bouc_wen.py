@@ -8,8 +8,9 @@ from jaxtyping import Array
 
 from hysteresis import BoucWen, BoucWenState
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import ROUNDING
+from ._inverse_of import inverse_of
 
 NEWTON_STEPS = 16
 LONGEST = 100.0

@@ -17,8 +17,9 @@ from hysteresis import (
     is_concrete,
 )
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of
+from .._contract import AbstractCompensator, Estimate, Status
 from ._bisection import BracketedCompensator
+from ._inverse_of import inverse_of
 
 
 class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):

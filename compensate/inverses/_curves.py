@@ -12,8 +12,9 @@ from jaxtyping import Array
 from hysteresis import InputError, is_concrete
 from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import FLAT_WIDTH, ROUNDING
+from ._inverse_of import inverse_of
 
 NEWTON_STEPS = 100
 

@@ -8,8 +8,9 @@ from jaxtyping import Array
 
 from hysteresis import DegradingBoucWen, DegradingState, InputError, is_concrete
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import ROUNDING
+from ._inverse_of import inverse_of
 
 MOST_STEPS = 200
 """Each halves the bounds or what is missing; ten do, as a rule."""

@@ -9,7 +9,8 @@ from jaxtyping import Array
 
 from hysteresis import InputError, LinearSponge, is_concrete
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, last_valid
+from .._contract import AbstractCompensator, Estimate, Status, last_valid
+from ._inverse_of import inverse_of
 
 
 class LinearSpongeCompensator(AbstractCompensator[Array]):

@@ -8,7 +8,8 @@ from jaxtyping import Array
 from hysteresis import MovingPreisach
 from hysteresis.preisach import saturated_outputs
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
+from ._inverse_of import inverse_of
 
 
 class MovingCompensator(AbstractCompensator[tuple[Any, Array]]):

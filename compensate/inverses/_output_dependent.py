@@ -7,7 +7,8 @@ import numpy as np
 
 from hysteresis import InputError, OutputDependentPreisach, is_concrete
 
-from .._contract import AbstractCompensator, Estimate, inverse_of
+from .._contract import AbstractCompensator, Estimate
+from ._inverse_of import inverse_of
 
 
 class OutputDependentCompensator(AbstractCompensator[Any]):

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 
 from hysteresis import PlayState, PrandtlIshlinskii
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, last_valid
+from .._contract import AbstractCompensator, Estimate, Status, last_valid
+from ._inverse_of import inverse_of
 from ._rate_dependent_play import MovingThresholdsCompensator
 
 

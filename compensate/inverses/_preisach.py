@@ -10,8 +10,9 @@ from jaxtyping import Array
 from hysteresis import InputError, is_concrete
 from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import BracketedCompensator
+from ._inverse_of import inverse_of
 
 
 class InverseState(NamedTuple):

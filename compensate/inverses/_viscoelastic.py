@@ -9,7 +9,8 @@ import numpy as np
 
 from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete
 
-from .._contract import AbstractCompensator, Estimate, Status, inverse_of, last_valid
+from .._contract import AbstractCompensator, Estimate, Status, last_valid
+from ._inverse_of import inverse_of
 
 
 class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState]):

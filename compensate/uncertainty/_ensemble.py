@@ -11,7 +11,8 @@ from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
-from .._contract import AbstractCompensator, Status, inverse_of
+from .._contract import AbstractCompensator, Status
+from ..inverses import inverse_of
 
 
 class UncertainEstimate(NamedTuple):

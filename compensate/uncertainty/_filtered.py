@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
-from .._contract import AbstractCompensator, Status, inverse_of
+from .._contract import AbstractCompensator, Status
+from ..inverses import inverse_of
 from ._ensemble import UncertainEstimate
 
 KINK = 0.25 - 0.5 / math.pi
