@@ -86,12 +86,13 @@ def test_every_docstring_becomes_restructured_text():
         text = inspect.getdoc(value)
         assert text
         assert tool("docstrings").restructured(text, {})
-    text = "See `fit`, `x` * y_.\n\n    y = x * 2\n\n- a\n- `b`"
+    text = "See `fit`, `x` * y_.\n\n    y = x * 2\n\n- a\n- `b`\n\n**Example:**\n\n    >>> 1\n    1"
     made = tool("docstrings").restructured(text, {"fit": "identify.fit"})
     assert ":py:obj:`fit <identify.fit>`" in made
     assert r"``x``\  \* y\_." in made
     assert ".. code-block:: none\n\n   y = x * 2\n" in made
     assert "- a" in made
+    assert ".. code-block:: pycon\n\n   >>> 1\n   1\n" in made
 
 
 def test_every_code_of_the_source_is_listed():

@@ -37,7 +37,8 @@ def _blocks(tokens: Sequence[Any], names: Mapping[str, str]) -> list[str]:
                 lines.append(shown)
             lines.append("")
         elif token.type in ("code_block", "fence"):
-            language = "python" if token.info == "python" else "none"
+            doctest = "pycon" if token.content.startswith(">>>") else "none"
+            language = "python" if token.info == "python" else doctest
             lines += [f"{indent}.. code-block:: {language}", ""]
             lines += [f"{indent}   {line}" for line in token.content.rstrip("\n").split("\n")]
             lines.append("")

@@ -27,6 +27,11 @@ def loop_direction(record: Record) -> float:
 
     over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
     nothing closes.
+
+    **Example:**
+
+        >>> round(hysteresis.loop_direction(record), 2)
+        1.0
     """
     net, total = _loops(record)
     return net / total if total else 0.0

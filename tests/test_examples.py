@@ -1,0 +1,548 @@
+"""The examples in docstrings: each is run, and prints what it shows.
+
+**Convention.** Every public function, and every public class with methods of its own
+(`docs/tools/public.py` lists what is public), ends its docstring with a part like this one, of about
+three lines:
+
+    **Example:**
+
+        >>> record.n_cycles
+        5
+
+This is a doctest. The code must print what the lines below it show; `...` matches any text (write
+`0.12...` where the last digits depend on the machine), and the amount of white space does not count.
+Print plain numbers: `float(x)`, `round(x, 2)`, `f"{x:.2f}"`, `x.shape`. An example takes one second
+at most, compilation included, so use the prepared objects; longer studies belong on a page of docs/.
+Each example runs in an empty temporary folder, which is also available as `folder`.
+
+**Prepared names** are the functions below that are marked `@prepared`, and the modules in `ALWAYS`.
+Each object is made when the first example needs it, and then shared: do not change one in place.
+An example may import more. To prepare another object, add such a function.
+
+**`WITHOUT`** lists the names that still lack an example. It only shrinks: remove a name when you
+write its example. The test fails otherwise.
+"""
+
+import ast
+import doctest
+import inspect
+import textwrap
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import compensate
+import compensate.armor
+import compensate.microchannel
+import compensate.runtime
+import hysid
+import hysid.plots
+import hysteresis
+import hysteresis.curves
+import hysteresis.networks
+import hysteresis.preisach
+import hysteresis.rigs
+import identify
+from tests.test_docs import tool
+
+DATASETS = Path(__file__).parents[1] / "datasets"
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PUBLIC: dict[str, Any] = tool("public").public_names()
+PREPARED: dict[str, Callable[[], Any]] = {}
+
+
+def prepared(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Enters what is made as an object of examples, under the function's name; it is made once."""
+    PREPARED[make.__name__] = cache(make)
+    return PREPARED[make.__name__]
+
+
+@prepared
+def record() -> hysteresis.Record:
+    """The shipped sponge of 50 mm: five cycles of force (N) and displacement (mm), 101 rows."""
+    return hysteresis.read_csv(
+        DATASETS / "sponge-50mm-cycles.csv", "force (N)", "displacement (mm)", "time (s)"
+    )
+
+
+@prepared
+def loops() -> hysteresis.Record:
+    """The same sponge's nested loops: first-order reversal curves are among them."""
+    return hysteresis.read_csv(
+        DATASETS / "sponge-50mm-minor-loops.csv", "force (N)", "displacement (mm)", "time (s)"
+    )
+
+
+@prepared
+def fit() -> identify.FitResult:
+    """`LinearSponge`, two free parameters, fitted to four cycles and tested on the fifth."""
+    return identify.fit(record(), "LinearSponge", test_cycles=1, noise="gaussian")
+
+
+@prepared
+def burgers() -> identify.FitResult:
+    """`Burgers`, three free parameters, fitted to the same cycles."""
+    return identify.fit(record(), "Burgers", test_cycles=1, noise="gaussian", starts=2)
+
+
+@prepared
+def grid_fit() -> identify.FitResult:
+    """A `Preisach` model with 21 weights between 0 N and 50 N."""
+    template = hysteresis.Preisach(hysteresis.preisach.GridDensity(0.0, 50.0, np.tri(6)))
+    return identify.fit(record(), template, test_cycles=1, noise="gaussian")
+
+
+@prepared
+def posterior() -> identify.Posterior:
+    """A short run of the sampler on `fit`."""
+    return identify.sample(fit(), steps=100, seed=0)
+
+
+@prepared
+def model() -> hysteresis.AbstractModel:
+    """A Prandtl-Ishlinskii model with two plays: fast, rising, invertible."""
+    return hysteresis.PrandtlIshlinskii(np.array([0.5, 1.5]), np.array([0.4, 0.2]), 1.0)
+
+
+@prepared
+def preisach() -> hysteresis.Preisach:
+    """A Preisach model with 21 equal weights between 0 and 10."""
+    return hysteresis.Preisach(hysteresis.preisach.GridDensity(0.0, 10.0, np.tri(6)))
+
+
+@prepared
+def t() -> np.ndarray:
+    """Times of `u`: (13,), one second apart."""
+    return np.arange(13.0)
+
+
+@prepared
+def u() -> np.ndarray:
+    """An input history with an inner loop: up to 6, down to 2, up to 4, down to 0, in steps of 1."""
+    return np.array([0.0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 4, 0])
+
+
+@prepared
+def compensator() -> compensate.AbstractCompensator:
+    """The inverse of `model`."""
+    return compensate.invert(model())
+
+
+@prepared
+def box() -> compensate.armor.Box:
+    """A box-shaped shell of 0.3 m x 0.3 m x 0.55 m."""
+    return compensate.armor.Box(dx=0.3, dy=0.3, dz1=0.55, dz2=0.0)
+
+
+@prepared
+def solver() -> compensate.armor.ContactSolver:
+    """Contacts on `box` under the paper's sponge."""
+    return compensate.armor.ContactSolver(
+        box(), compensator=hysteresis.LinearSponge(K=1.298, b=6.186, threshold=1.5)
+    )
+
+
+@prepared
+def armor() -> compensate.armor.Armor:
+    """A perfect wrist sensor below `solver`."""
+    return compensate.armor.Armor(compensate.armor.WristSensor(), solver())
+
+
+@prepared
+def presses() -> hysteresis.rigs.ChannelPresses:
+    """Twenty presses of a finger at each of the five places of a virtual microchannel sensor."""
+    return hysteresis.rigs.MicrochannelRig(seed=11).finger_presses(20)
+
+
+ALWAYS = {
+    "np": np, "jnp": jnp, "jax": jax, "hysid": hysid, "hysteresis": hysteresis, "identify": identify,
+    "compensate": compensate,
+}  # fmt: skip
+
+WITHOUT = """
+# compensate/_contract
+compensate.invert
+# compensate/armor/_armor
+compensate.armor.Armor
+# compensate/armor/_box
+compensate.armor.Box
+# compensate/armor/_calibration
+compensate.armor.PressResiduals
+compensate.armor.planned_presses
+# compensate/armor/_conventions
+compensate.armor.convention_doubt
+# compensate/armor/_convex
+compensate.armor.Convex
+# compensate/armor/_cover
+compensate.armor.Cover
+# compensate/armor/_examples
+compensate.armor.forearm
+compensate.armor.head
+# compensate/armor/_export
+compensate.armor.export_armor
+# compensate/armor/_fields
+compensate.armor.Bumps
+compensate.armor.Grid
+compensate.armor.Uniform
+# compensate/armor/_mesh
+compensate.armor.Mesh
+# compensate/armor/_solver
+compensate.armor.ContactSolver
+# compensate/armor/_stream
+compensate.armor.ContactStream
+# compensate/armor/_uncertain
+compensate.armor.UncertainArmor
+# compensate/armor/_wrench
+compensate.armor.WristSensor
+# compensate/export/_export
+compensate.export_c
+compensate.export_runtime
+# compensate/inverses/_bisection
+compensate.BracketedCompensator
+# compensate/microchannel/_everett_network
+compensate.microchannel.EverettNetwork
+# compensate/microchannel/_export
+compensate.microchannel.export_force
+# compensate/microchannel/_force
+compensate.microchannel.BackwardsModel
+compensate.microchannel.ForceEstimator
+# compensate/microchannel/_gains
+compensate.microchannel.gains_in_use
+# compensate/microchannel/_localizer
+compensate.microchannel.Localizer
+# compensate/microchannel/_logic_table
+compensate.microchannel.LogicTable
+# compensate/microchannel/_motion
+compensate.microchannel.MotionFilter
+# compensate/microchannel/_multi
+compensate.microchannel.MultiContactEstimator
+# compensate/microchannel/_multi_network
+compensate.microchannel.ForceNetwork
+compensate.microchannel.SearchEstimator
+compensate.microchannel.windows
+# compensate/microchannel/_position
+compensate.microchannel.standardised
+# compensate/microchannel/_readout
+compensate.microchannel.Readout
+# compensate/microchannel/_sensors
+compensate.microchannel.ChannelSensor
+# compensate/qualification/_loop_widths
+compensate.loop_widths
+# compensate/qualification/_qualify
+compensate.qualify
+# compensate/runtime/_armor
+compensate.runtime.Armor
+compensate.runtime.load_armor
+# compensate/runtime/_compensator
+compensate.runtime.Compensator
+# compensate/runtime/_load
+compensate.runtime.load
+# compensate/runtime/_network
+compensate.runtime.ForceEstimator
+compensate.runtime.load_force
+# compensate/uncertainty/_calibrated
+compensate.CalibratedCompensator
+compensate.calibrated
+# compensate/uncertainty/_dead_band
+compensate.DeadBandCompensator
+# compensate/uncertainty/_ensemble
+compensate.EnsembleCompensator
+compensate.UncertainEstimate
+# compensate/uncertainty/_filtered
+compensate.FilteredCompensator
+# compensate/uncertainty/_flat_intervals
+compensate.flat_intervals
+# hysid/armor/_calibration
+hysid.calibrate_armor
+hysid.choose_presses
+# hysid/figures/_base
+hysid.plots.styled
+# hysid/plots
+hysid.plots.candidates
+hysid.plots.everett
+hysid.plots.forc
+hysid.plots.identifiability
+hysid.plots.memory
+hysid.plots.staircase
+# hysid/soft_sensor/_force_training
+hysid.train_force
+# hysid/soft_sensor/_positions
+hysid.fit_positions
+# hysid/soft_sensor/_sensor_file
+hysid.load_sensor
+# hysteresis/_notebook_hook
+hysteresis.draw_with
+hysteresis.html_of
+# hysteresis/_parameter
+hysteresis.ParameterInfo
+hysteresis.is_concrete
+hysteresis.parameter
+hysteresis.parameter_at
+hysteresis.parameters
+# hysteresis/models/_bouc_wen
+hysteresis.BoucWen
+# hysteresis/models/_burgers
+hysteresis.Burgers
+hysteresis.StandardLinearSolid
+# hysteresis/models/_channel_map
+hysteresis.ChannelMap
+# hysteresis/models/_compose
+hysteresis.Scaled
+hysteresis.Series
+hysteresis.Sum
+# hysteresis/models/_curves
+hysteresis.MonotoneCurve
+hysteresis.curves.Clip
+hysteresis.curves.MonotoneSpline
+hysteresis.curves.PolynomialCurve
+# hysteresis/models/_degrading_bouc_wen
+hysteresis.DegradingBoucWen
+hysteresis.Pinching
+# hysteresis/models/_extrapolation
+hysteresis.extended
+# hysteresis/models/_foam_curve
+hysteresis.FoamCurve
+# hysteresis/models/_linear_sponge
+hysteresis.LinearSponge
+# hysteresis/models/_nonlinear_maxwell
+hysteresis.NonlinearMaxwell
+# hysteresis/models/_prandtl_ishlinskii
+hysteresis.PrandtlIshlinskii
+# hysteresis/models/_prony
+hysteresis.GeneralizedKelvinVoigt
+hysteresis.GeneralizedMaxwell
+# hysteresis/models/_softening
+hysteresis.Softening
+# hysteresis/models/_staircase_network
+hysteresis.networks.StaircaseNetwork
+# hysteresis/numerics/_recurrence
+hysteresis.linear_recurrence
+# hysteresis/numerics/_squared_exponential
+hysteresis.Kernel
+# hysteresis/preisach/_coercive
+hysteresis.preisach.GaussianDensity
+hysteresis.preisach.LogNormalDensity
+hysteresis.preisach.LorentzianDensity
+# hysteresis/preisach/_dead_band
+hysteresis.preisach.input_noise
+# hysteresis/preisach/_density
+hysteresis.preisach.GridDensity
+hysteresis.preisach.quantile_nodes
+# hysteresis/preisach/_everett
+hysteresis.preisach.read
+# hysteresis/preisach/_factorised
+hysteresis.preisach.FactorisedDensity
+# hysteresis/preisach/_memory
+hysteresis.preisach.memory_tree
+# hysteresis/preisach/_moving
+hysteresis.MovingPreisach
+# hysteresis/preisach/_network
+hysteresis.preisach.NetworkDensity
+# hysteresis/preisach/_output_dependent
+hysteresis.OutputDependentPreisach
+# hysteresis/preisach/_preisach
+hysteresis.Preisach
+# hysteresis/preisach/_ridge
+hysteresis.KrasnoselskiiPokrovskii
+hysteresis.preisach.RidgeDensity
+# hysteresis/preisach/_saturation
+hysteresis.preisach.saturated_outputs
+# hysteresis/preisach/_stack
+hysteresis.preisach.OpenLoops
+# hysteresis/preisach/_sum
+hysteresis.preisach.SumDensity
+# hysteresis/records/_csv
+hysteresis.Table
+hysteresis.parse_condition
+hysteresis.read_csv
+hysteresis.read_table
+# hysteresis/records/_data_warnings
+# hysteresis/records/_excitation
+hysteresis.check_identifiable
+# hysteresis/records/_record
+hysteresis.Record
+# hysteresis/rigs/_armor
+hysteresis.rigs.ArmorRig
+hysteresis.rigs.force_path
+hysteresis.rigs.mixed_forces
+# hysteresis/rigs/_channel_readout
+hysteresis.rigs.CapacitiveReadout
+hysteresis.rigs.ResistiveReadout
+# hysteresis/rigs/_force_loop
+hysteresis.rigs.ChannelStream
+hysteresis.rigs.ForceLoop
+hysteresis.rigs.ForceLoopRig
+# hysteresis/rigs/_force_sensor
+hysteresis.rigs.ForceSensor
+# hysteresis/rigs/_microchannel
+hysteresis.rigs.MicrochannelRig
+# hysteresis/rigs/_sponge
+hysteresis.rigs.SpongeCycles
+hysteresis.rigs.SpongeRig
+# identify/batch/_fit_many
+identify.fit_many
+# identify/batch/_folder
+identify.Batch
+# identify/calibration/_calibrate
+identify.Calibration
+identify.calibrate
+# identify/calibration/_optimal_design
+identify.choose
+# identify/comparison/_change
+identify.change
+# identify/comparison/_compare
+identify.Comparison
+identify.compare
+identify.compare_candidates
+# identify/comparison/_pooling
+identify.pool
+# identify/comparison/_psis_loo
+identify.loo
+# identify/comparison/_trend
+identify.change_over_time
+# identify/diagnostics/_profile_likelihood
+identify.profile
+identify.profiles
+# identify/diagnostics/_residual_breakdown
+identify.Breakdown
+identify.breakdown
+# identify/diagnostics/_sensitivity
+identify.sensitivity
+# identify/diagnostics/_sloppiness
+identify.sloppiness
+# identify/diagnostics/_whiteness
+identify.whiteness
+# identify/files/_fit_folder
+identify.check_free
+identify.load
+identify.plain
+identify.read_document
+identify.save
+identify.to_json
+identify.write_json
+# identify/files/_posterior
+identify.load_posterior
+identify.posterior_json
+identify.save_posterior
+# identify/fitting/_creep
+identify.fit_step
+identify.is_at_first_row
+identify.kind_of
+identify.stepped
+# identify/fitting/_fit
+identify.fit
+# identify/forc/_curves
+identify.forc_curves
+# identify/forc/_diagram
+identify.forc_diagram
+# identify/forc/_everett
+identify.everett_surface
+# identify/linear/_density_fit
+identify.fit_density
+# identify/linear/_preisach_excitation
+identify.Design
+identify.design
+identify.excited_cells
+identify.identifiability
+# identify/noise/_residual_statistics
+identify.estimate_noise
+# identify/posterior/_log_posterior
+identify.Target
+identify.target
+# identify/posterior/_predictive
+identify.predictive
+# identify/posterior/_sample
+identify.sample
+# identify/results/_fit_result
+identify.FitResult
+identify.check_unit
+identify.predict
+# identify/results/_metrics
+identify.metrics
+# identify/spectra/_spectrum
+identify.Spectrum
+identify.spectrum
+# identify/training/_gaussian_process
+identify.fit_kernel
+# identify/training/_train
+identify.train
+"""
+"""Names that lack an example, below the file that holds them."""
+
+
+def behaves(value: Any) -> bool:
+    """Whether it is a function, or a class that can be made and does something."""
+    if not inspect.isclass(value):
+        return True
+    own = (v for k, v in vars(value).items() if not k.startswith("_") or k == "__call__")
+    does = any(inspect.isfunction(v) or isinstance(v, classmethod | staticmethod) for v in own)
+    return does and not value.__name__.startswith("Abstract")
+
+
+def examples(value: Any) -> Iterator[tuple[str, str]]:
+    """(name, docstring) of a public object and of its own members, where there is an example."""
+    members = vars(value).items() if inspect.isclass(value) else ()
+    for name, each in [("", value), *((k, v) for k, v in members if not k.startswith("_"))]:
+        text = inspect.getdoc(each) or ""
+        if ">>>" in text and (name == "" or text != inspect.getdoc(type(each))):
+            yield name, text
+
+
+WITH = {
+    f"{name}.{member}".rstrip("."): text
+    for name, value in PUBLIC.items()
+    for member, text in examples(value)
+}
+
+
+def names_in(code: str) -> set[str]:
+    return {node.id for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Name)}
+
+
+def run_example(name: str, text: str, folder: Path) -> str:
+    """What differs between what the example shows and what it gives."""
+    parsed = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    wanted = set[str]().union(*(names_in(each.source) for each in parsed.examples))
+    parsed.globs = {**ALWAYS, "folder": folder}
+    parsed.globs |= {key: PREPARED[key]() for key in wanted & PREPARED.keys()}
+    said: list[str] = []
+    doctest.DocTestRunner(optionflags=FLAGS).run(parsed, out=said.append)
+    return "".join(said)
+
+
+@pytest.mark.parametrize("name", WITH)
+def test_an_example_gives_what_it_shows(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heading, marker, body = WITH[name].partition("**Example:**\n\n")
+    assert marker, "its example stands below **Example:**"
+    assert ">>>" not in heading
+    assert body == textwrap.indent(textwrap.dedent(body), "    "), "the example ends the docstring"
+    monkeypatch.chdir(tmp_path)
+    assert run_example(name, textwrap.dedent(body), tmp_path) == ""
+
+
+def test_everything_public_that_does_something_has_an_example():
+    without = [line for line in WITHOUT.split("\n") if line and not line.startswith("#")]
+    needed = {name for name, value in PUBLIC.items() if behaves(value)}
+    assert sorted(needed - WITH.keys() - set(without)) == [], "write an example"
+    assert sorted(set(without) & WITH.keys()) == [], "they have one: take them from WITHOUT"
+    assert sorted(set(without) - needed) == [], "not public any more: take them from WITHOUT"
+    assert len(without) == len(set(without))
+
+
+def test_an_example_that_gives_something_else_is_found(tmp_path: Path):
+    assert run_example("x", ">>> record.n_cycles\n5\n>>> u.max()\nnp.float64(6.0)", tmp_path) == ""
+    assert "Got:\n    5" in run_example("x", ">>> record.n_cycles\n6", tmp_path)
+    assert "NameError" in run_example("x", ">>> unheard_of", tmp_path)
+
+
+def test_every_prepared_name_says_what_it_is():
+    assert [name for name, made in PREPARED.items() if not inspect.getdoc(made)] == []
+    assert not PREPARED.keys() & ALWAYS.keys()
