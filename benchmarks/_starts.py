@@ -14,7 +14,7 @@ import numpy as np
 from hysteresis import Burgers, Record
 from identify.parameters._transform import transform_for
 from identify.parametric._multistart import _arguments, _objective, _solve, multi_start
-from identify.results._fit_result import prepare
+from identify.records._run_model import prepare
 
 from ._measure import Row, interleaved, judged
 

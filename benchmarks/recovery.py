@@ -37,7 +37,7 @@ from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit
 from identify.parameters._transform import Transform, transform
 from identify.parametric._multistart import refine
-from identify.results._fit_result import prepare
+from identify.records._run_model import prepare
 
 from ._inputs import evaluate
 from ._measure import Row, judged, noted, options, report

@@ -66,7 +66,6 @@ from .linear._preisach_excitation import excited_cells as excited_cells
 from .linear._preisach_excitation import identifiability as identifiability
 from .noise._residual_statistics import Noise as Noise
 from .noise._residual_statistics import estimate_noise as estimate_noise
-from .parametric._multistart import Starts as Starts
 from .posterior._log_posterior import Target as Target
 from .posterior._log_posterior import target as target
 from .posterior._posterior import Posterior as Posterior
@@ -74,11 +73,12 @@ from .posterior._predictive import LEVELS as LEVELS
 from .posterior._predictive import Bands as Bands
 from .posterior._predictive import predictive as predictive
 from .posterior._sample import sample as sample
+from .records._run_model import predict as predict
 from .results._fit_result import FitResult as FitResult
 from .results._fit_result import Parameter as Parameter
+from .results._fit_result import Starts as Starts
 from .results._fit_result import Verdict as Verdict
 from .results._fit_result import check_unit as check_unit
-from .results._fit_result import predict as predict
 from .results._metrics import Metrics as Metrics
 from .results._metrics import metrics as metrics
 from .spectra._spectrum import Spectrum as Spectrum

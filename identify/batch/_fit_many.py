@@ -17,8 +17,9 @@ import numpy as np
 from hysteresis import AbstractModel, InputError, Record
 
 from ..files._fit_folder import describe_model
-from ..fitting._fit import fit, require_double
+from ..fitting._fit import fit
 from ..fitting._verdict import USABLE
+from ..parameters._precision import require_double
 from ..parameters._settings import numbers_of, with_settings
 from ..parametric._initial_guess import guess
 from ..results._fit_result import FitResult

@@ -21,9 +21,10 @@ from ..parameters._settings import Settings
 from ..parameters._transform import Transform, transform, transform_for
 from ..parametric._initial_guess import guess
 from ..parametric._maximum_likelihood import skewness_at
-from ..parametric._multistart import Starts, _objective, _residuals, _solve, thinned_rows
+from ..parametric._multistart import _objective, _residuals, _solve, thinned_rows
 from ..records._folds import Parts
-from ..results._fit_result import FitResult, predict, prepare
+from ..records._run_model import predict, prepare
+from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import evidence
 
 MEMORY = 2**28

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from hysteresis import InputError, parameter_at, parameters
 
-from ..fitting._fit import require_double
+from ..parameters._precision import require_double
 from ..posterior._chains import Progress
 from ..posterior._emcee import sample_ensembles
 from ..posterior._posterior import Posterior

@@ -15,7 +15,8 @@ from hysteresis import InputError, Record, extended
 from ..files._fit_folder import read_document, summary
 from ..posterior._posterior import Posterior
 from ..records._folds import block_errors
-from ..results._fit_result import FitResult, predict
+from ..records._run_model import predict
+from ..results._fit_result import FitResult
 from ._gaussian_estimate import Fitted, opened
 from ._information_criteria import criteria, is_coloured, leave_one_out, log_evidence
 from ._psis_loo import RELIABLE, Loo

@@ -15,7 +15,8 @@ from ..noise._model import NoiseModel, Rows, rows_of
 from ..posterior._log_posterior import target
 from ..posterior._mode import top_of
 from ..posterior._posterior import Posterior
-from ..results._fit_result import FitResult, prepare
+from ..records._run_model import prepare
+from ..results._fit_result import FitResult
 from ._psis_loo import Loo, loo
 
 COLOURED = 2.0
@@ -45,13 +46,6 @@ def criteria(rmse: float, numbers: int, rows: float) -> Criteria:
     twice = -rows * (np.log(2 * np.pi * rmse**2) + 1)
     k = numbers + 1
     return Criteria(float(2 * k - twice), float(k * np.log(rows) - twice))
-
-
-def numbers(fit: FitResult) -> int | None:
-    """How many numbers were fitted, the noise's not counted; None for weights, held together by a prior."""
-    if {"linear", "composition"} & set(fit.internals):
-        return None
-    return sum(p.status in ("free", "at bound", "unidentified") for p in fit.parameters)
 
 
 def log_evidence(fit: FitResult) -> float | None:

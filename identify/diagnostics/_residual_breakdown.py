@@ -11,7 +11,8 @@ from jaxtyping import Float
 from hysteresis import Record
 
 from ..noise._residual_statistics import estimate_noise
-from ..results._fit_result import FitResult, predict
+from ..records._run_model import predict
+from ..results._fit_result import FitResult
 from ._whiteness import has_one_speed, speed
 
 Kind = Literal["branch", "cycle", "rate", "input"]

@@ -12,7 +12,8 @@ from hysteresis import AbstractModel, ParameterInfo, parameters
 
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target
-from ..results._fit_result import FitResult, predict
+from ..records._run_model import predict
+from ..results._fit_result import FitResult
 from ._profile_likelihood import solve
 from ._whiteness import innovations
 

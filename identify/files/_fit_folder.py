@@ -19,7 +19,6 @@ import numpy as np
 
 from hysteresis import InputError, Record
 
-from ..comparison._information_criteria import numbers
 from ..linear._composition import Composition
 from ..linear._composition_fit import CompositionFit
 from ..linear._preisach_fit import LinearFit
@@ -28,9 +27,8 @@ from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
-from ..parametric._multistart import Starts
 from ..records._clocks import Clocks
-from ..results._fit_result import FitResult, Parameter, Verdict
+from ..results._fit_result import FitResult, Parameter, Starts, Verdict
 from ..results._metrics import Metrics
 from ..storage._model import describe_model, rebuild_model
 from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
@@ -283,7 +281,7 @@ def summary(fit: FitResult) -> dict[str, Any]:
         "metrics": {k: None if m is None else m._asdict() for k, m in fit.metrics.items()},
         "score_percent": fit.score,
         "blocks": fit.blocks,
-        "numbers": numbers(fit),
+        "numbers": fit.parameter_count,
         "success": fit.success,
         "trusted": fit.trusted,
         "noise": fit.noise._asdict(),

@@ -10,12 +10,12 @@ from jaxtyping import Bool, Float
 from hysteresis import InputError, Record, parameters
 
 from ..noise._residual_statistics import estimate_noise
+from ..parameters._precision import require_double
 from ..results._fit_result import FitResult, Parameter, Status, Verdict
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
 from ..spectra._prony_series import Input, Kind
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
-from ._fit import require_double
 from ._verdict import judge
 
 AT_ONCE = 10

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 
 from hysteresis import (
@@ -22,21 +21,16 @@ from ..linear._preisach_fit import GRIDS, LinearFit, fit_preisach
 from ..linear._preisach_unknowns import TOTALS
 from ..noise._reml import kinds
 from ..noise._residual_statistics import Noise
+from ..parameters._precision import require_double
 from ..parameters._settings import with_settings
 from ..parameters._transform import transform_for
-from ..parametric._initial_guess import (
-    CANDIDATES,
-    COMPOSITION,
-    MODELS,
-    guess,
-    initial_states,
-    orientations,
-    output_falls,
-)
+from ..parametric._initial_guess import CANDIDATES, COMPOSITION, MODELS, guess
 from ..records._channel_map import combine, fit_channel_map
 from ..records._clocks import Clocks, is_held, shifted
 from ..records._folds import Parts, as_good, parts
-from ..results._fit_result import FitResult, Parameter, predict
+from ..records._orientation import initial_states, orientations, output_falls
+from ..records._run_model import predict
+from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ..results._metrics import metrics
 from ._parametric import fit_parametric
@@ -390,14 +384,3 @@ def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, se
             raise InputError("bad-option", f"{name}={value!r}; have {', '.join(choices)}.")
     if starts < 1 or seed < 0:
         raise InputError("bad-option", f"starts={starts}, seed={seed}: at least 1, and 0.")
-
-
-def require_double(allow_float32: bool) -> None:
-    """Raise `InputError` where JAX's double precision is off, unless that is allowed."""
-    if not jax.config.jax_enable_x64 and not allow_float32:  # type: ignore[attr-defined]
-        raise InputError(
-            "float32",
-            "JAX runs in single precision, in which fits stop early and errors come out wrong.",
-            fix='jax.config.update("jax_enable_x64", True) before any array is made, or'
-            " allow_float32=True (--allow-float32).",
-        )

@@ -24,7 +24,8 @@ from ..parametric._multistart import (
     thinned_rows,
 )
 from ..records._folds import Parts, block_errors
-from ..results._fit_result import FitResult, Parameter, Status, predict, starts_of
+from ..records._run_model import predict, starts_of
+from ..results._fit_result import FitResult, Parameter, Status
 from ..results._goodness_of_fit import evidence
 
 SPREADS = (1.5, 3.0, 6.0)

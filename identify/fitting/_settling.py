@@ -8,9 +8,9 @@ from hysteresis import Record
 
 from ..linear._composition import CURVE, RELAYS
 from ..linear._composition_fit import Problem
-from ..parametric._initial_guess import orientations, output_falls
 from ..records._folds import Fold, as_good
 from ..records._folds import parts as parts_of
+from ..records._orientation import orientations, output_falls
 
 FEWEST = 6
 """Cycles that a record needs; the last three are always kept."""

@@ -9,7 +9,7 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import Initial
 
 from ..records._folds import Parts
-from ..results._fit_result import predict, prepare
+from ..records._run_model import predict, prepare
 from ._preisach_fine_grid import Coarse, solve_fine
 from ._preisach_problem import PreisachProblem, minimum
 from ._preisach_unknowns import Unknowns

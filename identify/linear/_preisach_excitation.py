@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
 
-from ..results._fit_result import prepare
+from ..records._run_model import prepare
 from ._preisach_design_matrix import CHUNK, NodeSpace, design_rows
 
 

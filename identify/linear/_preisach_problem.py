@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 
 from ..records._folds import Parts, block_errors
-from ..results._fit_result import prepare
+from ..records._run_model import prepare
 from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import Normal, design_rows, normal_equations
 from ._preisach_unknowns import Unknowns

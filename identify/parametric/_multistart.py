@@ -12,14 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from hysteresis import AbstractModel, Record
 
 from ..parameters._transform import Transform
-
-
-class Starts(NamedTuple):
-    """What became of every start: objective (mean squared error) and distance to the best, in z."""
-
-    objective: Float[np.ndarray, " starts"]
-    distance: Float[np.ndarray, " starts"]
-    free: Float[np.ndarray, "starts parameters"]
+from ..results._fit_result import Starts
 
 
 class Optimum(NamedTuple):

@@ -13,7 +13,8 @@ from ..noise._model import NoiseModel, Rows, rows_of
 from ..parameters._priors import Prior
 from ..parameters._settings import Setting
 from ..parameters._transform import Transform, Vector, transform, transform_for
-from ..results._fit_result import FitResult, prepare
+from ..records._run_model import prepare
+from ..results._fit_result import FitResult
 
 NOISE_PRIORS = {
     "growth": Setting(prior=Prior("half-normal", 1.0, default=True)),

@@ -14,7 +14,8 @@ from hysteresis import AbstractModel, Record
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
-from ..results._fit_result import FitResult, prepare
+from ..records._run_model import prepare
+from ..results._fit_result import FitResult
 from ._log_posterior import target
 from ._mode import likeliest_near
 from ._posterior import Posterior

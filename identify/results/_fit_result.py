@@ -11,9 +11,9 @@ from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, 
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
-from ..parametric._multistart import Starts
 from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
+from ..records._run_model import predict
 from ._metrics import Metrics
 
 Level = Literal["PASS", "CAUTION", "FAIL"]
@@ -41,6 +41,14 @@ class Verdict(NamedTuple):
 
     level: Level
     reasons: tuple[str, ...]
+
+
+class Starts(NamedTuple):
+    """What became of every start: objective (mean squared error) and distance to the best, in z."""
+
+    objective: Float[np.ndarray, " starts"]
+    distance: Float[np.ndarray, " starts"]
+    free: Float[np.ndarray, "starts parameters"]
 
 
 @dataclass(frozen=True)
@@ -96,6 +104,14 @@ class FitResult:
         """Whether the answer can be used: the verdict is not FAIL and the solver converged."""
         return self.success and self.verdict.level != "FAIL"
 
+    @property
+    def parameter_count(self) -> int | None:
+        """How many parameters were fitted, the noise's not counted; None for weights, which a prior holds
+        together."""
+        if {"linear", "composition"} & set(self.internals):
+            return None
+        return sum(p.status in ("free", "at bound", "unidentified") for p in self.parameters)
+
     def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
         """The model's output on a record, every sequence from the virgin state.
 
@@ -137,17 +153,3 @@ def check_unit(name: str, unit: str, fitted: str) -> None:
             cause="another quantity, or the same in another unit.",
             fix=f"give the column in {fitted}, and say so in its header.",
         )
-
-
-def prepare(model: AbstractModel, record: Record) -> Any:
-    """A record's input prepared for a model, every sequence from the virgin state."""
-    return model.prepare(record.time, record.input, starts=starts_of(record))
-
-
-def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
-    """A model's output on a record, every sequence from the virgin state."""
-    return np.asarray(model.simulate(record.time, record.input, starts=starts_of(record)))
-
-
-def starts_of(record: Record) -> tuple[int, ...]:
-    return tuple(int(k) for k in record.starts)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError, Kernel
 
-from ..fitting._fit import require_double
+from ..parameters._precision import require_double
 
 MOST = 600
 """Rows by which the scales are chosen: evidence takes the cube of their number, and more say little."""

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from hysteresis import InputError, is_concrete
 
-from ..fitting._fit import require_double
+from ..parameters._precision import require_double
 from ._checkpoint import TrainingFile, training_identity
 from ._shuffle import shuffled
 

@@ -14,7 +14,7 @@ from identify.linear._composition import PARTS, Composition
 from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
-from identify.results._fit_result import predict
+from identify.records._run_model import predict
 
 SAMPLES = 900
 

@@ -1,0 +1,29 @@
+"""What a record shows of the sense of its loops, the sign of its slope and its first states."""
+
+import numpy as np
+
+from hysteresis import Record, loop_direction
+
+
+def orientations(record: Record) -> tuple[bool, ...]:
+    """`leading` values worth trying: one where the loops tell their direction, else both."""
+    direction = loop_direction(record)
+    if abs(direction) > 0.3:
+        return (direction < 0,)
+    return False, True
+
+
+def initial_states(record: Record) -> tuple[str, ...]:
+    """Initial states worth trying: negative saturation alone where most sequences start low."""
+    u = record.input
+    first = u[record.starts]
+    low, high = u[record.mask].min(), u[record.mask].max()
+    if np.mean(first < low + 0.25 * (high - low)) > 0.5:
+        return ("negative",)
+    return "negative", "positive", "demagnetised"
+
+
+def output_falls(record: Record) -> bool:
+    """Whether the output falls, on the whole, as the input rises."""
+    u, y = record.input[record.mask], record.output[record.mask]
+    return bool(np.cov(u, y)[0, 1] < 0)

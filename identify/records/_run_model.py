@@ -1,0 +1,23 @@
+"""Running a model over a record: every sequence starts from the virgin state."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import AbstractModel, Record
+
+
+def prepare(model: AbstractModel, record: Record) -> Any:
+    """The record's input prepared for the model; every sequence starts from the virgin state."""
+    return model.prepare(record.time, record.input, starts=starts_of(record))
+
+
+def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
+    """The model's output on the record; every sequence starts from the virgin state."""
+    return np.asarray(model.simulate(record.time, record.input, starts=starts_of(record)))
+
+
+def starts_of(record: Record) -> tuple[int, ...]:
+    """The first row of each sequence, as a model takes them."""
+    return tuple(int(k) for k in record.starts)
