@@ -1,5 +1,8 @@
 """Learning a model from records: fits, posteriors, verdicts."""
 
+from hysteresis._format import plain as plain
+from hysteresis._verdict import Verdict as Verdict
+
 from .batch._fit_many import fit_many as fit_many
 from .batch._folder import Batch as Batch
 from .calibration._calibrate import Calibrated as Calibrated
@@ -38,7 +41,6 @@ from .diagnostics._whiteness import Whiteness as Whiteness
 from .diagnostics._whiteness import whiteness as whiteness
 from .files._fit_folder import check_free as check_free
 from .files._fit_folder import load as load
-from .files._fit_folder import plain as plain
 from .files._fit_folder import read_document as read_document
 from .files._fit_folder import save as save
 from .files._fit_folder import to_json as to_json
@@ -77,7 +79,6 @@ from .records._run_model import predict as predict
 from .results._fit_result import FitResult as FitResult
 from .results._fit_result import Parameter as Parameter
 from .results._fit_result import Starts as Starts
-from .results._fit_result import Verdict as Verdict
 from .results._fit_result import check_unit as check_unit
 from .results._metrics import Metrics as Metrics
 from .results._metrics import metrics as metrics

@@ -61,11 +61,11 @@ def error_tree(found: CalibratedCompensator) -> Tree:
 
 def _node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
     plain = {"parameters": parameters, "state": {"status": int(Status.OK)} | (state or {})}
-    values = {name: {k: _plain(v) for k, v in part.items()} for name, part in plain.items()}
+    values = {name: {k: _flat(v) for k, v in part.items()} for name, part in plain.items()}
     return {"kind": kind, **values, **({"parts": list(parts)} if parts else {})}
 
 
-def _plain(value: Any) -> Any:
+def _flat(value: Any) -> Any:
     if isinstance(value, bool | int):
         return int(value)
     array = np.asarray(value)

@@ -4,13 +4,16 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, InputError, Record
+from hysteresis._format import plain, quantity
+from hysteresis._verdict import Level, Verdict
+from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from ..uncertainty._flat_intervals import flat_intervals
@@ -19,9 +22,6 @@ from ._loop_widths import Loop, loop_widths
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
 part of the output's range by which the model's answer to an estimate misses the output."""
-
-BAND = 1.6449
-"""Standard deviations on either side that hold 90 % of a normal distribution."""
 
 
 class Errors(NamedTuple):
@@ -58,8 +58,9 @@ class Doubt(NamedTuple):
 
 @dataclass(frozen=True)
 class Qualification:
-    """What `qualify` found; `level` and `reasons` are its verdict.
+    """What `qualify` found.
 
+    - `verdict`: `level` and `reasons`.
     - `errors`: over all counted rows; `nrmse_percent`: 100 rmse / range of the input there.
     - `by_branch`, `by_rate`, `by_level`: of rising and falling inputs, of thirds of the rows by |du/dt|
       (empty without a clock), and by input.
@@ -70,8 +71,7 @@ class Qualification:
       model. `latency`: of one step. `doubt`: of an ensemble, None without one.
     """
 
-    level: Literal["PASS", "CAUTION", "FAIL"]
-    reasons: tuple[str, ...]
+    verdict: Verdict
     errors: Errors
     nrmse_percent: float
     by_branch: dict[str, Errors]
@@ -89,17 +89,26 @@ class Qualification:
     names: dict[str, str]
 
     @property
+    def level(self) -> Level:
+        """Of the verdict."""
+        return self.verdict.level
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Of the verdict."""
+        return self.verdict.reasons
+
+    @property
     def document(self) -> dict[str, Any]:
         """Plain data for JSON: NaN is None."""
         found = asdict(self)
-        level, reasons = found.pop("level"), found.pop("reasons")
-        for name in ("errors", "loop", "latency", "doubt"):
+        for name in ("verdict", "errors", "loop", "latency", "doubt"):
             if (value := getattr(self, name)) is not None:
                 found[name] = value._asdict()
         for name in ("by_branch", "by_rate", "by_level"):
             found[name] = {k: errors._asdict() for k, errors in getattr(self, name).items()}
         found["loop"]["ratio"] = self.loop.ratio
-        return {"verdict": {"level": level, "reasons": list(reasons)}} | _plain(found)
+        return plain(found)
 
     @property
     def text(self) -> str:
@@ -115,23 +124,25 @@ class Qualification:
             for name, e in parts.items()
         ]
         if np.isfinite(self.loop.ratio):
-            before, after = (_quantity(x, unit) for x in self.loop[:2])
+            before, after = (quantity(x, unit, 3) for x in self.loop[:2])
             lines.append(
                 f"loop width: {before} before, {after} after, {self.loop.ratio:.3g} of it is left"
                 f" (mean of {self.loop.cycles} cycles)"
             )
-        wide = f", within {_quantity(self.flat_width, unit)}" if self.flat_width else ""
+        wide = f", within {quantity(self.flat_width, unit, 3)}" if self.flat_width else ""
         lines.append(f"samples: {_shares(self.statuses)}{wide}")
         if self.output_range is not None:
             low, high = self.output_range
-            lines.append(f"OK for {self.names['output']} of {low:.3g} to {_quantity(high, other)}")
+            lines.append(
+                f"OK for {self.names['output']} of {low:.3g} to {quantity(high, other, 3)}"
+            )
         if self.round_trip is not None:
-            lines.append(f"round trip: within {_quantity(self.round_trip, other)} where OK")
+            lines.append(f"round trip: within {quantity(self.round_trip, other, 3)} where OK")
         median, tail = (f"{1e6 * x:.3g} µs" for x in self.latency[:2])
         lines.append(f"one step: {median}, {tail} once in a thousand ({self.latency.steps} timed)")
         if self.doubt is not None:
             lines.append(
-                f"posterior: {_quantity(self.doubt.worst, unit)} at worst;"
+                f"posterior: {quantity(self.doubt.worst, unit, 3)} at worst;"
                 f" 90 % band holds {100 * self.doubt.coverage:.3g} %"
             )
         return "\n".join(lines)
@@ -199,8 +210,7 @@ def qualify(
             "output": record.output_name, "output_unit": record.output_unit,
         },
     }  # fmt: skip
-    level, reasons = _judge(found, float(np.ptp(y[used])))
-    return Qualification(level=level, reasons=reasons, **found)
+    return Qualification(verdict=_judge(found, float(np.ptp(y[used]))), **found)
 
 
 def latency(
@@ -318,31 +328,29 @@ def _doubt(ensemble: Any, record: Record) -> Doubt:
 
     value, deviation, draws = _run(drawn, record, record.output)
     error, used = np.abs(value - record.input), record.mask
-    worst = error + BAND * deviation if draws is None else np.abs(draws - record.input)
-    inside = error <= BAND * deviation
+    worst = error + NORMAL_95 * deviation if draws is None else np.abs(draws - record.input)
+    inside = error <= NORMAL_95 * deviation
     return Doubt(float(worst[..., used].max()), float(inside[used].mean()))
 
 
-def _judge(
-    found: dict[str, Any], output_span: float
-) -> tuple[Literal["PASS", "CAUTION", "FAIL"], tuple[str, ...]]:
+def _judge(found: dict[str, Any], output_span: float) -> Verdict:
     """The level, and sentences: how far off, then what is gravest."""
     fails, cautions, facts = [], [], []
     names, errors, need = found["names"], found["errors"], found["max_error"]
     unit = names["input_unit"]
     said = (
-        f"Estimates are off by {_quantity(errors.rmse, unit)} rms ({found['nrmse_percent']:.2g} % of the"
-        f" range), by {_quantity(errors.max_abs, unit)} at most."
+        f"Estimates are off by {quantity(errors.rmse, unit, 3)} rms ({found['nrmse_percent']:.2g} % of the"
+        f" range), by {quantity(errors.max_abs, unit, 3)} at most."
     )
     if not np.isfinite(errors.max_abs):
         fails.append("Some estimates are not finite.")
     elif need is not None and errors.max_abs > need:
         fails.append(
-            f"The largest error is above the {_quantity(need, unit)} asked for;"
-            f" 95 % of the rows stay within {_quantity(errors.q95, unit)}."
+            f"The largest error is above the {quantity(need, unit, 3)} asked for;"
+            f" 95 % of the rows stay within {quantity(errors.q95, unit, 3)}."
         )
     elif need is not None:
-        facts.append(f"No error is above the {_quantity(need, unit)} asked for.")
+        facts.append(f"No error is above the {quantity(need, unit, 3)} asked for.")
     if (rate := found["rate"]) is not None:
         median, tail = found["latency"][:2]
         if median > 1 / rate:
@@ -359,7 +367,7 @@ def _judge(
         cautions.append(f"Not every estimate is OK: {_shares(found['statuses'])}.")
     if flat := found["flat_width"]:
         facts.append(
-            f"Where the model is flat the nearest input is held: up to {_quantity(flat, unit)} are open."
+            f"Where the model is flat the nearest input is held: up to {quantity(flat, unit, 3)} are open."
         )
     ratio = found["loop"].ratio
     if not np.isfinite(ratio):
@@ -371,31 +379,19 @@ def _judge(
     if (back := found["round_trip"]) is not None and back > ROUND_TRIP * output_span:
         cautions.append(
             f"Run forward, the estimates miss the output by up to"
-            f" {_quantity(back, names['output_unit'])}: this is not the model's inverse."
+            f" {quantity(back, names['output_unit'], 3)}: this is not the model's inverse."
         )
     if (doubt := found["doubt"]) is not None:
         if need is not None and doubt.worst > need and not fails:
             cautions.append(
-                f"Within the posterior errors reach {_quantity(doubt.worst, unit)}, above what is asked."
+                f"Within the posterior errors reach {quantity(doubt.worst, unit, 3)}, above what is asked."
             )
         facts.append(
             f"The posterior's 90 % band holds {100 * doubt.coverage:.2g} % of the true inputs."
         )
     level = "FAIL" if fails else "CAUTION" if cautions else "PASS"
-    return level, (said, *fails, *cautions, *facts)
+    return Verdict(level, (said, *fails, *cautions, *facts))
 
 
 def _shares(statuses: dict[str, float]) -> str:
     return ", ".join(f"{100 * share:.3g} % {name}" for name, share in statuses.items())
-
-
-def _quantity(x: float, unit: str) -> str:
-    return f"{x:.3g}" if unit == "1" else f"{x:.3g} {unit}"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(v) for name, v in value.items()}
-    if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

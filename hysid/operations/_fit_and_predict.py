@@ -15,6 +15,7 @@ import numpy as np
 import identify
 from compensate import Status, invert
 from hysteresis import InputError, Record, Table, check_identifiable
+from hysteresis._verdict import worst_of
 from hysteresis.rigs import SpongeRig
 
 from ..intake._constant_input import (
@@ -320,11 +321,10 @@ def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> d
             {"model": name, "parameters": _mean_parameters([*tried.values()]), **_in_common(tried)}
         )
     if failed:
-        verdict = whole["verdict"]
-        level = "CAUTION" if verdict["level"] == "PASS" else verdict["level"]
-        reasons = verdict["reasons"] + [f"{v}: not fitted. {why}" for v, why in failed.items()]
-        whole |= {"success": False, "trusted": False}
-        whole["verdict"] = {"level": level, "reasons": reasons}
+        level = worst_of((whole["verdict"]["level"], "CAUTION"))
+        reasons = [f"{v}: not fitted. {why}" for v, why in failed.items()]
+        verdict = {"level": level, "reasons": whole["verdict"]["reasons"] + reasons}
+        whole |= {"success": False, "trusted": False, "verdict": verdict}
     counts = ("rows", "rows_train", "rows_test", "sequences")
     return {
         "schema": first["schema"],
@@ -344,14 +344,13 @@ def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> d
 def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Mean figures and gravest verdict of fits or of candidates."""
     each = list(documents.values())
-    levels = [d["verdict"]["level"] for d in each]
     return {
         "metrics": _mean_metrics(each),
         "score_percent": _mean([d["score_percent"] for d in each]),
         "success": all(d["success"] for d in each),
         "trusted": all(d["trusted"] for d in each),
         "verdict": {
-            "level": next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels),
+            "level": worst_of(d["verdict"]["level"] for d in each),
             "reasons": [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()],
         },
     }

@@ -11,6 +11,7 @@ import identify
 from compensate import EnsembleCompensator, Qualification, invert
 from compensate import qualify as qualified
 from hysteresis import InputError, Record
+from hysteresis._verdict import worst_of
 
 from ..intake._selection import all_of, folders_of
 from ._fit_and_predict import _for_new_file, _selection_of
@@ -93,7 +94,7 @@ def _of_one(
         except InputError as error:
             facts.append(f"Its posterior cannot be run backwards: {error}")
     found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
-    return replace(found, reasons=(*found.reasons, *facts))
+    return replace(found, verdict=found.verdict.at_most("PASS", *facts))
 
 
 def _some_of(posterior: identify.Posterior, rows: int) -> Any:
@@ -106,17 +107,15 @@ def _some_of(posterior: identify.Posterior, rows: int) -> Any:
 
 def _seen(found: Qualification) -> Qualification:
     why = "The fit was made from these rows, so nothing is known about unseen data."
-    level = "CAUTION" if found.level == "PASS" else found.level
-    return replace(found, level=level, reasons=(*found.reasons, why))
+    return replace(found, verdict=found.verdict.at_most("CAUTION", why))
 
 
 def _together(found: dict[str, Qualification]) -> dict[str, Any]:
     """The one document, or of several the gravest verdict, the mean error, and `each`."""
     if "" in found:
         return found[""].document
-    levels = [one.level for one in found.values()]
     reasons = [f"{value}: {one.level}. {one.reasons[0]}" for value, one in found.items()]
-    level = next(x for x in ("FAIL", "CAUTION", "PASS") if x in levels)
+    level = worst_of(one.level for one in found.values())
     return {
         "verdict": {"level": level, "reasons": reasons},
         "nrmse_percent": float(np.mean([one.nrmse_percent for one in found.values()])),

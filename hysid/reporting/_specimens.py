@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 import identify
 from hysteresis import InputError
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..figures._format import quantity
 from ..intake._selection import folders_of
@@ -21,8 +22,6 @@ FAR = 3.5
 
 FEW = 5
 """Specimens below which none is said to stand out."""
-
-NORMAL_90 = 1.645
 
 
 class Figure90(NamedTuple):
@@ -67,7 +66,7 @@ class Specimen:
             if p.value is None or not np.isfinite(p.value):
                 continue
             error = p.stderr if p.stderr is not None and np.isfinite(p.stderr) else np.nan
-            low, high = p.value - NORMAL_90 * error, p.value + NORMAL_90 * error
+            low, high = p.value - NORMAL_95 * error, p.value + NORMAL_95 * error
             if p.name in drawn:
                 low, high = drawn[p.name].q05, drawn[p.name].q95
             elif p.low is not None and p.high is not None:

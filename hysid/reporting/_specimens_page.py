@@ -10,6 +10,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
+from hysteresis._verdict import LEVELS, worst_of
 
 from ..figures._format import plain_name, quantity
 from ._case import TARGET, Section
@@ -65,10 +66,8 @@ def write_many(
     for group in groups:
         mark_outliers(group)
     levels = Counter(one.fit.verdict.level for one in specimens)
-    worst = next(level for level in ("FAIL", "CAUTION", "PASS") if levels[level])
-    if failed and worst == "PASS":
-        worst = "CAUTION"
-    counts = [f"{levels[level]} {level}" for level in ("PASS", "CAUTION", "FAIL") if levels[level]]
+    worst = worst_of([*levels, *["CAUTION"] * bool(failed)])
+    counts = [f"{levels[level]} {level}" for level in LEVELS if levels[level]]
     found_in = [pooled(group) for group in groups]
     sections = [fits(specimens, file.parent, failed)]
     for group, (population, said) in zip(groups, found_in, strict=True):

@@ -8,6 +8,8 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from hysteresis.numerics._normal import NORMAL_95
+
 from ..figures._base import BLUE, GREY, INK, SKY, VERMILLION, styled, thin, trace
 from ..figures._format import label
 
@@ -56,7 +58,7 @@ def force(
     above.plot(*trace(t, found[shown], every, begin), color=BLUE, lw=1.1, label="estimated")
     above.set(ylabel=label(names[1], units[1]))
     for a, b in zip(begin, [*begin[1:], len(t)], strict=True):
-        half = 1.645 * deviation[a:b]
+        half = NORMAL_95 * deviation[a:b]
         below.fill_between(t[a:b], -half, half, color=SKY, alpha=0.35, lw=0,
                            label="" if a else "90 % band")  # fmt: skip
     below.plot(*trace(t, error, every, begin), color=BLUE, lw=0.9)

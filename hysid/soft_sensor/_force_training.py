@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from compensate.microchannel import ForceEstimator
 from hysteresis import InputError
+from hysteresis.numerics._normal import NORMAL_95
 from identify import Trained
 
 from ._force_models import fit_structured
@@ -142,7 +143,7 @@ def _judged(kind: str, found: Found, data: ForceData, part: np.ndarray) -> Force
     for k in np.unique(part[seen]):
         own, others = seen & (part == k), seen & (part != k)
         band = _deviation(off[others]) if others.any() else deviation
-        inside.append(off[own] < 1.645 * band)
+        inside.append(off[own] < NORMAL_95 * band)
     readings = data.reading.reshape(len(data.time), -1)
     margin = 0.02 * np.ptp(readings, axis=0)
     ends = [(f(readings, axis=0) + s * margin) for f, s in ((np.min, -1), (np.max, 1))]
@@ -158,4 +159,4 @@ def _judged(kind: str, found: Found, data: ForceData, part: np.ndarray) -> Force
 
 def _deviation(off: Float[np.ndarray, " rows"]) -> float:
     """The one whose 90 % band holds nine of ten: errors have longer tails than a normal one's."""
-    return max(float(np.quantile(off, 0.9)) / 1.645, 1e-12)
+    return max(float(np.quantile(off, 0.9)) / NORMAL_95, 1e-12)

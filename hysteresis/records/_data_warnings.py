@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._format import quantity
 from ._cycles import loop_area, noise_level
-from ._record import Record, quantity
+from ._record import Record
 from ._units import FORCES, LENGTHS
 
 MANY = 8

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._format import duration, quantity
 from ._cycles import default_dead_band, noise_level, turning_points
 from ._data_warnings import clipped, loop_direction, suspicions
-from ._record import Record, duration, quantity
+from ._record import Record
 
 
 def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:

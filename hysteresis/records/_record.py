@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
+from .._format import duration, quantity
 from .._notebook_hook import html_of
 from ..models._channel_map import common_part
 from ._arrays import fill, numbers, same_length
@@ -431,13 +432,3 @@ class Record:
 
     def _repr_html_(self) -> str | None:
         return html_of(self)
-
-
-def quantity(x: float, unit: str) -> str:
-    """A value with its unit, to four digits."""
-    return f"{x:.4g}" if unit == "1" else f"{x:.4g} {unit}"
-
-
-def duration(x: float, unit: str) -> str:
-    """A time with its unit, to three digits where it is below a second."""
-    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else quantity(x, unit)

@@ -14,8 +14,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from hysteresis import InputError
+from hysteresis._format import plain
 
-from ..files._fit_folder import check_free, load, plain, read_json, save, summary, write_json
+from ..files._fit_folder import check_free, load, read_json, save, summary, write_json
 from ..results._fit_result import FitResult
 
 SCHEMA = 1

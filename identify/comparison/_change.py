@@ -9,15 +9,13 @@ import scipy
 from jaxtyping import Float
 
 from hysteresis import InputError
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..posterior._posterior import Posterior
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
 
 CLEAR = 0.05
 """p value below which a change is called one."""
-
-NORMAL = float(scipy.special.ndtri(0.95))
-"""Standard errors from the middle to either end of a 90 % interval."""
 
 
 class ParameterChange(NamedTuple):
@@ -138,7 +136,7 @@ def between(one: Estimate, other: Estimate, margin: float, left_out: dict[str, s
     above = np.nan_to_num(scipy.stats.norm.sf((high - d) / error))
     listed = []
     for k, name in enumerate(one.bounds.names):
-        ends = d[k] + NORMAL * error[k] * np.array([0, -1, 1])
+        ends = d[k] + NORMAL_95 * error[k] * np.array([0, -1, 1])
         ratios = np.exp(ends) if one.positive[k] else [None] * 3
         numbers = (
             before[k], after[k], after[k] - before[k], spread[k], *ratios, below[k] + above[k],
@@ -192,7 +190,7 @@ def _sentence(p: ParameterChange, margin: float) -> str:
     unit = "" if p.unit == "1" else f" {p.unit}"
     size = f"{abs(p.difference):.3g} ± {p.error:.2g}{unit}"
     if p.ratio is not None and p.ratio_low is not None and p.ratio_high is not None:
-        error = 100 * (p.ratio_high - p.ratio_low) / (2 * NORMAL)
+        error = 100 * (p.ratio_high - p.ratio_low) / (2 * NORMAL_95)
         size = f"{abs(100 * (p.ratio - 1)):.3g} ± {error:.2g} %"
     if not p.clear:
         said = f"{p.name}: no change beyond chance ({size})"

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record
+from hysteresis._format import plain
+from hysteresis._verdict import Verdict
 
 from ..linear._composition import Composition
 from ..linear._composition_fit import CompositionFit
@@ -28,7 +30,7 @@ from ..noise._reml import PARTS
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
-from ..results._fit_result import FitResult, Parameter, Starts, Verdict
+from ..results._fit_result import FitResult, Parameter, Starts
 from ..results._metrics import Metrics
 from ..storage._model import describe_model, rebuild_model
 from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
@@ -303,19 +305,6 @@ def versions() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             found[name] = "not installed"
     return found
-
-
-def plain(value: Any) -> Any:
-    """Data that JSON can say: NumPy to Python, numbers that are not finite to null."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic | np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def write_json(file: Path, document: dict[str, Any]) -> None:

@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import InputError, Record, parameters
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import estimate_noise
 from ..parameters._precision import require_double
-from ..results._fit_result import FitResult, Parameter, Status, Verdict
+from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
 from ..spectra._prony_series import Input, Kind
@@ -25,8 +26,6 @@ MOVES = 3.0
 """An output that changes by less than this times its noise neither creeps nor relaxes."""
 UNKNOWN = 2.0
 """A parameter whose logarithm is uncertain by more than this is not identified."""
-NORMAL = 1.645
-"""Standard deviations on either side that hold 90 % of a Gaussian."""
 
 
 def stepped(record: Record, at_first_row: bool | None = None) -> Record:
@@ -183,8 +182,7 @@ def fit_step(
     verdict = judge(chosen, found.notes)
     if (covered := _coverage(found, test)) is not None:
         share, said = covered
-        level = "CAUTION" if verdict.level == "PASS" and share < CONFIDENCE else verdict.level
-        verdict = Verdict(level, (*verdict.reasons, said))
+        verdict = verdict.at_most("CAUTION" if share < CONFIDENCE else "PASS", said)
     chosen = replace(chosen, verdict=verdict)
     others = [replace(fit, verdict=judge(fit)) for fit in sorted(fits, key=lambda fit: fit.score)]
     return replace(chosen, candidates=(chosen, *others), seconds=time.perf_counter() - begin)
@@ -262,7 +260,7 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
     assert test.time is not None
     rows = _counted(test)
     value, low, high = found.predict(test.time[rows])
-    y, noise = test.output[rows] / test.input[rows], NORMAL * found.noise.sigma * value
+    y, noise = test.output[rows] / test.input[rows], NORMAL_95 * found.noise.sigma * value
     share = float(np.mean((low - noise <= y) & (y <= high + noise)))
     last = test.time[rows][-1] / found.span
     said = (

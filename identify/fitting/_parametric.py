@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record, parameters
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._adequacy import BELIEVED, nothing_speaks_against
 from ..noise._model import NoiseModel, Rows, rows_of
@@ -31,9 +32,6 @@ from ..results._goodness_of_fit import evidence
 SPREADS = (1.5, 3.0, 6.0)
 """Standard deviation of the starts in the free space, 1.5 a factor of 4.5 for a positive parameter. Wider
 where no output was finite: a density far outside the record vanishes in floating point."""
-
-NINETY = 1.6448536
-"""Standard deviations on either side that hold 90 % of a Gaussian."""
 
 REFINED = 4
 """Starts that are followed to their end: after few steps the best is not always first."""
@@ -231,8 +229,8 @@ def _parameters(
         if status != "free":
             found.append(Parameter(name, value, unit, None, status))
             continue
-        lean = bent.displaced(NINETY)[k]
-        ends = [z + np.eye(len(z))[k] * error * (lean + side) for side in (-NINETY, NINETY)]
+        lean = bent.displaced(NORMAL_95)[k]
+        ends = [z + np.eye(len(z))[k] * error * (lean + side) for side in (-NORMAL_95, NORMAL_95)]
         low, high = (float(bounds.to_values(end)[k]) for end in ends)
         found.append(Parameter(name, value, unit, error * abs(slope), status, low, high))
     return tuple(found)

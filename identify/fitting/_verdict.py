@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from hysteresis._verdict import Verdict
+
 from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._sloppiness import without_effect
 from ..diagnostics._time_constants import unseen_time_constants
-from ..results._fit_result import FitResult, Level, Verdict
+from ..results._fit_result import FitResult
 
 GOOD, USABLE = 5.0, 15.0
 """Held-out NRMSE in per cent up to which a fit passes, and up to which it may be used with care."""
@@ -21,7 +23,6 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     """
     train, test = fit.metrics["train"], fit.metrics["test"]
     assert train is not None
-    level: Level
     fails, cautions, facts = [], [], []
     if not fit.success:
         fails.append("The solver did not converge: more starts, or a simpler model.")
@@ -30,11 +31,11 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     unit = "" if fit.train.output_unit == "1" else f" {fit.train.output_unit}"
     said += f" ({judged.rmse:.3g}{unit} rms, {judged.max_abs:.3g}{unit} at most)"
     if judged.nrmse_percent > USABLE or not judged.r2 > 0:
-        level, said = "FAIL", f"{said}: too far off to use."
+        verdict = Verdict("FAIL", (f"{said}: too far off to use.",))
     elif judged.nrmse_percent > GOOD:
-        level, said = "CAUTION", f"{said}: above {GOOD:g} %."
+        verdict = Verdict("CAUTION", (f"{said}: above {GOOD:g} %.",))
     else:
-        level, said = "PASS", f"{said}."
+        verdict = Verdict("PASS", (f"{said}.",))
     if test is None:
         cautions.append("Nothing was held out, so nothing is known about unseen data.")
     elif test.nrmse_percent > 2 * train.nrmse_percent and test.nrmse_percent > 1:
@@ -69,9 +70,8 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
             f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"
             f" {fit.noise.samples} rows count as {fit.noise.effective:.0f}, and errors are widened for it."
         )
-    if cautions and level == "PASS":
-        level = "CAUTION"
-    return Verdict("FAIL" if fails else level, (said, *fails, *cautions, *facts))
+    verdict = verdict.at_most("FAIL" if fails else "PASS", *fails)
+    return verdict.at_most("CAUTION" if cautions else "PASS", *cautions, *facts)
 
 
 def _share_outside(fit: FitResult) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of
+from hysteresis._verdict import Verdict
 
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
@@ -16,7 +17,6 @@ from ..records._clocks import Clocks
 from ..records._run_model import predict
 from ._metrics import Metrics
 
-Level = Literal["PASS", "CAUTION", "FAIL"]
 Status = Literal["free", "fixed", "at bound", "unidentified"]
 
 
@@ -34,13 +34,6 @@ class Parameter(NamedTuple):
     status: Status
     low: float | None = None
     high: float | None = None
-
-
-class Verdict(NamedTuple):
-    """PASS, CAUTION or FAIL, and why, in sentences."""
-
-    level: Level
-    reasons: tuple[str, ...]
 
 
 class Starts(NamedTuple):

@@ -11,6 +11,7 @@ import pytest
 from compensate import AbstractCompensator, Estimate, Status, invert
 from compensate.qualification._qualify import Latency, latency, loop_widths, qualify
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record, Scaled
+from hysteresis.numerics._normal import NORMAL_95
 
 THRESHOLD = 1.0
 
@@ -183,7 +184,7 @@ class Ensemble:
         return Band(value, np.full(len(y), self.deviation), draws)
 
 
-@pytest.mark.parametrize(("draws", "worst"), [(False, 1.6449 * 0.5), (True, 2.0)])
+@pytest.mark.parametrize(("draws", "worst"), [(False, NORMAL_95 * 0.5), (True, 2.0)])
 def test_the_worst_of_an_ensemble_counts(draws, worst):
     found = qualify(invert(model()), record(), ensemble=Ensemble(0.5, draws), max_error=0.1)
     assert found.doubt is not None

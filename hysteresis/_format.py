@@ -1,0 +1,41 @@
+"""Numbers in sentences and on a terminal: a value with its unit, and data that JSON can hold."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def quantity(x: float, unit: str, digits: int = 4) -> str:
+    """A value with its unit, which is left away where it is "1".
+
+    **Example:**
+
+        >>> quantity(0.123456, "mm")
+        '0.1235 mm'
+    """
+    return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
+
+
+def duration(x: float, unit: str) -> str:
+    """A time with its unit: in milliseconds where it is below one second."""
+    return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else quantity(x, unit)
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can hold: NumPy becomes Python, numbers that are not finite become None.
+
+    **Example:**
+
+        >>> plain({"rms": np.float64(0.5), "ends": (1.0, np.nan)})
+        {'rms': 0.5, 'ends': [1.0, None]}
+    """
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,56 @@
+"""Verdicts add up in one way: the worst level counts, and all reasons stay."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from hysteresis._format import plain, quantity
+from hysteresis._verdict import LEVELS, Verdict, worst_of
+from hysteresis.numerics._normal import NORMAL_95
+
+levels = st.sampled_from(LEVELS)
+
+
+@given(st.lists(levels), st.lists(levels))
+def test_the_worst_level_is_that_of_an_ordered_set(some, others):
+    """Associative, commutative, idempotent, with PASS as the neutral element."""
+    worst = worst_of(some + others)
+    assert worst == worst_of(others + some) == worst_of([worst_of(some), worst_of(others)])
+    assert worst_of(["PASS", *some]) == worst_of(some)
+    assert worst == ("FAIL" if "FAIL" in some + others else worst)
+    assert (worst == "PASS") == (set(some + others) <= {"PASS"})
+
+
+@given(levels, levels, st.lists(st.text(), max_size=3))
+def test_a_demoted_verdict_keeps_its_reasons(level, most, reasons):
+    before = Verdict(level, ("The error is 1 %.",))
+    after = before.at_most(most, *reasons)
+    assert after.level == worst_of([level, most])
+    assert after.reasons == ("The error is 1 %.", *reasons)
+
+
+def test_packages_share_one_verdict():
+    import identify
+
+    assert identify.Verdict is Verdict
+
+
+def test_the_quantile_is_that_of_a_normal_distribution():
+    assert norm.ppf(0.95) == pytest.approx(NORMAL_95, rel=1e-15)
+
+
+def test_a_quantity_of_unit_one_shows_no_unit():
+    assert quantity(0.123456, "mm") == "0.1235 mm"
+    assert quantity(1234.5, "1", 3) == "1.23e+03"
+
+
+def test_plain_data_can_be_written_as_json():
+    found = plain({1: np.arange(2), "x": (np.float64(math.nan), np.int64(3)), "b": [True, None]})
+    assert json.loads(json.dumps(found, allow_nan=False)) == {
+        "1": [0, 1], "x": [None, 3], "b": [True, None],
+    }  # fmt: skip
