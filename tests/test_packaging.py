@@ -92,6 +92,14 @@ def test_what_is_imported_is_declared(package: str):
     assert undeclared == {}
 
 
+def test_every_dependency_is_imported():
+    """What nobody imports, everybody would install."""
+    used = {name for package in PACKAGES for name, _ in imported(package)}
+    owners = packages_distributions()
+    owned = {name_of(one) for name in used for one in (name, *owners.get(name, ()))}
+    assert sorted({name_of(wanted) for wanted in PROJECT["dependencies"]} - owned) == []
+
+
 def loaded(code: str) -> list[str]:
     """Which of the heavy packages a fresh interpreter has after `code`."""
     shown = f"import json, sys; print(json.dumps([m for m in {HEAVY} if m in sys.modules]))"
