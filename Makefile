@@ -36,7 +36,7 @@ docs: $(DOCS_READY) out/growth.svg
 # Peers are timed for it, so it is made once; `make clean` takes it away.
 out/growth.svg: | $(READY)
 	mkdir -p out
-	$(BIN)/python -m benchmarks._growth_picture out/growth.svg
+	$(BIN)/python -m benchmarks._preisach.growth_picture out/growth.svg
 
 datasets: $(READY)
 	$(BIN)/python -m benchmarks.datasets

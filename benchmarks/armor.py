@@ -13,8 +13,8 @@ from hysid.reproduction._armor import Rig
 from hysid.reproduction._armor_rows import PUBLISHED
 from hysid.reproduction._published import compared
 
-from ._armor_errors import error_rows
-from ._contacts import contact_rows
+from ._armor.contacts import contact_rows
+from ._armor.errors import error_rows
 from ._measure import Row, run_parts
 
 RIGS = 60

@@ -19,11 +19,11 @@ from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
 
-from ._bands import band_rows
-from ._exported import exported_rows
+from ._compensation.bands import band_rows
+from ._compensation.exported import exported_rows
+from ._compensation.noise_trade import noise_rows
+from ._compensation.removed import removed_rows
 from ._measure import Row, interleaved, judged, noted, run_parts
-from ._noise_trade import noise_rows
-from ._removed import removed_rows
 
 HISTORIES = 10_000
 

@@ -20,18 +20,20 @@ from ._measure import Row, run_parts  # noqa: E402
 
 def _part(module: str, function: str) -> Callable[[bool], list[Row]]:
     """Loaded when it is run."""
-    return lambda quick: getattr(import_module(f"benchmarks.{module}"), function)(quick)
+    return lambda quick: getattr(import_module(f"benchmarks._identification.{module}"), function)(
+        quick
+    )
 
 
 PARTS = {
-    "calibration": _part("_calibration", "calibration_rows"),
-    "check": _part("_cross_check", "cross_check_rows"),
-    "shown": _part("_cases", "case_rows"),
-    "starts": _part("_starts", "start_rows"),
-    "sampling": _part("_sampling", "sampling_rows"),
-    "kill": _part("_sampling", "kill_rows"),
-    "batch": _part("_batches", "batch_rows"),
-    "reports": _part("_reports", "report_rows"),
+    "calibration": _part("calibration", "calibration_rows"),
+    "check": _part("cross_check", "cross_check_rows"),
+    "shown": _part("cases", "case_rows"),
+    "starts": _part("starts", "start_rows"),
+    "sampling": _part("sampling", "sampling_rows"),
+    "kill": _part("sampling", "kill_rows"),
+    "batch": _part("batches", "batch_rows"),
+    "reports": _part("reports", "report_rows"),
 }
 
 

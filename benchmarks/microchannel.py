@@ -12,13 +12,13 @@ import sys
 from collections.abc import Callable, Sequence
 
 from ._measure import Row, run_parts
-from ._microchannel_control import control_rows
-from ._microchannel_forces import force_rows, pair_rows
-from ._microchannel_places import place_rows
-from ._microchannel_real import real_rows
-from ._microchannel_runtime import runtime_rows
-from ._microchannel_separation import separation_rows
-from ._microchannel_training import training_rows
+from ._microchannel.control import control_rows
+from ._microchannel.forces import force_rows, pair_rows
+from ._microchannel.places import place_rows
+from ._microchannel.real import real_rows
+from ._microchannel.runtime import runtime_rows
+from ._microchannel.separation import separation_rows
+from ._microchannel.training import training_rows
 
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "forces": force_rows,

@@ -19,11 +19,10 @@ from hysteresis import Preisach
 from hysteresis.preisach import PreisachInput
 from hysteresis.preisach._everett import materialise
 
-from . import _density_fits as density_fits
-from . import _exactness as exactness
-from . import _growth as growth
-from ._growth_picture import picture
-from ._inputs import (
+from ._measure import Row, judged, least_seconds, noted, options, report
+from ._preisach import density_fits, exactness, growth
+from ._preisach.growth_picture import picture
+from ._preisach.inputs import (
     CELLS,
     SAMPLES,
     evaluate,
@@ -34,8 +33,7 @@ from ._inputs import (
     random_weights,
     table,
 )
-from ._measure import Row, judged, least_seconds, noted, options, report
-from ._relays import (
+from ._preisach.relays import (
     DENSE_LOOP,
     DENSE_SCAN,
     HAS_NUMBA,

@@ -39,8 +39,8 @@ from identify.parameters._transform import Transform, transform
 from identify.parametric._multistart import refine
 from identify.records._run_model import prepare
 
-from ._inputs import evaluate
 from ._measure import Row, judged, noted, options, report
+from ._preisach.inputs import evaluate
 
 NOISE = 0.01
 """Standard deviation of the noise, of the output's range."""

@@ -20,8 +20,8 @@ from compensate import Status, export_runtime, invert
 from compensate.runtime import load
 from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
 from tests.test_hysid.command import COLUMNS, Result, put, run, sponge, text, tree
-from tests.test_hysid.test_bad_inputs import BAD
-from tests.test_hysid.test_bad_inputs_table import TABLE
+from tests.test_hysid.test_cli.test_bad_inputs import BAD
+from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
 from ._measure import Row, judged, noted, run_parts
 

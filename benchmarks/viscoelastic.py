@@ -16,8 +16,8 @@ import numpy as np
 
 from hysteresis import AbstractModel, Burgers, GeneralizedMaxwell, MonotoneCurve, Series, Sum
 
-from ._inputs import CELLS, SAMPLES, evaluate, random_model
 from ._measure import Row, judged, least_seconds, noted, options, report
+from ._preisach.inputs import CELLS, SAMPLES, evaluate, random_model
 
 TIMES = (1.0, 10.0, 100.0)
 """Relaxation times of the branches, in mean sampling steps."""

@@ -14,7 +14,7 @@ from hysid.armor._view import view
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorRig, force_path
 from tests.test_hysid.command import refused, run
-from tests.test_hysid.test_report import Page
+from tests.test_hysid.test_reporting.test_report import Page
 
 TITLE = 'Presses </script> & "quotes"'
 COVARIANCE = np.diag([4e-6, 1e-6, 0.0])

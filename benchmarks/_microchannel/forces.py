@@ -1,0 +1,97 @@
+"""Forces of one contact and of two on virtual microchannel sensors."""
+
+import numpy as np
+
+from hysid.reproduction._skin import DELAY, HIGH_N, Skin
+from hysid.reproduction._skin_networks import train_everett
+from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
+
+from .._measure import Row, judged, means, noted
+from .floor import floor, placement_floor
+
+FEW = 3
+"""Sensors, of the seeds 0, 1, 2."""
+
+
+def force_rows(quick: bool) -> list[Row]:
+    """Rows of the forces of single contacts."""
+    found = [_single(seed, quick) for seed in range(1 if quick else FEW)]
+    mean = means(found)
+    late = f"{DELAY} readings late"
+    # The best kind is (iii), a model of the sensor run backwards.
+    what = "(A) on the virtual sensor, force RMSE, N"
+    return [
+        judged(f"{what}: (i) network, delayed readings", mean["network"], 0.055),
+        noted("    as the paper describes it, without time", mean["timeless"]),
+        noted("    (ii) monotone Everett network", mean["everett"]),
+        judged(f"{what}: best kind, {late}", mean["late"], 0.03),
+        noted("    as the readings come", mean["now"]),
+        noted("    floor, the rig's own law known: as the readings come", mean["floor"]),
+        noted(f"    floor: the same, {late}", mean["floor_late"]),
+        noted("    readings within its 90 % band, as they come, %", mean["held"]),
+    ]  # fmt: skip
+
+
+def _single(seed: int, quick: bool) -> dict[str, float]:
+    """RMSE of every kind over the four loops of four sessions."""
+    skin = Skin(seed, 200 if quick else 1000, sessions=4)
+    t, F, z = skin.taught
+    everett = train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
+    now = skin.by_filter.now
+    off = [np.abs(a - b) for a, b in zip(now, skin.loops.force, strict=True)]
+    pairs = zip(off, skin.by_filter.deviation, strict=True)
+    least, least_late = floor(skin.rig, skin.loops)
+    return {
+        "network": skin.rms(skin.by_network),
+        "timeless": skin.rms(skin.by_timeless),
+        "everett": skin.rms(skin.by(everett)),
+        "now": skin.rms(now),
+        "late": skin.rms_late,
+        "held": 100 * float(np.mean(np.concatenate([e < 1.645 * s for e, s in pairs]))),
+        "floor": least,
+        "floor_late": least_late,
+    }
+
+
+def pair_rows(quick: bool) -> list[Row]:
+    """Rows of the forces of two contacts, learnt from a machine's presses of one location at a time."""
+    found = [_pair(seed, quick) for seed in range(1 if quick else FEW)]
+    mean = means(found)
+    rows = [
+        judged(
+            "(D) on two locations, peaks of 16, paper's method", mean["peaks"], 16, at_least=True
+        ),
+        judged("(D) on two locations, force RMSE, ours to the paper's method", mean["ratio"], 0.5),
+    ]
+    if quick:
+        why = "its networks need minutes to learn: without --quick"
+        rows = [row._replace(met=None, reason=why) for row in rows]
+    return [
+        *rows,
+        judged("(D) on two locations, paper's step to ours", mean["speed"], 50.0, at_least=True),
+        noted("    RMSE, placed presses, ours, N", mean["ours"]),
+        noted("    paper's, N", mean["paper"]),
+        noted("    peaks of 16, ours", mean["our_peaks"]),
+        noted("    RMSE, a finger's presses, ours, N", mean["finger"]),
+        noted("    paper's, N", mean["finger_paper"]),
+        noted("    the sensor's law known, the finger's placement not, N", mean["finger_floor"]),
+        noted("    peaks of 16, a finger's presses, paper's method", mean["finger_peaks"]),
+        noted("    ours, step, us", mean["step_us"]),
+    ]  # fmt: skip
+
+
+def _pair(seed: int, quick: bool) -> dict[str, float]:
+    pair = SkinPair(seed, 4 if quick else 100)
+    return {
+        "peaks": found_peaks(pair.placed),
+        "our_peaks": found_peaks(pair.placed, ours=True),
+        "paper": error(pair.placed),
+        "ours": error(pair.placed, ours=True),
+        "ratio": error(pair.placed, ours=True) / error(pair.placed),
+        "finger": error(pair.together, ours=True),
+        "finger_paper": error(pair.together),
+        "finger_floor": placement_floor(pair.rig, pair.together),
+        "finger_peaks": found_peaks(pair.together),
+        "speed": pair.paper_us / pair.ours_us,
+        "step_us": pair.ours_us,
+    }

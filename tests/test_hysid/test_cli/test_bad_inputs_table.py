@@ -1,0 +1,456 @@
+"""Bad input through the command line and Python, one row of a table each: what `test_bad_inputs` leaves."""
+
+import json
+import os
+import pickle
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import identify
+from hysteresis import InputError, LinearSponge, Record
+from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text, tree
+from tests.test_hysid.test_cli.test_bad_inputs import CLEAN, FIT, ROWS, Bad, cell, column
+
+N = ("time", "force", "displacement", "cycle")
+BARE = ("--input", "force", "--output", "displacement", "--time", "time")
+UNITS = text([["s", "N", "mm", "1"], *ROWS], N)
+GROUPED = (*HEADER, "block")
+LINES = CLEAN.splitlines(keepends=True)
+
+
+def named(header: str) -> Callable[..., Bad]:
+    """The clean file, its force under another header."""
+    columns = ("--input", header, "--output", X)
+    return lambda code, *words: Bad(text(ROWS, (T, header, X, "cycle")), code, words, columns)
+
+
+def blocks(*parts: list[list[str]]) -> str:
+    """Rows of several specimens: A, B, C, ..."""
+    rows = [[*row, chr(ord("A") + k)] for k, part in enumerate(parts) for row in part]
+    return text(rows, GROUPED)
+
+
+def overloaded(row: int = 5) -> list[list[str]]:
+    """The clean rows, one reading of which is a word."""
+    return [[*r[:2], "OVLD", *r[3:]] if k == row else r for k, r in enumerate(ROWS)]
+
+
+TABLE = {
+    "3: units that are not found": Bad(
+        UNITS, "text-cell", ("line 2", "'time' = 's'", "a row of units?", "--units-row 2"), BARE
+    ),
+    "3: another row of units": Bad(
+        UNITS, "bad-units-row", ("Line 5", "--units-row 2"), (*BARE, "--units-row", "5")
+    ),
+    "3: numbers for units": Bad(
+        CLEAN, "bad-units-row", ("Line 2 holds numbers", "--units-row 0"),
+        (*COLUMNS, "--units-row", "2"),
+    ),
+    "4: another case": Bad(
+        CLEAN, "no-column", ("'FORCE (N)'", f"have {F!r}"), ("--input", "FORCE (N)", "--output", X)
+    ),
+    "4: no such clock": Bad(
+        CLEAN, "no-column", ("'t'", f"{T!r}"), (*COLUMNS[:4], "--time", "t")
+    ),
+    "4: one column twice": Bad(
+        CLEAN, "same-column", (f"{F!r}", "as input and as output", "--output COL"),
+        ("--input", F, "--output", F),
+    ),
+    "4: the clock for an output": Bad(
+        CLEAN, "same-column", (f"{T!r}", "as time and as output"),
+        ("--input", F, "--output", T, "--time", T),
+    ),
+    "7: a clock with a hole": Bad(
+        cell(T, "", 39), "nan-time", ("1 NaN in time", f"{T!r}", "line 41", "--dt SECONDS")
+    ),
+    "9: an unknown unit": named("force (ADC)")(
+        "unknown-unit", "column 'force (ADC)'", "'ADC'", "--input-unit UNIT", "'count'"
+    ),
+    "9: arbitrary units": named("force (a.u.)")("unknown-unit", "'a.u.'", "--input-unit UNIT"),
+    "10: force in grams": named("force (g)")(
+        "mass-unit", "column 'force (g)'", "g is mass", "gf", "0.00981 N", "--input-unit UNIT"
+    ),
+    "10: load in kilograms": Bad(
+        text(ROWS, (T, F, "load (kg)", "cycle")), "mass-unit",
+        ("kg is mass", "kgf", "--output-unit UNIT"), ("--input", F, "--output", "load (kg)"),
+    ),
+    "12: a time twice": Bad(
+        cell(T, ROWS[38][0], 39), "time-repeated",
+        ("lines 40 to 41", "same time 228", "drop or average", "--dt SECONDS"),
+    ),
+    "12: a clock that stands": Bad(
+        column(T, ["5"] * 30, 40), "time-backwards", ("Time goes back from", "--segments auto")
+    ),
+    "15: a column that ends early": Bad(
+        text(ROWS[:60]) + "".join(f"{','.join(r[:2])}\n" for r in ROWS[60:]), "ragged-line",
+        ("line 62", "2 cells, the header has 4", "mend that line"),
+    ),
+    "17: an output that is held": Bad(
+        column(X, ["7"] * len(ROWS)), "constant-output",
+        (f"{X!r}", "7 mm in every row", "dead channel", "--output COL"),
+    ),
+    "27: two separators": Bad(
+        CLEAN.replace(",", ";", 30), "ragged-line", ("line 11", "another separator", "mend")
+    ),
+    "27: zero bytes": Bad(CLEAN.replace("5", "\0", 3), "binary-file", ("export it as text",)),
+    "29: more than can be squared": Bad(
+        cell(F, "-3e301"), "too-large", ("line 14", "'-3e301'", "--na-values -3e301")
+    ),
+    "29: a large number": Bad(cell(X, "1e200"), "too-large", ("line 14", f"{X!r}", "'1e200'")),
+    "29: more than a number holds": Bad(cell(F, "1e999"), "infinite", ("line 14", "--na-values")),
+    "29: infinity below": Bad(cell(X, "-Infinity"), "infinite", ("line 14", "'-Infinity'")),
+    **{
+        f"29: thousands as {word}": Bad(
+            cell(F, word), "thousands-separator", ("line 14", "export without thousands")
+        )
+        for word in ("1.234.567", "1'234", "1 234", '"1,234,567"')
+    },
+    "31: every specimen is bad": Bad(
+        blocks(overloaded(), overloaded()), "text-cell",
+        ("A: ", "line 7", "'OVLD'", "1 more have the same fault", "--na-values OVLD"),
+        (*COLUMNS, "--each", "block"),
+    ),
+}  # fmt: skip
+"""By item and what is bad."""
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("bad", TABLE.values(), ids=TABLE.keys())
+def test_a_bad_file_is_refused_by_check_and_by_fit(bad):
+    put(bad.content)
+    before = tree(Path())
+    refused(run("check", "run.csv", *bad.options), *bad.words, f"[{bad.code}]\n")
+    refused(run("fit", "run.csv", *bad.options, *FIT), *bad.words, f"[{bad.code}]\n")
+    assert tree(Path()) == before
+
+
+@pytest.mark.parametrize(
+    ("content", "options"),
+    [
+        (UNITS, (*BARE, "--units-row", "2")),
+        (text([["s", "N", "mm", ""], *ROWS], N), BARE),
+        (text(ROWS, (T, "force (ADC)", X, "cycle")),
+         ("--input", "force (ADC)", "--output", X, "--input-unit", "count")),
+        (text(ROWS, (T, "force (g)", X, "cycle")),
+         ("--input", "force (g)", "--output", X, "--input-unit", "gf")),
+        (cell(T, ROWS[38][0], 39), (*COLUMNS[:4], "--dt", "6")),
+        (cell(F, "-3e301"), (*COLUMNS, "--na-values", "-3e301", "--nan", "interpolate")),
+        (cell(X, "1e200"), (*COLUMNS, "--na-values", "1e200", "--nan", "omit")),
+        (cell(X, "OVLD", 3), (*COLUMNS, "--where", "cycle=2,3,4,5")),
+    ],
+    ids=["3", "3 found", "9", "10", "12", "29", "29 large", "5 elsewhere"],
+)  # fmt: skip
+def test_the_fix_that_the_message_names_is_accepted(content, options):
+    put(content)
+    said = run("check", "run.csv", *options)
+    assert (said.code, said.err) == (0, "")
+    assert "complete cycles" in said.out
+
+
+def test_units_that_are_found_are_said():
+    put(text([["s", "N", "mm", ""], *ROWS], N))
+    said = run("check", "run.csv", *BARE).out
+    assert "Row 2 is units (s, N, mm, ); using them. Confirm with units_row=2" in said
+    assert "0 to 20 N" in said
+
+
+def test_of_a_hundred_specimens_the_bad_one_is_named():
+    rows, bad = ROWS[:41], overloaded()[:41]
+    parts = {f"s{k:02d}": bad if k == 57 else rows for k in range(100)}
+    cells = [[*row, name] for name, part in parts.items() for row in part]
+    put(text([*cells, [*ROWS[0], "alone"]], GROUPED))
+    found = run("check", "run.csv", *COLUMNS, "--each", "block", "--json").json()
+    assert len(found["each"]) == 99
+    assert list(found["failed"]) == ["s57", "alone"]
+    assert "line 2344" in found["failed"]["s57"]
+    assert "[text-cell]" in found["failed"]["s57"]
+    assert "[too-short]" in found["failed"]["alone"]
+
+
+def test_the_others_are_fitted_where_one_reading_is_a_word():
+    put(blocks(ROWS, overloaded(), ROWS[:1]))
+    quick = ("--noise", "gaussian", "--starts", 2, "--conditioning", "keep", "--json")
+    found = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT, *quick).json()
+    assert list(found["each"]) == ["A"]
+    assert "line 108" in found["failed"]["B"]
+    assert "1 samples" in found["failed"]["C"]
+
+
+def test_specimens_of_one_sample_are_too_short():
+    put(blocks(ROWS[:1], ROWS[:1]))
+    words = ("1 samples", "at least one loop", "[too-short]\n")
+    refused(run("check", "run.csv", *COLUMNS, "--each", "block"), *words)
+    said = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT)
+    assert (said.code, said.out) == (2, "")
+    for word in words:
+        assert word in said.err.splitlines(keepends=True)[-1]
+
+
+def test_a_sequence_of_one_row_is_said():
+    put(blocks(ROWS, ROWS[:1]))
+    said = run("check", "run.csv", *COLUMNS, "--group", "block")
+    assert said.code == 0
+    assert "1 sequence of one row, first 'B'. [short-sequence]" in said.out
+
+
+# 23, 24, 25, 32, 33: what a fit leaves in its folder
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> Path:
+    """A line, its chains and those before, and the same of other readings."""
+    place = tmp_path_factory.mktemp("fitted")
+    options = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+    for name, noise in (("good", 0.02), ("other", 0.3)):
+        (place / f"{name}.csv").write_text(text(sponge(noise=noise)))
+        keep = ("--conditioning", "keep", "--out", place / name)
+        assert run("fit", place / f"{name}.csv", *COLUMNS, *options, *keep).code == 0
+    for steps, more in ((20, ()), (40, ("--resume",))):
+        chains = ("--steps", steps, "--ensembles", 2, *more)
+        assert run("sample", place / "good", *chains).code == 0
+    shutil.copy(place / "good" / "chains.h5", place / "other")
+    return place
+
+
+@pytest.fixture
+def folder(fitted) -> Path:
+    """A copy that may be spoilt, `out`, beside `run.csv`."""
+    shutil.copy(fitted / "good.csv", "run.csv")
+    return Path(shutil.copytree(fitted / "good", "out"))
+
+
+def document(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "fit.json").read_text("utf-8"))
+
+
+def edited(**changes: Any) -> Callable[[Path], None]:
+    def edit(folder: Path) -> None:
+        (folder / "fit.json").write_text(json.dumps(document(folder) | changes))
+
+    return edit
+
+
+def cut(name: str, length: int = 300) -> Callable[[Path], None]:
+    def shorten(folder: Path) -> None:
+        (folder / name).write_bytes((folder / name).read_bytes()[:length])
+
+    return shorten
+
+
+def no_text(folder: Path) -> None:
+    (folder / "fit.json").write_bytes(bytes(range(256)))
+
+
+class Touch:
+    """What a pickle would run: it makes a file."""
+
+    def __reduce__(self):
+        return os.system, ("touch ran",)
+
+
+def forged(name: str, content: bytes) -> Callable[[Path], None]:
+    """Another file, and its checksum with it."""
+
+    def forge(folder: Path) -> None:
+        (folder / name).write_bytes(content)
+        files = document(folder)["files"] | {name: sha256(content).hexdigest()}
+        edited(files=files)(folder)
+
+    return forge
+
+
+def pickled_array(folder: Path) -> None:
+    arrays = {"K": np.array([Touch()], object), "b": np.array(0.0), "threshold": np.array(0.0)}
+    np.savez("forged.npz", allow_pickle=True, **arrays)
+    forged("model.npz", Path("forged.npz").read_bytes())(folder)
+
+
+def leads_out(folder: Path) -> None:
+    """The fit of a value of `each` is said to be in a folder elsewhere."""
+    selection = document(folder)["selection"] | {"each": "cycle"}
+    edited(folders={"1": "../elsewhere"}, selection=selection)(folder)
+    shutil.copytree(folder, "elsewhere")
+
+
+class Spoilt(NamedTuple):
+    """A folder that is refused: what was done to it, the code, words of the message, the command."""
+
+    spoil: Callable[[Path], None]
+    code: str
+    words: tuple[str, ...]
+    command: tuple[object, ...] = ("predict", "out", "run.csv")
+
+
+SAMPLE = ("sample", "out", "--ensembles", 2, "--resume")
+
+
+def both_cut(folder: Path) -> None:
+    for name in ("chains.h5", "chains.previous.h5"):
+        cut(name)(folder)
+
+
+FOLDERS = {
+    "32: newer": Spoilt(edited(schema=99), "newer-schema", ("out: ", "schema 99", "update hysid")),
+    "32: cut": Spoilt(cut("fit.json"), "damaged-file", ("out: ", "fit.json", "cut off", "make it")),
+    "32: no text": Spoilt(
+        no_text, "damaged-file", ("fit.json", "make it again"),
+    ),
+    "32: cut arrays": Spoilt(cut("model.npz"), "changed-checksum", ("model.npz", "fit again")),
+    "32: another checksum": Spoilt(
+        lambda folder: edited(files=document(folder)["files"] | {"data.npz": "0"})(folder),
+        "changed-checksum", ("data.npz", "not the file that was saved", "fit again"),
+    ),
+    "32: a pickle in an array": Spoilt(pickled_array, "damaged-file", ("out: ", "fit again")),
+    "32: a pickle for arrays": Spoilt(
+        forged("model.npz", pickle.dumps(Touch())), "damaged-file", ("out: ", "fit again")
+    ),
+    "32: a foreign class": Spoilt(
+        edited(structure={"class": "os.system"}), "unknown-model", ("'os.system'", "known are")
+    ),
+    "32: a file elsewhere": Spoilt(
+        edited(files={"../../secret.npz": "0"}), "file-not-found", ("secret.npz is missing",)
+    ),
+    **{
+        f"32: a folder elsewhere, {command[0]}": Spoilt(
+            leads_out, "outside-folder", ("'../elsewhere'", "edited", "fit again"), command
+        )
+        for command in (
+            ("predict", "out", "run.csv"), ("sample", "out", "--steps", 20),
+        )
+    },
+    "32: columns that are none": Spoilt(
+        edited(selection={"x": 1}), "damaged-file", ("which columns", "fit again")
+    ),
+    "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "fit again")),
+    "32: no fit": Spoilt(
+        lambda folder: (folder / "fit.json").unlink(), "no-fit", ("out: ", "hysid fit --out DIR")
+    ),
+    "24: another seed": Spoilt(
+        lambda folder: None, "other-checkpoint",
+        ("chains.h5", "another seed (0, now 1)", "without --resume"),
+        (*SAMPLE, "--steps", 60, "--seed", 1),
+    ),
+    "24: fewer steps": Spoilt(
+        lambda folder: None, "more-steps-kept", ("40 steps were kept", "at least 40"),
+        (*SAMPLE, "--steps", 30),
+    ),
+    "33: both cut": Spoilt(
+        both_cut, "damaged-checkpoint",
+        ("chains.h5: ", "chains.previous.h5: ", "cut off", "without --resume"),
+        (*SAMPLE, "--steps", 60),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("spoilt", FOLDERS.values(), ids=FOLDERS.keys())
+def test_a_bad_folder_is_refused_and_nothing_in_it_runs(spoilt, folder):
+    spoilt.spoil(folder)
+    before = tree(Path())
+    refused(run(*spoilt.command), *spoilt.words, f"[{spoilt.code}]\n")
+    assert tree(Path()) == before
+    assert not Path("ran").exists()
+
+
+def test_chains_of_other_readings_are_refused(fitted):
+    shutil.copytree(fitted / "other", "other")
+    words = ("chains.h5", "another model, another data", "without --resume", "[other-checkpoint]")
+    said = run("sample", "other", *SAMPLE[2:], "--steps", 60)
+    assert (said.code, said.out) == (2, "")
+    for word in words:
+        assert word in said.err.splitlines()[-1]
+
+
+def test_a_checkpoint_cut_off_is_gone_on_from_the_one_before(folder, fitted):
+    cut("chains.h5", 9000)(folder)
+    line = (*SAMPLE, "--steps", 40, "--json")
+    found = run(*line).json()
+    whole = run("sample", fitted / "good", *line[2:]).json()
+    assert found["parameters"] == whole["parameters"]
+    assert found["draws"] == whole["draws"]
+    said = " ".join(found["notes"])
+    for word in ("chains.h5 is damaged", "chains.previous.h5 was gone on from", "at step 20"):
+        assert word in said
+
+
+def test_readings_beyond_the_fit_are_flagged_and_none_raises(folder):
+    far = [[t, f"{3 * float(f):g}", f"{3 * float(x):g}", c] for t, f, x, c in ROWS]
+    put(text(far), "far.csv")
+    found = run("predict", "out", "far.csv", "--json").json()
+    assert 0 < found["flagged"] < found["rows"]
+    assert "beyond the trained inputs" in Path(found["file"]).read_text()
+    backwards = run("predict", "out", "far.csv", "--inverse", "--json").json()
+    assert np.isfinite(backwards["rmse"])
+
+
+# 8, 11, 15, 20, 21: Python
+
+
+def record() -> Record:
+    force, displacement = np.array([row[1:3] for row in ROWS], float).T
+    return Record.from_arrays(force, displacement, input_unit="N", output_unit="mm")
+
+
+class NeverANumber(LinearSponge):
+    """A root of what is negative for every K."""
+
+    def _line(self, u: Any) -> Any:
+        return jnp.sqrt(-1 - self.K**2) * u
+
+
+PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
+    "8: a model that is never a number": (
+        lambda: identify.fit(record(), NeverANumber(1.0), starts=2, noise="gaussian"),
+        "no-finite-start", ("the data are finite; the model is not", "start", "give a model to start from"),
+    ),
+    "11: another dimension": (
+        lambda: identify.results._fit_result.check_unit("force", "V", "N"), "unit-clash",  # type: ignore[attr-defined]
+        ("force is in V", "fitted to N", "say so in its header"),
+    ),
+    "15: lengths": (
+        lambda: Record.from_arrays(np.zeros(200), np.zeros(200), np.zeros(199)),
+        "length-mismatch", ("time has 199 values", "input 200"),
+    ),
+    "15: no row": (
+        lambda: Record.from_arrays(np.zeros((3, 2)), np.zeros(3)), "length-mismatch", ("(3, 2)",)
+    ),
+    "5: words": (
+        lambda: Record.from_arrays(["1", "OVLD"], [1, 2]), "not-numbers", ("input", "'OVLD'")
+    ),
+    "5: complex": (lambda: Record.from_arrays([1, 2], [1j, 2]), "not-numbers", ("output",)),
+    "5: ragged": (lambda: Record.from_arrays([1, 2], [[1], [2, 3]]), "not-numbers", ("output",)),
+    "12: a step of none": (
+        lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")
+    ),
+    "20: outside": (
+        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"start": 60, "bounds": [0, 50]}}),
+        "start-out-of-bounds", ("K starts at 60", "outside of (0, 50)", "start inside"),
+    ),
+    "21: on a bound": (
+        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"start": 50, "bounds": [0, 50]}}),
+        "start-out-of-bounds", ("on a bound", "no slope leads away", "start inside"),
+    ),
+    "21: turned": (
+        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"bounds": [50, 0]}}),
+        "bad-bounds", ("[50, 0]", "below the upper", "turn them round"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "code", "words"), PYTHON.values(), ids=PYTHON.keys())
+def test_what_python_is_given_is_answered_alike(call, code, words):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert caught.value.code == code
+    for word in words:
+        assert word in str(caught.value)

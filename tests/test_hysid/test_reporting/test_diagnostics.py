@@ -1,0 +1,73 @@
+"""Whether a report says what cannot be believed, and what it shows of fits that can."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks._identification.cases import constructed_cases, shown
+from hysid import plots
+from hysid.reporting._fit_page import write_report
+from hysteresis import Record
+from identify import fit, predictive, profiles, save, whiteness
+from tests.test_hysid.command import coarse_pictures
+from tests.test_identify.lines import line, pressed
+
+QUESTIONS = (
+    "What is the noise?",
+    "Are the residuals white?",
+    "Where is it wrong?",
+    "Is there a better minimum?",
+    "How far can each number go?",
+    "Which combinations are known?",
+    "What did the data add to the prior?",
+    "Do new readings lie where they should?",
+    "What does it hang on?",
+)
+
+
+@pytest.fixture(autouse=True)
+def _nobody_looks_at_the_pictures():
+    with coarse_pictures():
+        yield
+
+
+@pytest.mark.parametrize("case", constructed_cases(), ids=lambda case: case.name)
+def test_what_cannot_be_believed_is_shown_everywhere(case, tmp_path: Path) -> None:
+    assert all(shown(case, tmp_path))
+
+
+def questions(file: Path) -> list[str]:
+    return re.findall(r"<h3 id=\"[a-z-]+\">([^<]+)</h3>", file.read_text("utf-8"))
+
+
+def test_every_question_is_answered(tmp_path: Path) -> None:
+    folder = save(line(*pressed(1.5, 2.0, 0)), tmp_path)
+    file = write_report(folder)
+    assert questions(file) == list(QUESTIONS)
+    text = file.read_text("utf-8")
+    assert "The data bound every parameter from both sides." in text
+    assert "Ljung-Box" in text
+    assert "would be no surprise" in text
+
+
+def test_a_fit_by_weights_is_asked_what_makes_sense(tmp_path: Path) -> None:
+    u = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)] * 4)
+    y = u + u**3 + 0.01 * np.random.default_rng(0).normal(size=len(u))
+    found = fit(Record.from_arrays(u, y, output_unit="N"), "Composition", test_cycles=1)
+    file = write_report(save(found, tmp_path))
+    assert questions(file) == [QUESTIONS[k] for k in (0, 1, 2, 3, 7)]
+    assert "A sum of a rising curve" in file.read_text("utf-8")
+
+
+def test_public_plots_are_drawn() -> None:
+    made = line(*pressed(1.5, 2.0, 0))
+    bands = predictive(made)
+    for figure in (
+        plots.residual_correlation(whiteness(made)),
+        plots.profiles(profiles(made), [p.stderr for p in made.parameters]),
+        plots.bands(bands),
+        plots.bands(bands, about=True),
+    ):
+        assert figure.axes

@@ -1,0 +1,244 @@
+"""The report: complete, self-contained, readable by a parser, and honest about what is missing."""
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysid.figures._format import number, plain_name
+from hysid.reporting._fit_page import write_report
+from hysid.reporting._specimens_page import write_many
+from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
+from hysteresis.preisach import GridDensity
+from identify import excited_cells, fit, sample, save, save_posterior
+from tests.test_hysid.command import coarse_pictures
+
+HEADINGS = [
+    "Loops",
+    "Residuals",
+    "Parameters",
+    "Posterior",
+    "Compensator",
+    "Candidates",
+    "Data",
+]
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(HTMLParser):
+    """What a page holds; complains about tags that do not close in order."""
+
+    def __init__(self, file: Path):
+        super().__init__()
+        self.html = file.read_text("utf-8")
+        self.open, self.tags, self.said = [], [], []
+        self.feed(self.html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.said.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.said).split())
+
+    def all(self, tag: str) -> list[dict]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def headings(self) -> list[str]:
+        return re.findall(r'<h2 id="[a-z]+">([A-Za-z]+)</h2>', self.html)
+
+
+def sponge() -> Record:
+    return read_csv(
+        Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv",
+        input="force (N)", output="displacement (mm)", time="time (s)",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def preisach(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save(fit(sponge(), "Preisach", test_cycles=1), tmp_path_factory.mktemp("preisach"))
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nothing held out, a fixed parameter, a posterior; four starts and the one the record suggests."""
+    found = fit(sponge(), LinearSponge(K=1.0, b=0.0, threshold=1.5), starts=4)
+    folder = save(found, tmp_path_factory.mktemp("line"))
+    save_posterior(sample(found, steps=200, ensembles=2), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(preisach: Path) -> Page:
+    return Page(write_report(preisach))
+
+
+def test_a_report_stands_alone(preisach: Path, page: Page):
+    file = preisach / "report.html"
+    assert file.stat().st_size < 2_000_000
+    assert page.headings() == [*HEADINGS[:4], "Density", *HEADINGS[4:]]
+    assert not page.all("script")
+    assert not page.all("link")
+    assert "http" not in page.html
+    assert "url(" not in page.html
+    assert all(a["href"].startswith("#") for a in page.all("a"))
+    assert all(a["src"].startswith("data:image/png;base64,") for a in page.all("img"))
+    assert all(a["alt"].strip() for a in page.all("img"))
+    assert len(page.all("img")) >= 10
+    ids = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    assert {a["href"][1:] for a in page.all("a")} <= ids
+
+
+def test_it_says_what_a_rig_engineer_asks(preisach: Path, page: Page):
+    assert "PASS" in page.text
+    for reason in json.loads((preisach / "fit.json").read_text())["verdict"]["reasons"]:
+        assert reason in page.text
+    assert re.search(r"held-out error, rms 0\.0\d+ mm", page.text)
+    assert f"hysid sample {preisach}" in page.text  # what to do next
+    assert re.search(r"finds the force to [0-9.]+ N rms", page.text)
+    assert "of its range: exact." in page.text
+    assert "210 weights" in page.text  # summed up, and says so
+    assert "No starts were needed." in page.text
+    assert json.loads((preisach / "fit.json").read_text())["data"]["sha256"] in page.text
+
+
+def test_without_a_test_part_and_with_a_posterior(line: Path):
+    with coarse_pictures():
+        page = Page(write_report(line))
+    assert page.headings() == HEADINGS
+    assert "Nothing was held out" in page.text
+    assert "--test-cycles 1" in page.text
+    assert re.search(r"band holds \d+ % of \d+ training rows, which count as", page.text)
+    assert re.search(r"\d of 5 starts reach the least error, within 1 %", page.text)
+    assert "R-hat" in page.text
+    row = re.search(r"<tr>\s*<th scope=\"row\">threshold</th>.*?</tr>", page.html, re.DOTALL)
+    assert row is not None
+    assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == ["1.50", "N", "fixed", "fixed", "fixed"]
+
+
+def test_colours_are_readable_by_day_and_by_night(page: Page):
+    """WCAG's least contrast of text, 4.5, on paper, in code and in the boxes of every verdict."""
+    style = page.html.split("<style>")[1].split("</style>")[0]
+    assert '<meta name="color-scheme" content="light dark">' in page.html
+    night = style.index("@media screen and (prefers-color-scheme: dark)")  # print stays light
+    for words in (style[:night], style[night:]):
+        tones = dict(re.findall(r"--(ink|soft|paper|wash|link): (#[0-9a-f]{3,6})", words))
+        assert len(tones) == 5
+        tints = re.findall(r"--tint: (#[0-9a-f]{6})", words)
+        assert len(tints) == 3
+        for back in (tones["paper"], tones["wash"], *tints):
+            for ink in ("ink", "soft", "link"):
+                assert contrast(tones[ink], back) >= 4.5
+    for badge in re.findall(r"--tone: (#[0-9a-f]{6})", style):
+        assert contrast("#fff", badge) >= 4.5
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours, as WCAG 2 defines it."""
+    bright, dark = sorted(map(luminance, (one, other)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def luminance(colour: str) -> float:
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * c for c in colour[1:])
+    parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_headings_and_regions_lead_a_screen_reader(page: Page):
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+    assert [a["lang"] for a in page.all("html")] == ["en"]
+    assert len(page.all("main")) == len(page.all("header")) == 1
+    assert [a["aria-label"] for a in page.all("nav")] == ["Contents"]
+    assert {a.get("scope") for a in page.all("th")} == {"col", "row"}
+    regions = [a["aria-label"] for _, a in page.tags if a.get("role") == "region"]
+    assert len(set(regions)) == len(regions)
+
+
+def test_hostile_names_are_only_text(tmp_path: Path):
+    """In a report of another model than Preisach's, on arrays."""
+    hostile = '<script>alert("$x^{2$")</script>'
+    u = np.tile(np.r_[0:10, 10:0:-1], 3).astype(float)
+    record = Record.from_arrays(
+        u, 2 * u + 1, np.arange(len(u)), input_name=hostile, output_name="力 & <b>", input_unit="N",
+        source="<img src=x onerror=alert(1)>.csv",
+    )  # fmt: skip
+    found = fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
+    with coarse_pictures():
+        page = Page(write_report(save(found, tmp_path)))
+    assert "threshold" in page.text
+    assert not page.all("script")
+    assert not page.all("b")
+    assert len(page.all("img")) == len([a for a in page.all("img") if a["src"].startswith("data:")])
+    assert hostile in page.text
+
+
+def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
+    with pytest.raises(InputError, match="no-fit"):
+        write_report(tmp_path)
+    broken = shutil.copytree(preisach, tmp_path / "broken")
+    document = json.loads((broken / "fit.json").read_text())
+    del document["structure"]
+    (broken / "fit.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match="damaged-file"):
+        write_report(broken)
+    (broken / "fit.json").write_text(json.dumps({"schema": 1, "each": {"a": {}, "b": {}}}))
+    with pytest.raises(InputError, match=r"a, b\. \[several-fits\]"):
+        write_report(broken)
+
+
+def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path: Path):
+    for value, source in {"a b": preisach, "<c>": line}.items():
+        shutil.copytree(source, tmp_path / value)
+        (tmp_path / value / "report.html").touch()
+    file = tmp_path / "report.html"
+    write_many({value: tmp_path / value for value in ("a b", "<c>")}, file)
+    page = Page(file)
+    away = [a["href"] for a in page.all("a") if not a["href"].startswith("#")]
+    assert set(away) == {"a%20b/report.html", "%3Cc%3E/report.html"}
+    assert "1 PASS" in page.text
+    assert "LinearSponge" in page.text
+    assert file.stat().st_size < 150_000
+    with pytest.raises(InputError, match="no-fit"):
+        write_many({"gone": tmp_path / "gone"}, file)
+
+
+def test_only_cells_that_switched_are_excited():
+    """Up to 0.5 of a range of 1 and back: the cells with alpha below it, and no others."""
+    model = Preisach(GridDensity(0.0, 1.0, np.tril(np.ones((10, 10)))))
+    u = np.concatenate([np.linspace(0, 0.5, 40), np.linspace(0.5, 0, 40)])
+    record = Record.from_arrays(u, u)
+    excited = excited_cells(model, record, record.mask)
+    i, j = np.mgrid[:10, :10]
+    assert np.array_equal(excited, (j <= i) & (i < 5))
+
+
+def test_numbers_and_names():
+    assert [number(x) for x in (0.0, 1.0, -12.345, 1234.5, 3.3e7, 2e-9)] == [
+        "0", "1.00", "−12.3", "1,230", "3.30 × 10⁷", "2.00 × 10⁻⁹"
+    ]  # fmt: skip
+    assert number(1.23456, 0.001) == "1.2346"
+    assert [plain_name(n, "N") for n in ("force (N)", "force_N", "force", "(N)")] == [
+        "force", "force", "force", "(N)"
+    ]  # fmt: skip

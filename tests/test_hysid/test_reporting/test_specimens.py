@@ -1,0 +1,141 @@
+"""The page on many specimens: complete, self-contained, and right about who stands out."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import identify
+from hysid.reporting._specimens import FAR, deviations, opened, places
+from hysid.reporting._specimens_page import write_many
+from hysteresis import InputError, LinearSponge, Record
+from tests.test_hysid.command import run
+from tests.test_hysid.test_reporting.test_report import Page
+
+SLOPES = (2.0, 2.05, 1.95, 2.1, 1.9, 3.5)
+NAMES = ("pad-1", "pad-2", "pad-3", "pad-9", "pad-10", "odd <one>")
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six fits of lines, one far steeper, a record that could not be fitted; a report of the first."""
+    folder = tmp_path_factory.mktemp("rig") / "batch"
+    u = np.tile(np.r_[0:20, 20:0:-1], 4) / 2.0
+    records = [
+        Record.from_arrays(
+            u, k * u + 0.05 * np.random.default_rng(i).normal(size=len(u)),
+            input_name="force (N)", output_name="displacement (mm)", input_unit="N",
+            output_unit="mm",
+        )
+        for i, k in enumerate(SLOPES)
+    ]  # fmt: skip
+    identify.fit_many(records, LinearSponge(1.0, 0.0, -np.inf), out=folder, names=NAMES)
+    state = json.loads((folder / "batch.json").read_text("utf-8"))
+    state["failed"] = {"bad": "nothing in it. [no-rows]"}
+    (folder / "batch.json").write_text(json.dumps(state))
+    (folder / "pad-1" / "report.html").touch()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(batch: Path) -> dict:
+    return write_many(places([batch]), batch / "report.html", {"bad": "nothing in it."})
+
+
+def test_the_folder_of_a_batch_is_its_fits_in_natural_order(batch: Path):
+    assert list(places([batch])) == ["odd <one>", "pad-1", "pad-2", "pad-3", "pad-9", "pad-10"]
+
+
+def test_the_page_stands_alone_and_leads_to_each_report(batch: Path, found: dict):
+    page = Page(batch / "report.html")
+    assert Path(found["file"]) == batch / "report.html"
+    assert not page.all("script")
+    assert "http" not in page.html
+    assert "url(" not in page.html
+    links = [a["href"] for a in page.all("a")]
+    assert links.count("pad-1/report.html") == 2  # in the table and under its loop
+    ids = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    assert {link[1:] for link in links if link.startswith("#")} <= ids
+    charts = page.all("svg")
+    assert len(charts) == len(SLOPES)
+    assert all(a["role"] == "img" and a["aria-label"] for a in charts)
+    assert all(a["alt"].strip() for a in page.all("img"))
+    regions = [a["aria-label"] for _, a in page.tags if a.get("role") == "region"]
+    assert len(set(regions)) == len(regions)
+    assert not page.all("one")
+    assert "bad is not in the table: nothing in it." in page.text
+    assert len(page.html) / len(SLOPES) < 50_000
+
+
+def test_it_names_the_one_that_stands_out(batch: Path, found: dict):
+    assert list(found["outliers"]) == ["odd <one>"]
+    assert "K above the others" in found["outliers"]["odd <one>"]
+    assert found["outliers"]["odd <one>"] in Page(batch / "report.html").text
+
+
+def test_mean_and_scatter_are_those_of_the_pool(found: dict):
+    mean = next(p for p in found["population"] if p["name"] == "K")
+    assert mean["mean"]["low"] < np.exp(np.mean(np.log(SLOPES))) < mean["mean"]["high"]
+    assert mean["new"]["high"] - mean["new"]["low"] > mean["mean"]["high"] - mean["mean"]["low"]
+    for one, slope in zip(sorted(found["specimens"], key=lambda s: NAMES.index(s["name"])), SLOPES,
+                          strict=True):  # fmt: skip
+        parameter = next(p for p in one["parameters"] if p["name"] == "K")
+        assert parameter["low"] < parameter["value"] < parameter["high"]
+        assert parameter["value"] == pytest.approx(slope, abs=0.05)
+
+
+def test_a_damaged_fit_is_named_and_stops_nothing(batch: Path, tmp_path: Path):
+    folder = shutil.copytree(batch, tmp_path / "copy")
+    (folder / "pad-2" / "fit.json").write_text("{}")
+    assert len(places([folder])) == len(SLOPES)
+    specimens, failed = opened(places([folder]))
+    assert (len(specimens), list(failed)) == (5, ["pad-2"])
+    with pytest.raises(InputError):
+        opened({"gone": tmp_path / "gone"})
+
+
+def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path: Path):
+    for k in (1, 2):
+        shutil.copytree(batch / f"pad-{k}", tmp_path / f"pad-{k}")
+        (tmp_path / f"pad-{k}" / "report.html").touch()
+    two = run("report", tmp_path / "pad-1", tmp_path / "pad-2", tmp_path / "pad-1", "--json").json()
+    assert Path(two["file"]) == tmp_path / "specimens.html"
+    assert [s["name"] for s in two["specimens"]] == ["pad-1", "pad-2"]
+    assert two["outliers"] == {}
+    assert "Fewer than 5 specimens" in Page(Path(two["file"])).text
+    below = run("report", tmp_path, "--json").json()
+    assert Path(below["file"]) == tmp_path / "report.html"
+    assert below["specimens"] == two["specimens"]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    refused = run("report", empty)
+    assert refused.code == 2
+    assert "no-fit" in refused.err
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(0.8, 1.25), min_size=6, max_size=20),
+    st.floats(1e-3, 1e3),
+    st.integers(0, 5),
+)
+def test_who_stands_out_hangs_on_no_unit(values: list[float], unit: float, at: int):
+    value = np.array(values)
+    value[at] = 1e3
+    none = np.zeros(len(value))
+    far = deviations(value, none)
+    assert np.argmax(far) == at
+    assert far[at] > FAR
+    assert np.allclose(deviations(unit * value, none), far, rtol=1e-6, atol=1e-6)
+    # What is not known well does not stand out.
+    assert abs(deviations(value, np.where(value > 100, 1e4, 0.0))[at]) < FAR
+
+
+def test_equal_specimens_do_not_stand_out():
+    value = np.full(8, 2.0)
+    value[3] += 1e-9
+    assert (np.abs(deviations(value, np.zeros(8))) < FAR).all()

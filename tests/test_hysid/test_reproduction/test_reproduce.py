@@ -1,0 +1,170 @@
+"""`hysid reproduce`: what it writes, what it compares, and that it does so honestly."""
+
+import json
+from types import NoneType
+
+import numpy as np
+import pytest
+
+from hysid.reproduction._armor import (
+    METHODS,
+    Change,
+    Method,
+    Rig,
+    body_errors,
+    changed,
+    linear_range,
+    surface_errors,
+)
+from hysid.reproduction._armor_rows import PUBLISHED
+from hysid.reproduction._published import Published, compared, row_of
+from hysteresis.rigs import SpongeCycles, SpongeRig
+from tests.test_hysid.command import Result, refused, run, tree
+from tests.test_hysid.test_cli.test_cli import fits
+
+ROW = {"key": str, "what": str, "where": str, "unit": str, "published": float, "reproduced": float}
+ROW |= {"sd": float, "ours": float | NoneType, "within_two_sd": (bool), "deviation": str}
+FINDING = {"published": str, "reproduced": str}
+SEED = 100
+"""Of rigs that the command's own run does not use."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> tuple[Result, object]:
+    out = tmp_path_factory.mktemp("reproduced") / "out"
+    asked = (
+        "reproduce",
+        "tsuji2014",
+        "--out",
+        out,
+        "--rigs",
+        4,
+        "--seed",
+        SEED,
+        "--no-ours",
+        "--json",
+    )
+    return run(*asked), out
+
+
+def test_one_object_on_stdout_and_the_same_in_the_folder(made):
+    result, out = made
+    document = result.json()
+    assert json.loads((out / "reproduction.json").read_text()) == document
+    del ROW["within_two_sd"]
+    assert all(
+        fits(row, ROW) and isinstance(row["within_two_sd"], bool) for row in document["rows"]
+    )
+    assert all(fits(finding, FINDING) for finding in document["findings"])
+    assert [row["key"] for row in document["rows"]] == [p.key for p in PUBLISHED]
+    assert set(document["methods"]) == set(METHODS) - {"ours"}
+    assert {len(points["mean"]) for points in document["points"].values()} == {76}
+    assert "4 of 4" in result.err
+    written = set(tree(out))
+    assert written == {"reproduction.json", *document["files"].values()}
+    for name in (name for name in written if name.endswith(".png")):
+        assert (out / name).read_bytes().startswith(b"\x89PNG")
+    table = (out / "table.md").read_text()
+    assert all(row["what"] in table for row in document["rows"])
+
+
+def test_the_papers_numbers_are_those_of_the_paper(made):
+    """Each number as the paper prints it; one that is far from ours has a sentence that says why."""
+    rows = {row["key"]: row for row in made[0].json()["rows"]}
+    paper = {
+        "mean_gap": 3.93, "largest_gap": 5.67, "largest_gap_force": 8.0, "largest_gap_test": 1.0,
+        "linear_limit": 25.0, "aged_K": 1.298, "aged_b": 6.186, "error_1": 1.7, "error_2": 3.3,
+        "error_3": 4.7, "error_largest": 10.0, "body_a": 27.2, "body_b": 16.3, "body_c": 13.2,
+        "relative_a": 4.53, "relative_b": 2.72, "relative_c": 2.64,
+    }  # fmt: skip
+    assert {key: row["published"] for key, row in rows.items()} == paper
+    for row in rows.values():
+        if not row["within_two_sd"]:
+            assert row["deviation"]
+    # What does not hang on the sensor is known from four rigs already.
+    for key in ("mean_gap", "linear_limit", "error_2", "error_3", "error_largest"):
+        assert rows[key]["within_two_sd"], rows[key]
+
+
+def test_results_are_not_written_over(made, tmp_path):
+    _, out = made
+    before = tree(out)
+    refused(
+        run("reproduce", "tsuji2014", "--out", out, "--rigs", 2), "[would-overwrite]", "--overwrite"
+    )
+    assert tree(out) == before
+    (tmp_path / "file").write_text("")
+    refused(run("reproduce", "tsuji2014", "--out", tmp_path / "file", "--rigs", 2), "is a file")
+    refused(run("reproduce", "tsuji1914"), "tsuji2014")
+
+
+def test_a_deviation_is_called_one():
+    """|published - mean| <= 2 sd + half a digit, and at_most counts only what lies above."""
+
+    def row(published: float, found: list[float], at_most: bool = False) -> dict:
+        one = Published("k", "k", "", "mm", published, 0.5, lambda rig: 0.0, "why", at_most)
+        return row_of(one, found, None)
+
+    found = [9.0, 11.0]  # mean 10, standard deviation sqrt(2)
+    near, far = 10 + 2 * np.sqrt(2) + 0.49, 10 + 2 * np.sqrt(2) + 0.51
+    assert row(near, found)["within_two_sd"]
+    assert not row(far, found)["within_two_sd"]
+    assert row(far, found)["deviation"] == "why"
+    assert row(10.3, found)["deviation"] == ""
+    assert row(far, found, at_most=True)["within_two_sd"]
+    assert not row(20 - far, found, at_most=True)["within_two_sd"]
+
+
+def test_a_method_of_ours_stands_beside(monkeypatch):
+    """The seam: one more entry in each table."""
+    rig = Rig(SEED)
+    known = Method("told the truth", True, lambda rig, presses: presses.contact[:, -1])
+    monkeypatch.setitem(METHODS, "known", known)
+    better = {"body_b": lambda rig: float(body_errors(rig, "known").mean())}
+    assert np.all(body_errors(rig, "known") == 0)
+    only = [p for p in PUBLISHED if p.key == "body_b"]
+    row = compared(only, better, [rig, Rig(SEED + 1)], lambda done: None)[0]
+    assert (row["ours"], row["ours_sd"]) == (0, 0)
+    assert row["reproduced"] > 5
+
+
+def test_conditions_are_paired():
+    """(a) and (b) come from one record and differ by the displacement along the normal alone."""
+    rig = Rig(SEED)
+    presses = rig.on_soft
+    a, b = (METHODS[name].locate(rig, presses) for name in "ab")
+    K, line_b = rig.fresh.statistics().both
+    F = presses.wrench[:, -1, :3]
+    normal_force = np.max(np.abs(F), axis=1)
+    shift = np.linalg.norm(b - a, axis=1) * normal_force / np.linalg.norm(F, axis=1)
+    # 1e-9 of the metre: the solver's rounding.
+    np.testing.assert_allclose(1e3 * shift, K * normal_force + line_b, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(rig.soft.sensor_matrix, rig.rigid.sensor_matrix)
+
+
+def test_aging_is_seen_where_there_is_any():
+    """No change between two readings of one sponge, a change of 1 % in another's stiffness."""
+    one = SpongeRig().five_cycles(noise=0.05, seed=SEED)
+    again = SpongeRig().five_cycles(noise=0.05, seed=SEED + 1)
+    soft = SpongeRig(stiffness_n_per_mm=0.6503 * 0.99).five_cycles(noise=0.05, seed=SEED + 1)
+    assert changed(one, again).p > 0.05
+    found: Change = changed(one, soft)
+    assert found.p < 1e-6
+    assert found.K / found.K_error > 3
+
+
+def test_linear_range_ends_where_a_kink_is():
+    """A line to 30 N and a plateau beyond: the mean leaves it by its bar soon after."""
+    force = np.tile([*np.arange(0.0, 41, 2), *np.arange(38.0, -1, -2)], 3)
+    side = np.repeat([-1.0, 0.0, 1.0], len(force) // 3)  # of three cycles, 0.5 mm apart
+    line = force + 0.5 * side
+    straight = SpongeCycles(6.0 * np.arange(len(force)), force, line, np.ones(len(force), int))
+    assert linear_range(straight).limit == 40
+    bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
+    assert 30 < linear_range(bent).limit < 31
+
+
+def test_uncompensated_error_is_the_displacement():
+    rig = Rig(SEED)
+    d = 1e3 * rig.surface_1.displacement[:, -1]
+    np.testing.assert_allclose(surface_errors(rig, "none"), d, rtol=1e-12)

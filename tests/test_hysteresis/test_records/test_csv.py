@@ -1,0 +1,397 @@
+"""Reading CSV: every bad file has its answer, every good dialect reads the same."""
+
+import csv
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hysteresis._errors import InputError
+from hysteresis.records._csv import parse_condition, read_csv, read_table
+from hysteresis.records._record import Record
+
+DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
+X, F, T = "Disp (mm)", "Force (N)", "Time (s)"
+ROWS = [(0.1 * k, k % 7, 2.5 * (k % 7)) for k in range(20)]
+
+
+def table(rows: list[tuple] = ROWS, header: str = f"{T},{X},{F}", sep: str = ",") -> str:
+    return "\n".join([header, *(sep.join(map(str, row)) for row in rows)]) + "\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def _read(content: str | bytes, input: str = X, output: str = F, **options: Any) -> Record:
+        path = tmp_path / "run.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_csv(path, input, output, **options)
+
+    return _read
+
+
+def refused(code: str, call: Any, *words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        call()
+    text = str(caught.value)
+    assert caught.value.code == code, text
+    for word in words:
+        assert word in text
+    assert "\n" not in text
+
+
+def with_cell(line: int, cells: str) -> str:
+    lines = table().splitlines()
+    lines[line - 1] = cells
+    return "\n".join(lines)
+
+
+def test_a_plain_file(read):
+    record = read(table(), time=T)
+    assert np.array_equal(record.input, [r[1] for r in ROWS])
+    assert np.array_equal(record.output, [r[2] for r in ROWS])
+    assert np.array_equal(record.time, [r[0] for r in ROWS])
+    assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "N", "s")
+    assert record.line.tolist() == list(range(2, 22))
+    assert record.source.endswith("run.csv")
+    assert len(record.sha256) == 64
+
+
+# 1, 26: files that cannot be read
+
+
+def test_01_missing_file_names_the_nearest(tmp_path):
+    (tmp_path / "run_07.csv").write_text(table())
+    call = lambda name: lambda: read_csv(tmp_path / name, X, F)  # noqa: E731
+    refused("file-not-found", call("run_7.csv"), "run_7.csv", "nearest: run_07.csv")
+    refused("file-not-found", call("no/run.csv"), "folder does not exist")
+
+
+def test_26_files_without_data(read, tmp_path, monkeypatch):
+    refused("empty-file", lambda: read(""), "run.csv: the file is empty")
+    refused("empty-file", lambda: read(" \n\n"), "empty")
+    refused("empty-file", lambda: read("# a\n# b\n"), "comment")
+    refused("no-data", lambda: read(f"{T},{X},{F}\n"), "no rows")
+    refused("no-data", lambda: read(f"{T},{X},{F}\ns,mm,N\n"), "no rows")
+    refused("binary-file", lambda: read(b"\x00\x01\x02"), "binary")
+    refused("binary-file", lambda: read(b"PK\x03\x04abc"), "CSV")
+    refused("is-directory", lambda: read_csv(tmp_path, X, F), "folder")
+
+    def denied(self: Path) -> bytes:
+        raise PermissionError(13, "denied", str(self))
+
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    refused("permission-denied", lambda: read_csv(tmp_path / "run.csv", X, F), "chmod")
+
+
+# 2, 3, 4, 5, 29: cells
+
+
+def test_02_decimal_comma(read):
+    text = table(header=f"{T};{X};{F}", sep=";").replace(".", ",")
+    refused("decimal-comma", lambda: read(text), "line 2", F, 'decimal=","', "--decimal ,")
+    assert np.allclose(read(text, decimal=",").output, [r[2] for r in ROWS])
+    crowded = f"{X},{F}\n1,5,2,5\n2,5,3,5\n"
+    refused("decimal-comma", lambda: read(crowded), "line 2", 'decimal=","')
+
+
+def test_03_unit_row(read):
+    text = table().replace("\n", "\ns,mm,kN\n", 1).replace(T, "t").replace(F, "F").replace(X, "x")
+    record = read(text, "x", "F", time="t")
+    assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "kN", "s")
+    assert len(record) == len(ROWS)
+    assert record.line[0] == 3
+    note = "Row 2 is units (s, mm, kN); using them. Confirm with units_row=2"
+    assert any(note in sentence for sentence in record.history)
+    confirmed = read(text, "x", "F", units_row=2)
+    assert not any("Confirm" in sentence for sentence in confirmed.history)
+    refused("bad-units-row", lambda: read(text, "x", "F", units_row=5), "Line 5", "--units-row 2")
+    below = read(f"# rig 3\n{text}", "x", "F")
+    assert any("Row 3 is units" in s and "units_row=3" in s for s in below.history)
+    refused("text-cell", lambda: read(text, "x", "F", units_row=0), "line 2", "'mm'", "units_row=2")
+    # A specimen called A is no ampere.
+    named = "sample;x;F\nA;1,5;2,5\nA;;\nA;2,5;3,5\n"
+    assert len(read(named, "x", "F", decimal=",", nan="interpolate")) == 3
+
+
+def test_04_wrong_column_lists_the_nearest_first(read):
+    refused("no-column", lambda: read(table(), output="Force"), f"have '{F}', ", X, "--output")
+    refused("no-column", lambda: read(table(), time="t"), "'t'", T)
+    refused("no-column", lambda: read(table(), group="specimen"))
+    refused("no-column", lambda: read(table(), keep=["k"]))
+    refused("no-column", lambda: read("1,2\n3,4\n"), "no header")
+
+
+def test_05_text_cell(read):
+    text = with_cell(9, "0.7,0,OVLD")
+    words = ("line 9", f"'{F}'", "'OVLD'", "overload", "na_values", "--na-values OVLD")
+    refused("text-cell", lambda: read(text), *words)
+    record = read(text, na_values=["OVLD"], nan="omit")
+    assert np.flatnonzero(~record.mask).tolist() == [7]
+    coded = read(with_cell(9, "0.7,0,-999.0"), na_values=["-999"], nan="omit")
+    assert coded.mask.sum() == 19
+    other = text.replace("0.8,1,2.5", "0.8,1,stop")
+    refused("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
+
+
+def test_29_numbers_that_are_none(read):
+    refused("infinite", lambda: read(with_cell(4, "0.2,1,inf")), "line 4", "'inf'", "--na-values")
+    refused("too-large", lambda: read(with_cell(4, "0.2,-2e305,1")), "line 4", X)
+    thousands = with_cell(4, '0.2,1,"1,234"')
+    refused("thousands-separator", lambda: read(thousands), "line 4", "'1,234'", "--decimal ,")
+    german = f"{X};{F}\n1,5;1.234,5\n2,5;2,5\n"
+    refused("thousands-separator", lambda: read(german, decimal=","), "line 2", "'1.234,5'")
+
+
+# 6, 7, 12, 13: series
+
+
+def test_06_nan_in_output(read):
+    text = with_cell(9, "0.7,0,").replace("0.8,1,2.5", "0.8,1,NaN")
+    words = ("2 NaN in output", "lines 9 to 10 (100 ms)", 'nan="omit"', "--nan omit", "history")
+    refused("nan-output", lambda: read(text, time=T), *words)
+    omitted = read(text, nan="omit")
+    assert omitted.mask.sum() == 18
+    assert len(omitted) == 20
+    filled = read(text, nan="interpolate")
+    assert np.isfinite(filled.output).all()
+    assert filled.mask.all()
+    assert any("Filled 2 NaN" in s for s in filled.history)
+
+
+def test_07_nan_in_input_must_be_interpolated_explicitly(read):
+    text = with_cell(9, "0.7,,0")
+    for nan in ("raise", "omit"):
+        words = ("line 9", "complete input", 'nan="interpolate"', "--nan interpolate")
+        refused("nan-input", lambda nan=nan: read(text, nan=nan), *words)
+    assert read(text, nan="interpolate").input[7] == pytest.approx((6 + 1) / 2)
+
+
+def test_12_13_clocks(read):
+    twice = with_cell(9, f"{0.1 * 6},0,0")
+    refused("time-repeated", lambda: read(twice, time=T), "lines 8 to 9", "--dt")
+    text = table(ROWS + ROWS)
+    refused("time-backwards", lambda: read(text, time=T), "line 22", "--segments auto")
+    assert read(text, time=T, segments="auto").starts.tolist() == [0, 20]
+    assert read(text, dt=0.5).time[-1] == pytest.approx(0.5 * 39)
+
+
+# 9, 10: units
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("Force (N)", "N"),
+        ("Force [kN]", "kN"),
+        ("force_N", "N"),
+        ("force_pos", "1"),
+        ("x_location", "1"),
+        ("Force", "1"),
+        ("Stiffness (N/mm)", "N/mm"),
+        ("Angle (°)", "deg"),
+        ("Load (%)", "percent"),
+        ("Signal [-]", "1"),
+        ("Moment_emu", "emu"),
+    ],
+)
+def test_units_from_headers(read, header, unit):
+    record = read(table(header=f"{T},{X},{header}"), output=header)
+    assert record.output_unit == unit
+    noted = any(repr(header) in s and "taken as 1" in s for s in record.history)
+    assert noted == (unit == "1" and "-" not in header)
+
+
+def test_09_unknown_unit(read):
+    text = table(header=f"{T},{X},Signal (ADC)")
+    words = ("'ADC' is unknown", "--output-unit", "count")
+    refused("unknown-unit", lambda: read(text, output="Signal (ADC)"), *words)
+    assert read(text, output="Signal (ADC)", output_unit="count").output_unit == "count"
+    text = table(header=f"{T},Field (a.u.),{F}")
+    refused("unknown-unit", lambda: read(text, "Field (a.u.)"), "--input-unit")
+    refused("unknown-unit", lambda: read(table(), time=T, time_unit="blinks"), "--time-unit")
+
+
+def test_10_force_in_grams(read):
+    text = table(header=f"{T},{X},Force (g)")
+    refused("mass-unit", lambda: read(text, output="Force (g)"), "mass", "gf", "0.00981")
+
+
+# 15, 27, 28: shapes and dialects
+
+
+def test_15_ragged_lines_are_named(read):
+    refused("ragged-line", lambda: read(with_cell(9, "0.7,0")), "line 9", "2 cells", "has 3")
+    refused("ragged-line", lambda: read(with_cell(9, "0.7,0,1,5")), "line 9", "4 cells")
+    refused("ragged-line", lambda: read(with_cell(9, "0.7;0;1")), "line 9", "separator")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: b"\xef\xbb\xbf" + s.encode(),
+        lambda s: s.replace("\n", "\r\n").encode(),
+        lambda s: s.replace("\n", "\r").encode(),
+        lambda s: s.encode("utf-16"),
+        lambda s: s.replace("\n", ",\n").encode(),
+        lambda s: (s.split("\n", 1)[0] + "\n" + s.split("\n", 1)[1].replace("\n", ",\n")).encode(),
+        lambda s: s.replace(",", ";").encode(),
+        lambda s: s.replace(",", "\t").encode(),
+        lambda s: s.replace(",", " , ").encode(),
+        lambda s: s.replace(f"{T},{X}", f'"{T}","{X}"').encode(),
+        lambda s: ("# rig 3, 20 °C\n\n" + s + "# end\n\n").encode(),
+        lambda s: ("# 20 °C\n" + s).encode("latin-1"),
+        lambda s: s.rstrip("\n").encode(),
+    ],
+)
+def test_27_dialects_read_alike(read, change):
+    record = read(change(table()), time=T)
+    assert record.digest() == read(table(), time=T).digest()
+
+
+def test_27_latin_1_header_and_quoted_separator(read):
+    text = table(header=f'"Temp, dry (°C)",{X},{F}')
+    record = read(text.encode("latin-1"), input="Temp, dry (°C)")
+    assert record.input_unit == "degC"
+    assert any("Latin-1" in s for s in record.history)
+    wrapped = table(header=f'{T},{X},"Force\n(N)"')
+    assert read(wrapped).line[0] == 3
+
+
+def test_28_duplicate_columns(read):
+    text = table(header=f"{F},{X},{F}")
+    refused("duplicate-column", lambda: read(text), F, "column 1 and 3")
+
+
+# selection
+
+
+def test_groups_where_and_keep(read):
+    rows = [(s, r, k, 2 * k, k % 3) for k in range(4) for s in "ab" for r in (1, 2, 10)]
+    text = table(rows, "sample,run,x_mm,f_N,part")
+    record = read(text, "x_mm", "f_N", group=["sample", "run"], dt=0.5, keep=["part"])
+    assert record.labels == ("a/1", "a/2", "a/10", "b/1", "b/2", "b/10")
+    assert np.array_equal(record.time, np.tile(0.5 * np.arange(4), 6))
+    assert np.array_equal(record.columns["part"], record.input % 3)
+    _, test = record.split_rows(parse_condition("part%2=0")(record))
+    assert set(test.columns["part"][test.mask]) == {0, 2}
+    some = read(text, "x_mm", "f_N", group="sample", where={"run": ["2", "10.0"]})
+    assert len(some) == 16
+    assert some.labels == ("a", "b")
+    refused("no-match", lambda: read(text, "x_mm", "f_N", where={"run": ["3"]}), "run=3", "10")
+    refused("bad-option", lambda: read(table(), time=T, dt=0.1), "--dt")
+    refused("bad-option", lambda: read(table(), dt=0.0), "--dt")
+    refused("bad-option", lambda: read(table(), decimal=";"), "--decimal")
+
+
+def test_a_table_is_read_once(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(table())
+    rows = read_table(path)
+    assert read_csv(rows, X, F, time=T).digest() == read_csv(path, X, F, time=T).digest()
+    assert rows.columns[T].dtype == float
+    assert rows.text[F][1] == "2.5"
+
+
+def test_conditions(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("run,name,mix\n4,a,4.0\n5,b=c,ref\n6,a,4\n")
+    rows = read_table(path)
+    for text, expected in {
+        "run=4": [1, 0, 0],
+        "run=4.0,6": [1, 0, 1],
+        "name=a": [1, 0, 1],
+        "name=b=c": [0, 1, 0],
+        "mix=4": [1, 0, 1],
+        "run%2=0": [1, 0, 1],
+        "run%3=1,2": [1, 1, 0],
+    }.items():
+        assert parse_condition(text)(rows).tolist() == [bool(x) for x in expected], text
+    for text in ("run", "=4", "run=", "run=4,"):
+        refused("bad-condition", lambda text=text: parse_condition(text), "COL=VALUE")
+    refused("no-column", lambda: parse_condition("runs=4")(rows), "'run'")
+    refused("no-match", lambda: parse_condition("name=z")(rows))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.tuples(*[st.floats(-1e9, 1e9, allow_subnormal=False)] * 3), min_size=2, max_size=30
+    ),
+    st.sampled_from([",", ";", "\t", "|"]),
+    st.sampled_from([".", ","]),
+    st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(["utf-8", "utf-8-sig", "latin-1", "utf-16"]),
+    st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL]),
+    st.booleans(),
+)
+def test_any_dialect_reads_back_identically(
+    tmp_path, rows, sep, decimal, end, encoding, quoting, comment
+):
+    names = ["Angle (°)", "x_mm", "Force, net [N]"]
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, delimiter=sep, lineterminator=end, quoting=quoting)
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow([repr(x).replace(".", decimal) for x in row])
+    text = f"# a comment{end}" * comment + stream.getvalue()
+    path = tmp_path / "random.csv"
+    path.write_bytes(text.encode(encoding))
+    read = read_table(path, decimal=decimal)
+    for name, column in zip(names, zip(*rows, strict=True), strict=True):
+        assert np.array_equal(read.number(name), column)
+    assert read.line.tolist() == list(range(2 + comment, 2 + comment + len(rows)))
+
+
+@given(st.binary(max_size=300))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_bytes_give_a_table_or_an_input_error(tmp_path, data):
+    path = tmp_path / "noise.csv"
+    path.write_bytes(data)
+    try:
+        found = read_table(path)
+    except InputError:
+        return
+    assert all(len(x) == len(found.line) for x in found.columns.values())
+
+
+@given(st.text(alphabet="0123456789.,;-e\"'#\n\tnaN ()", max_size=200))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_text_gives_a_record_or_an_input_error(tmp_path, text):
+    path = tmp_path / "noise.csv"
+    path.write_text("a,b\n" + text)
+    try:
+        record = read_csv(path, "a", "b")
+    except InputError:
+        return
+    assert np.isfinite(record.input).all()
+
+
+def test_a_long_table_without_a_header_of_units(tmp_path):
+    path = tmp_path / "long.csv"
+    x = np.random.default_rng(0).normal(size=(60_000, 6))
+    np.savetxt(path, x, delimiter=",", header="a,b,c,d,e,f", comments="")
+    record = read_csv(path, "a", "f", dt=0.001)
+    assert np.array_equal(record.output, x[:, 5])
+
+
+def test_measured_data_read(request):
+    path = DATA / "foam-midsole-compression" / "tidy.csv"
+    if not path.exists():
+        pytest.skip(f"no measured data at {DATA}")
+    record = read_csv(path, "compression_mm", "force_N", time="time_s", group="sample")
+    assert record.cycle_counts.tolist() == [6] * 4
+    assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "N", "s")
+
+
+def test_neither_pandas_nor_pint_is_needed_for_a_plain_file():
+    code = "import sys, hysteresis.records._csv; print({'pandas', 'pint'} & set(sys.modules))"
+    root = Path(__file__).parents[3]
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root)
+    assert run.stdout.strip() == "set()", run.stderr

@@ -1,0 +1,218 @@
+"""Chains kept on disk: gone on from bit for bit after a kill, or refused with a reason; never shortened."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError
+from identify.posterior._chains import Chains
+from identify.posterior._emcee import sample_ensembles
+from identify.storage._checkpoint import Checkpoint, Identity
+
+OWN = Identity(*"mdnp", "0", "3", "8", "emcee 3")
+STEPS = 120
+ROOT = Path(__file__).resolve().parents[3]
+
+CHILD = """
+import sys
+from pathlib import Path
+import identify.posterior._emcee
+from tests.test_identify.test_posterior.test_checkpoint import drawn
+
+identify.posterior._emcee.MOMENT = 0.0
+
+def tell(done, total, text):
+    print(done, flush=True)
+
+drawn(Path(sys.argv[1]), resume=True, every=0.0, progress=tell)
+"""
+
+
+def density(points: np.ndarray) -> np.ndarray:
+    return -0.5 * (points**2).sum(1) - points[:, 0] ** 4
+
+
+def drawn(
+    file: Path | None,
+    *,
+    steps: int | None = STEPS,
+    resume: bool = False,
+    every: float = 1e9,
+    identity: Identity = OWN,
+    progress=lambda *_: None,
+    said: list[str] | None = None,
+) -> Chains:
+    first = np.random.default_rng(0).normal(size=(3, 8, 2))
+    kept = Checkpoint(file, identity, resume, every, [] if said is None else said)
+    place, root = np.zeros(2), np.eye(2)
+    return sample_ensembles(density, first, place, root, 0, steps, 1000, kept, progress)
+
+
+def interrupting(at: int):
+    def progress(done: int, total: int, text: str) -> None:
+        if done >= at:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+@pytest.fixture(scope="module")
+def whole() -> Chains:
+    return drawn(None)
+
+
+@pytest.fixture(autouse=True)
+def short_blocks(monkeypatch):
+    monkeypatch.setattr("identify.posterior._emcee.MOMENT", 0.002)
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    """Chains of 40 steps, and those of 20 beside them."""
+    for steps in (20, 40):
+        drawn(tmp_path / "chains.h5", steps=steps, resume=True)
+    return tmp_path / "chains.h5"
+
+
+def same(one: Chains, other: Chains) -> None:
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.log_probability, other.log_probability)
+    assert (one.acceptance, one.method) == (other.acceptance, other.method)
+
+
+def test_interrupted_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
+    file = tmp_path / "chains.h5"
+    for at in (1, 17, 60):
+        with pytest.raises(KeyboardInterrupt):
+            drawn(file, resume=True, progress=interrupting(at))
+    same(drawn(file, resume=True), whole)
+    same(drawn(file, resume=True), whole)  # there is nothing left to do
+
+
+def test_the_rule_stops_at_the_same_step_however_often_it_was_interrupted(tmp_path) -> None:
+    whole, file = drawn(None, steps=None), tmp_path / "chains.h5"
+    for at in (30, 100, 190):
+        with pytest.raises(KeyboardInterrupt):
+            drawn(file, steps=None, resume=True, progress=interrupting(at))
+    same(drawn(file, steps=None, resume=True), whole)
+
+
+def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
+    """Twice, at some step, while every block is being written."""
+    file = tmp_path / "chains.h5"
+    for lines in (3, 9):
+        command = [sys.executable, "-c", CHILD, str(file)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as child:
+            assert child.stdout is not None
+            said = [child.stdout.readline() for _ in range(lines)]
+            child.kill()
+        assert child.returncode == -signal.SIGKILL
+        assert all(said)
+    same(drawn(file, resume=True), whole)
+
+
+@pytest.mark.parametrize("fault", ["cut off", "empty", "changed", "other", "missing"])
+def test_a_damaged_file_gives_way_to_the_one_before(file, whole, fault: str) -> None:
+    data = file.read_bytes()
+    damaged = {
+        "cut off": data[: len(data) // 2],
+        "empty": b"",
+        "changed": data[:-3000] + bytes(b ^ 1 for b in data[-3000:-2900]) + data[-2900:],
+        "other": b"not HDF5 at all" * 100,
+    }
+    if fault == "missing":  # killed between the two renames
+        file.unlink()
+    else:
+        file.write_bytes(damaged[fault])
+    said: list[str] = []
+    same(drawn(file, resume=True, said=said), whole)
+    assert fault == "missing" or "chains.h5 is damaged, so chains.previous.h5" in said[0]
+    assert fault == "missing" or "step 20" in said[0]
+
+
+def test_where_both_are_damaged_nothing_is_made_up(file) -> None:
+    for name in ("chains.h5", "chains.previous.h5"):
+        file.with_name(name).write_bytes(b"cut off")
+    with pytest.raises(InputError, match=r"chains.h5: .*chains.previous.h5: ") as error:
+        drawn(file, resume=True)
+    assert error.value.code == "damaged-checkpoint"
+    assert (error.value.place, bool(error.value.fix)) == (str(file), True)
+
+
+@pytest.mark.parametrize("name", Identity._fields)
+def test_chains_of_something_else_are_refused(file, name: str) -> None:
+    other = OWN._replace(**{name: "17"})
+    with pytest.raises(InputError, match=f"drawn with another {name}") as error:
+        drawn(file, resume=True, identity=other)
+    assert error.value.code == "other-checkpoint"
+    assert error.value.place == str(file)
+    assert error.value.cause
+    assert "without --resume" in error.value.fix
+
+
+def test_kept_steps_are_not_thrown_away(file) -> None:
+    with pytest.raises(InputError, match="40 steps were kept already, and 30") as error:
+        drawn(file, steps=30, resume=True)
+    assert error.value.code == "more-steps-kept"
+
+
+def test_a_run_from_the_beginning_leaves_the_last_one_beside_it(file) -> None:
+    before = file.read_bytes()
+    drawn(file, steps=25, identity=OWN._replace(seed="5"))
+    assert file.with_name("chains.previous.h5").read_bytes() == before
+
+
+def test_nothing_kept_yet_is_said(tmp_path, whole) -> None:
+    said: list[str] = []
+    same(drawn(tmp_path / "chains.h5", resume=True, said=said), whole)
+    assert "no chains were kept in chains.h5" in said[0]
+
+
+def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
+    """Files may not grow beyond what 60 steps take, as on a disk that is full."""
+    size, limits = file.stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(1.5 * size), limits[1]))
+    try:
+        with pytest.raises(InputError, match="steps of every ensemble are safe") as error:
+            drawn(file, resume=True, every=0.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert error.value.code == "checkpoint-not-written"
+    assert "--resume" in error.value.fix
+    assert sorted(os.listdir(file.parent)) == ["chains.h5", "chains.previous.h5"]
+    same(drawn(file, resume=True), whole)
+
+
+def test_a_folder_that_is_not_there_is_the_users_fault(tmp_path) -> None:
+    with pytest.raises(InputError, match="0 steps of every ensemble are safe, of 120"):
+        drawn(tmp_path / "gone" / "chains.h5")
+
+
+def test_a_kill_between_any_two_lines_leaves_a_whole_file(whole, tmp_path, monkeypatch) -> None:
+    """Every call of the system that a write makes dies once, before and after it is done."""
+    file = tmp_path / "chains.h5"
+    drawn(file, steps=40)
+    for name in ("replace", "fsync"):
+        for after in (False, True):
+            folder = tmp_path / f"{name}{after}"
+            folder.mkdir()
+            shutil.copy(file, folder / "chains.h5")
+            real = getattr(os, name)
+
+            def dies(*arguments, real=real, after=after):
+                if after:
+                    real(*arguments)
+                raise SystemExit
+
+            monkeypatch.setattr(os, name, dies)
+            with pytest.raises(SystemExit):
+                drawn(folder / "chains.h5", resume=True)
+            monkeypatch.setattr(os, name, real)
+            same(drawn(folder / "chains.h5", resume=True), whole)
