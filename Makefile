@@ -3,6 +3,7 @@
 # make lint    formatting, style, import directions, types
 # make docs    the documentation, its code run: out/docs/index.html
 # make datasets   rewrites datasets/
+# make picture    draws the first picture of the README again
 # make package    a wheel and an sdist in build/, tried on the oldest and newest Python found, its types checked
 # make minimum    some tests with the lowest versions that pyproject.toml allows
 # make clean   everything git does not hold, the environment included
@@ -14,7 +15,7 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test lint docs datasets package minimum clean
+.PHONY: demo test lint docs datasets picture package minimum clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
@@ -40,6 +41,9 @@ out/growth.svg: | $(READY)
 
 datasets: $(READY)
 	$(BIN)/python -m benchmarks.datasets
+
+picture: $(READY)
+	$(BIN)/python docs/tools/picture.py
 
 package:
 	.ci/packaging

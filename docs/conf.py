@@ -1,8 +1,8 @@
 """The documentation, built by Sphinx: `make docs`.
 
-Pages are plain Markdown. Their blocks of Python are run as one notebook each, so what a page says of the
-code is what the code does; `console` blocks show what a command prints; `{api} package` blocks hold names
-that are documented from their docstrings. The helpers are in tools/.
+Pages are plain Markdown. The Python of a page is run as one notebook, so the output shown is what the code
+gives. `console` blocks show what a command prints, `{api} package` blocks list names that are documented
+from their docstrings, and equations are TeX between dollar signs. The helpers are in tools/.
 """
 
 import inspect
@@ -26,7 +26,7 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(OUT / ".compiled"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
-# A profile of their own: no start-up files of whoever builds, and no word about how kernels are talked to.
+# A profile of their own: no start-up files of the user, no message about how kernels communicate.
 os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
 os.environ["IPYTHONDIR"] = str(OUT / ".ipython")
 _PROFILE = OUT / ".ipython" / "profile_default"
@@ -45,7 +45,7 @@ project = "hysid"
 author = "The hysid developers"
 project_copyright = author
 version = release = version_of("hysid")
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "mathematics"]
 exclude_patterns = ["sketches", "tools"]
 nitpicky = True
 smartquotes = False  # options begin with two dashes
@@ -53,7 +53,7 @@ highlight_language = "none"
 python_use_unqualified_type_names = True
 toc_object_entries_show_parents = "hide"
 
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_timeout = 900
@@ -73,6 +73,7 @@ html_theme = "furo"
 html_title = "hysid"
 html_static_path = ["_static"]
 html_css_files = ["hysid.css"]
+html_math_renderer = "mathtext"
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {
@@ -82,7 +83,7 @@ html_theme_options = {
 
 _PATTERN = re.compile(
     r"^([\w-]+\*)\n", re.MULTILINE
-)  # of a list of pages; Sphinx refuses it where none is there
+)  # of a list of pages; Sphinx refuses a pattern without a match
 _HOMES = public.public_names()
 _CLASSES: dict[Any, str] = {value: home for home, value in _HOMES.items() if inspect.isclass(value)}
 _SHORT: dict[str, list[str]] = {}
@@ -111,7 +112,7 @@ def _docstring(app: Any, what: str, name: str, value: Any, options: Any, lines: 
 def _signature(
     app: Any, what: str, name: str, value: Any, options: Any, signature: str, returned: str
 ) -> tuple[str, str] | None:
-    """Argument names and defaults; the result where it is a class of ours. Docstrings tell the rest."""
+    """Argument names and defaults; the result where it is a class of ours. Docstrings say the rest."""
     if what not in ("function", "method") or signature is None:
         return None
     home = _CLASSES.get(getattr(value, "__annotations__", {}).get("return"))
@@ -119,7 +120,7 @@ def _signature(
 
 
 def _skip(app: Any, what: str, name: str, value: Any, skip: bool, options: Any) -> bool | None:
-    """Fields of named tuples are told by their class; what else has no docstring is no one's business."""
+    """Skip the fields of named tuples, which their class documents."""
     return True if type(value).__name__ == "_tuplegetter" else None
 
 

@@ -4,9 +4,11 @@ import importlib.util
 import inspect
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -42,6 +44,34 @@ def test_a_page_runs_and_draws(page: Path) -> None:
     ]
     drawn = sum(isinstance(value, Figure) for value in left)
     assert drawn == sum(map(page.read_text("utf-8").count, ("plots.", "\nfigure\n"))) > 0
+
+
+def test_the_picture_of_the_readme_is_what_the_code_draws(tmp_path: Path):
+    picture = tool("picture")
+    shown = picture.computed()
+    for theme, kept in picture.FILES.items():
+        drawn = tmp_path / kept.name
+        picture.draw(shown, theme, drawn)
+        words, numbers = zip(*map(_words_and_numbers, (kept, drawn)), strict=True)
+        assert words[0] == words[1], "draw it again by `make picture`"
+        assert "PASS: held-out cycle" in " ".join(words[0])
+        # In points of the page: the fit and the inverse are not the same to the last bit everywhere.
+        for name, curve in numbers[0].items():
+            np.testing.assert_allclose(numbers[1][name], curve, atol=0.5, err_msg=name)
+        assert kept.stat().st_size < 60_000
+
+
+def _words_and_numbers(file: Path) -> tuple[list[str], dict[str, list[float]]]:
+    """The words of an SVG, and the coordinates of its four curves."""
+    text = file.read_text("utf-8")
+    curves = {}
+    for name in ("measured", "fitted", "line", "estimate"):
+        drawn = re.search(rf'<g id="{name}">(.*?)^   </g>', text, re.DOTALL | re.MULTILINE)
+        assert drawn is not None
+        path = re.sub(r"<defs>.*?</defs>|#\w+", "", drawn[1], flags=re.DOTALL)
+        curves[name] = [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.\d+", path)]
+        assert len(curves[name]) >= 40
+    return re.findall(r"<text[^>]*>([^<]+)</text>", text), curves
 
 
 def test_five_minutes_runs_what_the_readme_shows():
@@ -95,6 +125,30 @@ def test_every_docstring_becomes_restructured_text():
     assert ".. code-block:: pycon\n\n   >>> 1\n   1\n" in made
 
 
+def test_equations_are_typeset():
+    """Of the pages between dollar signs, of docstrings in a `math` fence."""
+    displayed, inside = (
+        re.compile(r"\$\$(.+?)\$\$", re.DOTALL),
+        re.compile(r"(?<!\$)\$([^$\n]+)\$(?!\$)"),
+    )
+    fence = re.compile(r"```math\n(.*?)```", re.DOTALL)
+    code = re.compile(r"^```.*?^```$|`[^`]*`|^    .*$", re.DOTALL | re.MULTILINE)
+    texts = [code.sub("", page.read_text("utf-8")) for page in PAGES]
+    shown = [found for text in texts for found in displayed.findall(text)]
+    shown += [found for text in texts for found in inside.findall(displayed.sub("", text))]
+    for value in tool("public").public_names().values():
+        shown += fence.findall(inspect.getdoc(value) or "")
+    assert len(shown) > 10
+    for tex in shown:  # raises where mathtext cannot read it
+        assert tool("mathematics").displayed(tex).count("<svg") >= 1
+    made = tool("mathematics").displayed(r"y &= K u\\ \dot z &= \alpha")
+    assert made.count("<tr>") == 2
+    assert 'aria-label="\\dot z"' in made
+    assert ".. math::\n\n   y = K u\n" in tool("docstrings").restructured(
+        "```math\ny = K u\n```", {}
+    )
+
+
 def test_every_code_of_the_source_is_listed():
     raised = {
         code
@@ -139,8 +193,27 @@ def test_figures_beside_peers_stand_on_the_pages_named():
             assert number.rstrip(",.") in text, (number, page)
 
 
+def test_every_dependency_has_its_line():
+    """What each is for, who keeps it, its licence, what it would take to leave it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    wanted = {re.split(r"[<>=]", one)[0] for group in groups for one in group}
+    page = (DOCS / "devdocs" / "dependencies.md").read_text("utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert set(re.findall(r"`([^`]+)`", " ".join(rows))) == wanted
+
+
+def test_every_folder_is_on_the_page_of_the_architecture():
+    page = (DOCS / "devdocs" / "architecture.md").read_text("utf-8")
+    listed = set(re.findall(r"^\|(?: \d \|)? `([\w/]+)/`", page, re.MULTILINE))
+    packages = ("hysteresis", "identify", "compensate", "hysid")
+    folders = {f"{p}/{d.name}" for p in packages for d in (ROOT / p).iterdir() if d.is_dir()}
+    files = {folder for folder in folders if any((ROOT / folder).glob("*.py"))}
+    assert listed - {"hysteresis", "compensate", "hysid"} == files
+
+
 def test_links_between_pages_lead_somewhere():
-    for page in (*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+    for page in (*PAGES, *ROOT.glob("*.md")):
         for link in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
             made = link.endswith("out/growth.svg")  # by `make docs`
             assert made or (page.parent / link).exists(), (page.name, link)

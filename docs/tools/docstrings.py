@@ -1,4 +1,8 @@
-"""Docstrings, written in Markdown with indented equations, as the reStructuredText that autodoc reads."""
+"""Docstrings, written in Markdown, as the reStructuredText that autodoc reads.
+
+An indented block is shown as it is: an equation in plain text, a program, an example. An equation in a
+`math` fence is TeX, and typeset.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -35,6 +39,10 @@ def _blocks(tokens: Sequence[Any], names: Mapping[str, str]) -> list[str]:
                 lines[-1] += shown[len(indent) :]
             else:
                 lines.append(shown)
+            lines.append("")
+        elif token.type == "fence" and token.info == "math":
+            lines += [f"{indent}.. math::", ""]
+            lines += [f"{indent}   {line}" for line in token.content.strip().split("\n")]
             lines.append("")
         elif token.type in ("code_block", "fence"):
             doctest = "pycon" if token.content.startswith(">>>") else "none"

@@ -36,7 +36,7 @@ def public_names() -> dict[str, Any]:
             if (
                 package == "hysid.plots"
                 and own != package
-                and not own.startswith("hysid.figures._base")
+                and not own.startswith(("hysid.figures._base", "hysid.figures._diagnostics"))
             ):
                 continue
             if id(value) not in seen:
