@@ -2,6 +2,7 @@
 
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
+from ._note import Note as Note
 from ._notebook_hook import draw_with as draw_with
 from ._notebook_hook import html_of as html_of
 from ._parameter import ParameterInfo as ParameterInfo

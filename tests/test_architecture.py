@@ -1,5 +1,6 @@
 """The shape of the code base: the house rules that a machine can check."""
 
+import ast
 import importlib
 import inspect
 import json
@@ -190,3 +191,60 @@ def test_everything_public_is_documented(package: str):
             if not text or text.startswith(name.rpartition(".")[2] + "("):
                 bare.append(name)
     assert bare == []
+
+
+def test_no_module_decides_by_a_sentence():
+    """Wording is free to change: what a program must know is a field or a code.
+
+    A comparison with two words or more, or with a code in brackets, is one with a sentence; also where the
+    text is a constant of the module. Readers of files compare with texts that others have written.
+    """
+    others = ("hysteresis/records/importers/", "compensate/export/_python_to_c99.py")
+    codes = {"at bound", "hysid soft sensor"}  # a parameter's status, and the kind of a file
+    faults = []
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            if not name.startswith(others):
+                found = decisions_by_sentence(ast.parse(path.read_text(encoding="utf-8")))
+                faults += [f"{name}:{line}: {text!r}" for line, text in found if text not in codes]
+    assert faults == []
+
+
+def test_decisions_by_sentence_are_found():
+    code = (
+        "START = 'The step is taken'\n"
+        "done = any(said.startswith(START) for said in history)\n"
+        "one_way = '[one-way-input]' in warning\n"
+        "odd = line.startswith(('Masked', 'Left out'))\n"
+        "whole = verdict == 'Good enough.'\n"
+        "mode = name == 'auto' or name.startswith('test_')\n"
+    )
+    assert [line for line, _ in decisions_by_sentence(ast.parse(code))] == [2, 3, 4, 5]
+
+
+def decisions_by_sentence(tree: ast.Module) -> list[tuple[int, str]]:
+    """Line and text of each comparison with a sentence, or with the beginning or end of one."""
+    texts = {
+        target.id: node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    found = []
+    for node in ast.walk(tree):
+        parts: list[ast.expr] = []
+        if isinstance(node, ast.Compare):
+            parts = [node.left, *node.comparators]
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ASKS:
+            parts = node.args
+        parts = [texts.get(p.id, p) if isinstance(p, ast.Name) else p for p in parts]
+        parts = [q for p in parts for q in (p.elts if isinstance(p, ast.Tuple) else [p])]
+        said = [p.value for p in parts if isinstance(p, ast.Constant) and isinstance(p.value, str)]
+        found += [(node.lineno, text) for text in said if SENTENCE.search(text)]
+    return sorted(found)
+
+
+ASKS = ("startswith", "endswith", "find", "search", "match")
+SENTENCE = re.compile(r"[A-Za-z]{2,}[,:;]? [A-Za-z]{2,}|^\[[a-z-]+\]$")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from hysteresis import InputError, Record, Table, parse_condition
+from hysteresis import InputError, Note, Record, Table, parse_condition
 
 CONSTANT = "constant input"
 """The name of the input of a step."""
@@ -41,7 +41,8 @@ def with_constant(
         t, y = table.number(time)[at], table.number(output)[at]
         first = np.flatnonzero(np.append(True, np.diff(t) != 0))
         if len(first) < len(at):
-            notes += (f"Averaged {len(at)} rows to {len(first)} of different times.",)
+            said = f"Averaged {len(at)} rows to {len(first)} of different times."
+            notes += (Note("averaged", said),)
             columns[output] = np.zeros(len(table.line))
             counts = np.diff(np.append(first, len(at)))
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
@@ -91,7 +92,7 @@ def at_hold(
         note += (
             f" Time counts from there. The way took {way:.3g}: what is over as fast is not seen."
         )
-    return replace(held, notes=(*table.notes, note)), level
+    return replace(held, notes=(*table.notes, Note("held", note))), level
 
 
 def _chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
@@ -139,10 +140,9 @@ def check_step(record: Record) -> dict[str, Any]:
             f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"
             " told. [short-span]"
         )
-    lines = [line for line in record.describe().split("\n") if not line.startswith("loop")]
-    lines.insert(-len(record.history), f"step   {kind} over {decades:.2g} decades of time")
+    text = record.describe(loop=f"step   {kind} over {decades:.2g} decades of time")
     found = {"kind": kind, "decades": decades, "warnings": warnings}
-    return {"text": "\n".join(lines)} | found | record.summary()
+    return {"text": text} | found | record.summary()
 
 
 def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:

@@ -74,7 +74,7 @@ def residuals(case: Case) -> Section:
     x_label = label(plain_name(train.time_name, train.time_unit), train.time_unit)
     counted = np.isin(rows.word, ["training", "held-out"])
     most = np.abs(rows.residual[counted]).max()
-    left = float(np.abs(rows.residual[rows.word == "left out"]).max(initial=0.0))
+    left = float(np.abs(rows.residual[~counted & (rows.word != "")]).max(initial=0.0))
     shown = rows.residual[counted if left > 3 * most else rows.word != ""]
     figure = f.chart(curves, x_label if case.one_clock else "row", y_label, zero=True,
                      limits=(x[rows.word != ""], shown), breaks=x[rows.starts[1:]])  # fmt: skip

@@ -32,6 +32,8 @@ RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
 PICTURES = ("learning.png", "force.png", "places.png", "position.png")
 TIMED, SLOW_S = 200, 5e-4
 """Readings by which the runtime is timed; s a reading that are too many for a loop of 1 kHz."""
+REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
+"""Codes of notes on a file that are worth a look."""
 BATCH = 64
 """Rows of a step of the networks' training."""
 
@@ -304,10 +306,10 @@ def _notes(sessions: Sequence[Session]) -> list[str]:
     """What the files say of themselves, each once; places that only some sessions have."""
     parts = [part for one in sessions for part in (one.train, one.test) if part is not None]
     found = [
-        f"{part.record.source}: {line}"
+        f"{part.record.source}: {note}"
         for part in parts
-        for line in part.record.history
-        if line.startswith(("Masked", "Filled", "Gathered", "Cut", "Left out", "Row "))
+        for note in part.record.history
+        if note.code in REPAIRS
     ]
     there = {one.file.name: _places(one.train) for one in sessions if one.train is not None}
     everywhere = set().union(*there.values()) if there else set()

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from .._errors import InputError
+from .._note import Note
 from ._cells import floats, missing, parsed
 from ._record import Record
 from ._two_clocks import on_one_clock
@@ -44,7 +45,7 @@ class Table:
     units: Mapping[str, str]
     path: str
     sha256: str
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     decimal: str = "."
     na_values: tuple[str, ...] = ()
 
@@ -121,7 +122,7 @@ def read_table(
     - `na_values`: texts that mean a missing value, besides the empty cell and NaN.
 
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
-    `binary-file`, `no-data`, `duplicate-column`, `ragged-line`, `decimal-comma`,
+    `binary-file`, `no-data`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,
     `bad-units-row`, `bad-option`, `needs-extra`, `bad-labview`, `bad-tdms`.
     """
     path = Path(path)
@@ -167,11 +168,12 @@ def read_table(
             raise InputError("bad-units-row", problem, place=str(path), fix=mend)
         units, body, line = dict(zip(header, cells, strict=False)), body[1:], line[1:]
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
-        notes.append(f"Row {at} is units ({', '.join(cells)}); using them.{confirm}")
+        said = f"Row {at} is units ({', '.join(cells)}); using them.{confirm}"
+        notes.append(Note("units-row", said))
     full = next((k for k in range(len(body), 0, -1) if _trimmed(body[k - 1])), 0)
     if blank := len(body) - full:
         body, line = body[:full], line[: full + 1]
-        notes.append(f"Left out {blank} empty rows at the end.")
+        notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
     if not body:
         raise fault("no-data", path, "a header and no rows.")
     line = np.array(line[1:])
@@ -186,7 +188,7 @@ def _table(
     sheet: Sheet,
     decimal: str,
     na_values: tuple[str, ...],
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
@@ -274,7 +276,7 @@ def read_csv(
     if not rows.any():
         raise InputError("no-match", f"No row has {asked}.", place=table.path)
     if not rows.all():
-        notes.append(f"Used {rows.sum()} of {len(rows)} rows: {asked}.")
+        notes.append(Note("selected", f"Used {rows.sum()} of {len(rows)} rows: {asked}."))
     names = [group] if isinstance(group, str) else list(group or ())
     for name in (*names, *keep):
         _column(table, name)
@@ -300,7 +302,7 @@ def read_csv(
         line=table.line[rows],
         segments=segments,
         nan=nan,
-        history=(f"Read {rows.sum()} rows: {said} -> {output!r}.", *notes),
+        history=(Note("read", f"Read {rows.sum()} rows: {said} -> {output!r}."), *notes),
         columns={name: table.columns[name][rows] for name in keep}
         | {name: moved[name] for name in channels},
         channels=channels,
@@ -375,13 +377,10 @@ def _header(path: Path, cells: list[str]) -> list[str]:
     for k, name in enumerate(names):
         if (first := names.index(name)) < k:
             problem = f"Column {name!r} is there twice, as column {first + 1} and {k + 1}."
-            raise InputError(
-                "duplicate-column",
-                problem,
-                place=str(path),
-                cause=_headless(names),
-                fix="rename one.",
-            )
+            cause, code, fix = _headless(names), "duplicate-column", "rename one."
+            if cause:
+                code, fix = "no-header", "write a line above it that names each column."
+            raise InputError(code, problem, place=str(path), cause=cause, fix=fix)
     return names
 
 

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._format import quantity
+from .._note import Note, warning
+from ._abstract_record import AbstractRecord
 from ._cycles import loop_area, noise_level
-from ._record import Record
 from ._units import FORCES, LENGTHS
 
 MANY = 8
@@ -21,7 +22,7 @@ class Clipped(NamedTuple):
     limit: float
 
 
-def loop_direction(record: Record) -> float:
+def loop_direction(record: AbstractRecord) -> float:
     """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
 
     `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
@@ -38,7 +39,7 @@ def loop_direction(record: Record) -> float:
     return net / total if total else 0.0
 
 
-def clipped(record: Record) -> list[Clipped]:
+def clipped(record: AbstractRecord) -> list[Clipped]:
     """Where input or output is stuck at a limit while the other one moves.
 
     Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
@@ -62,8 +63,8 @@ def clipped(record: Record) -> list[Clipped]:
     return found
 
 
-def suspicions(record: Record) -> list[str]:
-    """What is probably wrong with the readings, each a sentence with its fix and `[code]`."""
+def suspicions(record: AbstractRecord) -> list[Note]:
+    """What is probably wrong with the readings, each a sentence with its fix and its code."""
     found = []
     for role, rows, limit in clipped(record):
         runs = _runs(record, rows)
@@ -76,14 +77,15 @@ def suspicions(record: Record) -> list[str]:
             if role == "output"
             else "measure with a wider range, or leave those rows' cycles out (--where)"
         )
-        found.append(
+        said = (
             f"{len(rows) / len(record):.1%} of the {role} at {at}: clipped, {record.lines(longest)}"
-            f"{others} while the {other} moves; {mend}. [saturation]"
+            f"{others} while the {other} moves; {mend}."
         )
+        found.append(warning("saturation", said))
     return found + _created_energy(record)
 
 
-def _created_energy(record: Record) -> list[str]:
+def _created_energy(record: AbstractRecord) -> list[Note]:
     """Loops of force over displacement that give more energy than they take."""
     units = record.input_unit, record.output_unit
     to_force = units[0] in LENGTHS and units[1] in FORCES
@@ -103,13 +105,14 @@ def _created_energy(record: Record) -> list[str]:
     if np.corrcoef(u, y)[0, 1] < 0:
         cause, mend = "the sign of one column is turned", "turn it"
     force, length = units[::-1] if to_force else units
-    return [
+    said = (
         f"Loops create energy ({taken:.3g} {force} {length} a cycle): no specimen does. {cause}? If"
-        f" so, {mend}. [energy-created]"
-    ]
+        f" so, {mend}."
+    )
+    return [warning("energy-created", said)]
 
 
-def _loops(record: Record) -> tuple[float, float]:
+def _loops(record: AbstractRecord) -> tuple[float, float]:
     parts = [
         loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
     ]
@@ -117,7 +120,7 @@ def _loops(record: Record) -> tuple[float, float]:
     return float(net), float(total)
 
 
-def _runs(record: Record, rows: np.ndarray) -> list[np.ndarray]:
+def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
     """Rows in pieces that follow each other in one sequence."""
     cut = (np.diff(rows) > 1) | np.isin(rows[1:], record.starts)
     return np.split(rows, np.flatnonzero(cut) + 1)

@@ -6,13 +6,14 @@ import numpy as np
 
 from .._errors import InputError
 from .._format import duration, quantity
+from .._note import Note, warning
+from ._abstract_record import AbstractRecord
 from ._cycles import default_dead_band, noise_level, turning_points
 from ._data_warnings import clipped, loop_direction, suspicions
-from ._record import Record
 
 
-def check_identifiable(record: Record, n_parameters: int | None = None) -> list[str]:
-    """Can these rows tell a model's parameters? Returns warnings, each ending in its `[code]`.
+def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) -> list[Note]:
+    """Can these rows tell a model's parameters? Returns warnings, each with its `code`, in which it ends.
 
     **Raises:** `InputError` `too-short`, `constant-input`, `constant-output`, `no-excitation`.
     """
@@ -43,25 +44,24 @@ def check_identifiable(record: Record, n_parameters: int | None = None) -> list[
         low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
         if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
             low, high = (duration(x, record.time_unit) for x in (steps.min(), steps.max()))
-            found.append(
-                f"dt {low} to {high}; resample, or use a continuous model. [jittered-time]"
-            )
+            said = f"dt {low} to {high}; resample, or use a continuous model."
+            found.append(warning("jittered-time", said))
     if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
         way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
-        found.append(
+        said = (
             f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
-            "fit the sponge (LinearSponge), or measure the way back. [one-way-input]"
+            "fit the sponge (LinearSponge), or measure the way back."
         )
+        found.append(warning("one-way-input", said))
     found += suspicions(record)
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
-        found.append(
-            f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}. [short-sequence]"
-        )
+        said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
+        found.append(warning("short-sequence", said))
     return found
 
 
-def summary(record: Record) -> dict[str, Any]:
+def summary(record: AbstractRecord) -> dict[str, Any]:
     """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
     steps = _steps(record)
     clock = None
@@ -82,8 +82,8 @@ def summary(record: Record) -> dict[str, Any]:
     }
 
 
-def describe(record: Record) -> str:
-    """The summary for a reader, and the record's history."""
+def describe(record: AbstractRecord, loop: str | None = None) -> str:
+    """The summary for a reader, and the record's history; `loop` replaces the line about the loops."""
     s = summary(record)
     way, falls = s["loop_direction"], _correlation(record) < 0
     turn = "counter-clockwise" if way > 0 else "clockwise"
@@ -104,7 +104,9 @@ def describe(record: Record) -> str:
         lines.append(f"dt     {low} to {high}, median {mid} {record.time_unit}")
     if s["output"]["saturated"]:
         lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
-    lines.append(f"loop   {way:+.2f} ({turn})" if way else "loop   none closed")
+    if loop is None:
+        loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none closed"
+    lines.append(loop)
     return "\n".join([*lines, *record.history])
 
 
@@ -118,19 +120,19 @@ def _turns(u: np.ndarray) -> float:
     return float(path / (2 * np.ptp(u))) if path else 0.0
 
 
-def _correlation(record: Record) -> float:
+def _correlation(record: AbstractRecord) -> float:
     good = np.isfinite(record.output)
     u, y = record.input[good], record.output[good]
     return float(np.corrcoef(u, y)[0, 1]) if good.any() and np.ptp(u) and np.ptp(y) else 0.0
 
 
-def _steps(record: Record) -> np.ndarray:
+def _steps(record: AbstractRecord) -> np.ndarray:
     if record.time is None:
         return np.empty(0)
     return np.concatenate([np.diff(record.time[s]) for _, s in record.sequences()])
 
 
-def _spread(record: Record, role: str) -> dict[str, Any]:
+def _spread(record: AbstractRecord, role: str) -> dict[str, Any]:
     x = getattr(record, role)
     good = np.isfinite(x)
     low, high = (float(x[good].min()), float(x[good].max())) if good.any() else (np.nan, np.nan)
@@ -139,7 +141,7 @@ def _spread(record: Record, role: str) -> dict[str, Any]:
     return names | {"min": low, "max": high, "noise": noise}
 
 
-def _saturated(record: Record) -> float:
+def _saturated(record: AbstractRecord) -> float:
     """Share of the output's rows stuck at a limit."""
     stuck = [len(found.rows) for found in clipped(record) if found.role == "output"]
     return sum(stuck) / max(len(record), 1)

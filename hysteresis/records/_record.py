@@ -1,11 +1,9 @@
 """Measured sequences of one rig: what went in, what came out, and which rows count."""
 
-import hashlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -13,15 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._format import duration, quantity
+from .._format import quantity
+from .._note import Note
 from .._notebook_hook import html_of
-from ..models._channel_map import common_part
+from ._abstract_record import AbstractRecord
 from ._arrays import fill, numbers, same_length
-from ._cycles import branches, cycles
+from ._common_part import common_part
+from ._excitation import describe, summary
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(AbstractRecord):
     """Samples of an input and an output in `m` independent sequences; frozen.
 
     **Arguments:**
@@ -33,7 +33,7 @@ class Record:
     - `mask`: (n,) the rows that count in a fit or an error figure. The others still drive the
         model: history runs over all rows.
     - `line`: (n,) line of the file, from 1, for messages.
-    - `history`: a sentence for each thing done to the data.
+    - `history`: a `Note` for each thing done to the data, a sentence with a code.
     - `source`, `sha256`: name and checksum of the file, "" for arrays.
     - `columns`: further columns (n,) by name, for splitting.
     - `channels`: names and units of those `columns` that a fit combines into the input. Until then the
@@ -44,103 +44,6 @@ class Record:
     **Raises:** `InputError` `length-mismatch`, `bad-sequences`, `nan-input`, `nan-output`,
     `infinite`, `nan-time`, `time-repeated`, `time-backwards`.
     """
-
-    input: np.ndarray
-    output: np.ndarray
-    time: np.ndarray | None
-    starts: np.ndarray
-    labels: tuple[str, ...]
-    mask: np.ndarray
-    line: np.ndarray
-    input_name: str = "input"
-    output_name: str = "output"
-    time_name: str = "time"
-    input_unit: str = "1"
-    output_unit: str = "1"
-    time_unit: str = "1"
-    history: tuple[str, ...] = ()
-    source: str = ""
-    sha256: str = ""
-    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
-    channels: Mapping[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
-        if self.time is not None:
-            types["time"] = float
-        for name, kind in types.items():
-            array = np.asarray(getattr(self, name), kind).view()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        same_length(
-            time=self.time, input=self.input, output=self.output, mask=self.mask, line=self.line
-        )
-        starts = self.starts
-        if len(starts) != len(self.labels) or starts[:1].tolist() != [0]:
-            raise InputError("bad-sequences", "Each sequence needs a first row and a label.")
-        if np.any(np.diff(starts) <= 0) or starts[-1] >= max(len(self), 1):
-            raise InputError("bad-sequences", f"Sequences start at {starts} of {len(self)} rows.")
-        self._check_finite()
-        self._check_clock()
-
-    def _check_finite(self):
-        wanted: list[tuple[str, str, np.ndarray, Any]]
-        wanted = [("input", name, self.columns[name], True) for name in self.channels]
-        wanted.append(("input", self.input_name, self.input, True))
-        wanted.append(("output", self.output_name, self.output, self.mask))
-        for role, name, x, where in wanted:
-            if (bad := np.isinf(x)).any():
-                raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
-            if not (bad := np.isnan(x) & where).any():
-                continue
-            fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
-            if role == "input":
-                fill = f"hysteresis needs complete input; {fill}"
-            else:
-                fill = f'nan="omit" (--nan omit) masks them, history still runs; {fill}'
-            raise self._fault(f"nan-{role}", f"{bad.sum()} NaN in {role} {name!r}", bad, fix=fill)
-
-    def _check_clock(self):
-        if self.time is None:
-            return
-        if not (good := np.isfinite(self.time)).all():
-            mend = "drop those rows, or give the step instead: dt=... (--dt SECONDS)."
-            raise self._fault(
-                "nan-time", f"{(~good).sum()} NaN in time {self.time_name!r}", ~good, fix=mend
-            )
-        step = np.diff(self.time)
-        step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
-        if (k := np.flatnonzero(step < 0)).size:
-            t, where = self.time, self.lines(k[:1] + 1)
-            raise InputError(
-                "time-backwards",
-                f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
-                place=self.source,
-                cause=f"{k.size + 1} runs in one file?",
-                fix='segments="auto" (--segments auto) makes each its own sequence, and so does the'
-                " column that tells them apart (--group COL).",
-            )
-        if (k := np.flatnonzero(step == 0)).size:
-            raise InputError(
-                "time-repeated",
-                f"{self.lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
-                f"{f', and {k.size - 1} more pairs' if k.size > 1 else ''}.",
-                place=self.source,
-                cause="a clock coarser than the sampling, or rows written twice.",
-                fix="drop or average them, or give the step instead: dt=... (--dt SECONDS).",
-            )
-
-    def lines(self, rows: np.ndarray) -> str:
-        """The lines of the first and the last of these rows, in words."""
-        word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
-        return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
-
-    def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
-        rows = np.flatnonzero(bad)
-        lasts = ""
-        if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
-            lasts = f" ({duration(float(np.ptp(self.time[rows])), self.time_unit)})"
-        return InputError(code, f"{what}, {self.lines(rows)}{lasts}.", place=self.source, fix=fix)
 
     @classmethod
     def from_arrays(
@@ -156,7 +59,7 @@ class Record:
         segments: Literal["auto"] | None = None,
         nan: Literal["raise", "omit", "interpolate"] = "raise",
         time_unit: str = "s",
-        history: tuple[str, ...] = (),
+        history: Sequence[str] = (),
         columns: Mapping[str, np.ndarray] | None = None,
         channels: Mapping[str, str] | None = None,
         **names: str,
@@ -180,7 +83,7 @@ class Record:
             raise InputError("bad-option", f"nan={nan!r}.", fix="raise, omit or interpolate.")
         if dt is not None and not 0 < dt < np.inf:
             raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
-        y, kept = numbers("output", output), dict(columns or {})
+        y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
         kept |= {name: numbers(name, kept[name]) for name in channels or ()}
         n = y.size
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
@@ -198,7 +101,8 @@ class Record:
         member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
         order = np.argsort(member, kind="stable")
         if np.any(np.diff(order) < 0):
-            history += ("Gathered the rows of each group: they were interleaved.",)
+            said = "Gathered the rows of each group: they were interleaved."
+            done.append(Note("gathered", said))
         u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
         t = None if t is None else t[order]
         kept = {name: np.asarray(column)[order] for name, column in kept.items()}
@@ -206,7 +110,7 @@ class Record:
         cut = np.diff(member) > 0
         if segments == "auto" and t is not None and np.any(back := (np.diff(t) < 0) & ~cut):
             cut |= back
-            history += (f"Cut into {cut.sum() + 1} sequences: time went back.",)
+            done.append(Note("cut", f"Cut into {cut.sum() + 1} sequences: time went back."))
         starts = np.flatnonzero(np.append(True, cut))
         label, seen = unique[np.argsort(first)] if groups is not None else ["all"], Counter()
         labels = []
@@ -215,15 +119,17 @@ class Record:
             labels.append(f"{name}#{seen[name]}" if seen[name] > 1 else name)
         if dt is not None:
             t = dt * (np.arange(n) - np.repeat(starts, np.diff(np.append(starts, n))))
-            history += (f"Time is the row's number in its sequence, times {dt:g} {time_unit}.",)
+            said = f"Time is the row's number in its sequence, times {dt:g} {time_unit}."
+            done.append(Note("time-from-rows", said))
         if nan == "omit" and np.any(gap := np.isnan(y) & used):
             used &= ~gap
-            history += (f"Masked {gap.sum()} rows without output.",)
+            done.append(Note("masked", f"Masked {gap.sum()} rows without output."))
         for name, x in (inputs | {"output": y}).items() if nan == "interpolate" else ():
             if missing := int(np.isnan(x).sum()):
                 for a, b in pairwise([*starts, n]):
                     fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
-                history += (f"Filled {missing} NaN of the {name} by linear interpolation.",)
+                said = f"Filled {missing} NaN of the {name} by linear interpolation."
+                done.append(Note("filled", said))
         if channels:
             u = common_part(np.column_stack([*inputs.values()]), y)
             names.setdefault("input_name", f"common part of {len(channels)} channels")
@@ -237,48 +143,29 @@ class Record:
             used,
             number,
             time_unit=unit,
-            history=history,
+            history=tuple(done),
             columns=kept,
             channels=dict(channels or {}),
             **names,  # pyright: ignore[reportArgumentType]
         )
 
-    def __len__(self) -> int:
-        return len(self.input)
+    def noted(self, code: str, said: str, **changes: Any) -> "Record":
+        """The record with some fields changed, and with a note in its history of what was done.
 
-    def sequences(self) -> Iterator[tuple[str, slice]]:
-        """`(label, rows)` of each sequence."""
-        for label, (a, b) in zip(self.labels, pairwise([*self.starts, len(self)]), strict=True):
-            yield label, slice(int(a), int(b))
+        **Arguments:**
 
-    @cached_property
-    def cycle(self) -> np.ndarray:
-        """Complete cycle 1, 2, ... of each row within its sequence, 0 for none, (n,)."""
-        return np.concatenate([cycles(self.input[s]) for _, s in self.sequences()])
+        - `code`, `said`: of the `Note`.
+        - `changes`: the fields, by name.
 
-    @cached_property
-    def branch(self) -> np.ndarray:
-        """+1 on loading, -1 on unloading rows, (n,)."""
-        return np.concatenate([branches(self.input[s]) for _, s in self.sequences()])
+        **Raises:** `InputError` as `Record` does.
+        """
+        return replace(self, history=(*self.history, Note(code, said)), **changes)
 
-    @cached_property
-    def cycle_counts(self) -> np.ndarray:
-        """Complete cycles of each sequence, (m,)."""
-        return np.maximum.reduceat(self.cycle, self.starts) if len(self) else np.zeros(1, int)
-
-    @property
-    def n_cycles(self) -> int:
-        """Complete cycles of all sequences together."""
-        return int(self.cycle_counts.sum())
-
-    def _with(self, sentence: str, **changes: Any) -> "Record":
-        return replace(self, history=(*self.history, sentence), **changes)
-
-    def _narrow(self, keep: np.ndarray, sentence: str) -> "Record":
+    def _narrow(self, keep: np.ndarray, code: str, sentence: str) -> "Record":
         mask = self.mask & keep
         if not mask.any():
             raise InputError("no-rows", f"No row is left. {sentence}", place=self.source)
-        return self._with(sentence, mask=mask)
+        return self.noted(code, sentence, mask=mask)
 
     def select(
         self,
@@ -301,13 +188,15 @@ class Record:
             wanted = sorted(cycle) if isinstance(cycle, Collection) else [cycle]
             keep &= np.isin(self.cycle, wanted)
             said.append(f"cycle {', '.join(map(str, wanted))}")
-        return self._narrow(keep, f"Only {' and '.join(said)} counts.") if said else self
+        if not said:
+            return self
+        return self._narrow(keep, "selected", f"Only {' and '.join(said)} counts.")
 
     def _split(self, train: np.ndarray, test: np.ndarray, how: str) -> "tuple[Record, Record]":
         held = f"{int((test & self.mask).sum())} rows, {how}"
         return (
-            self._narrow(train, f"Held out for testing: {held}."),
-            self._narrow(test, f"Only what was held out counts: {held}."),
+            self._narrow(train, "held-out", f"Held out for testing: {held}."),
+            self._narrow(test, "test-rows", f"Only what was held out counts: {held}."),
         )
 
     def split_cycles(self, test: int) -> "tuple[Record, Record]":
@@ -370,15 +259,15 @@ class Record:
             raise InputError("no-rows", "No sequence is left.", place=self.source)
         rows = np.concatenate([np.arange(s.start, s.stop) for _, s in kept])
         starts = np.cumsum([0, *(s.stop - s.start for _, s in kept[:-1])])
-        sentence = f"Kept {len(kept)} of {len(self.labels)} sequences."
+        said = Note("sequences", f"Kept {len(kept)} of {len(self.labels)} sequences.")
         t = None if self.time is None else self.time[rows]
         labels = tuple(x for x, _ in kept)
-        return self._take(rows, sentence, time=t, starts=starts, labels=labels)
+        return self._take(rows, said, time=t, starts=starts, labels=labels)
 
-    def _take(self, rows: np.ndarray, sentence: str, **changes: Any) -> "Record":
+    def _take(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
         taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
         columns = {name: column[rows] for name, column in self.columns.items()}
-        return self._with(sentence, **(taken | {"columns": columns} | changes))
+        return self.noted(said.code, said, **(taken | {"columns": columns} | changes))
 
     def resample(self, dt: float) -> "Record":
         """Linear interpolation of each sequence onto a clock of step `dt`, in `time_unit`.
@@ -404,31 +293,20 @@ class Record:
         starts = np.cumsum([0, *map(len, clock[:-1])])
         whole = {name: np.concatenate(parts) for name, parts in moved.items()}
         sentence = f"Resampled {len(self)} rows to a step of {quantity(dt, self.time_unit)}."
+        said = Note("resampled", sentence)
         taken = self._take(
-            np.concatenate(rows), sentence, starts=starts, input=whole.pop(""),
+            np.concatenate(rows), said, starts=starts, input=whole.pop(""),
             output=np.concatenate(y), time=np.concatenate(clock),
         )  # fmt: skip
         return replace(taken, columns={**taken.columns, **whole})
 
-    def digest(self) -> str:
-        """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
-        code = hashlib.sha256("\0".join(self.labels).encode())
-        channels = [self.columns[name] for name in sorted(self.channels)]
-        for x in (self.input, self.output, self.time, self.starts, self.mask, *channels):
-            code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
-        return code.hexdigest()
-
     def summary(self) -> dict[str, Any]:
         """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
-        from ._excitation import summary  # which is about records
-
         return summary(self)
 
-    def describe(self) -> str:
-        """The summary for a reader, and the history."""
-        from ._excitation import describe
-
-        return describe(self)
+    def describe(self, loop: str | None = None) -> str:
+        """The summary for a reader, and the history; `loop` replaces the line about the loops."""
+        return describe(self, loop)
 
     def _repr_html_(self) -> str | None:
         return html_of(self)

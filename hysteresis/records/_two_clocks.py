@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .._errors import InputError
+from .._note import Note
 
 
 def on_one_clock(
@@ -14,7 +15,7 @@ def on_one_clock(
     groups: np.ndarray | None,
     own_name: str,
     name: str,
-) -> tuple[dict[str, np.ndarray], str]:
+) -> tuple[dict[str, np.ndarray], Note]:
     """Inputs (n,), read at the times `own` (n,), at the output's `time` (n,) instead; and a note.
 
     Linear within each group and each run of rising times; before the first and after the last reading the
@@ -43,7 +44,8 @@ def on_one_clock(
                 if good.size:
                     moved[key][part] = np.interp(time[part], own[good], x[good])
     apart = float(np.nanmedian(np.abs(time - own)))
-    return moved, (
+    said = (
         f"Input taken from its clock {own_name!r} to the output's {name!r} by linear interpolation:"
         f" they are {apart:.3g} apart in the median."
     )
+    return moved, Note("one-clock", said)

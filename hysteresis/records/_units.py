@@ -3,6 +3,7 @@
 import re
 
 from .._errors import InputError
+from .._note import Note
 
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
@@ -46,27 +47,31 @@ def are_units(cells: list[str]) -> bool:
     )
 
 
-def column_unit(
-    name: str, role: str, given: str | None, in_row: str | None, path: str
-) -> tuple[str, list[str]]:
-    """The unit of a column, and what is to be noted about it.
+def named_unit(name: str, given: str | None, in_row: str | None) -> str | None:
+    """The unit of a column in our spelling, whether or not there is one like it; None without any.
 
-    It comes from the caller (`given`), the row of units (`in_row`) or the header (`name`), in that
-    order. Raises `unknown-unit`, `mass-unit`; the message names `path` and the option of the `role`.
+    It comes from the caller (`given`), the row of units (`in_row`) or the header (`name`), in that order.
     """
     bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
-    notes = []
     if given is not None:
-        unit = given
-    elif in_row:
-        unit = in_row
-    elif bracket:
-        unit = bracket["unit"].strip()
-    elif "_" in name and suffix in RIG_UNITS:
-        unit = suffix
-    else:
-        unit, notes = "1", [f"Column {name!r} names no unit: taken as 1."]
-    unit = spelled(unit)
+        return spelled(given)
+    if in_row:
+        return spelled(in_row)
+    if bracket:
+        return spelled(bracket["unit"].strip())
+    return spelled(suffix) if "_" in name and suffix in RIG_UNITS else None
+
+
+def column_unit(
+    name: str, role: str, given: str | None, in_row: str | None, path: str
+) -> tuple[str, list[Note]]:
+    """The unit of a column, see `named_unit`, and what is to be noted about it.
+
+    Raises `unknown-unit`, `mass-unit`; the message names `path` and the option of the `role`.
+    """
+    unit, notes = named_unit(name, given, in_row), []
+    if unit is None:
+        unit, notes = "1", [Note("no-unit", f"Column {name!r} names no unit: taken as 1.")]
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
     if unit != "1" and unit not in RIG_UNITS and not _known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."

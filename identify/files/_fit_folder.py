@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record
+from hysteresis import InputError, Note, Record
 from hysteresis._format import plain
 from hysteresis._verdict import Verdict
 
@@ -159,7 +159,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
     records = {
         part: Record(
             **{n: data.get(f"{part}_{n}") for n in _RECORD_ARRAYS},  # type: ignore[arg-type]
-            **{k: tuple(v) if isinstance(v, list) else v for k, v in words.items()},
+            **words | {"labels": tuple(words["labels"]), "history": _notes(words["history"])},
         )
         for part, words in document["records"].items()
     }
@@ -347,7 +347,13 @@ def _noise_model(words: dict[str, Any] | None) -> NoiseModel | None:
 
 def _record_words(record: Record) -> dict[str, Any]:
     names = [f"{role}_{what}" for role in ("input", "output", "time") for what in ("name", "unit")]
-    return {n: getattr(record, n) for n in (*names, "labels", "history", "source", "sha256")}
+    words = {n: getattr(record, n) for n in (*names, "labels", "source", "sha256")}
+    return words | {"history": [(note.code, note.text) for note in record.history]}
+
+
+def _notes(said: list[Any]) -> tuple[Note, ...]:
+    """A record's history; files of earlier versions hold sentences without codes."""
+    return tuple(Note.of(x) if isinstance(x, str) else Note(*x) for x in said)
 
 
 def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:

@@ -21,7 +21,8 @@ from ._verdict import judge
 
 AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
-FIRST_ROW = "The step is taken at the first row"
+FIRST_ROW = "step-at-first-row"
+"""Code of the note that says so."""
 MOVES = 3.0
 """An output that changes by less than this times its noise neither creeps nor relaxes."""
 UNKNOWN = 2.0
@@ -70,28 +71,27 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
         )
     if t[0] == 0:
         return record
-    history = record.history
     if at_first_row is None:
         at_first_row = len(t) > 1 and t[0] > AT_ONCE * float(np.median(np.diff(t)))
     if at_first_row:
-        said = f"{FIRST_ROW}, {t[0]:g} {record.time_unit} on its clock."
-        return replace(record, time=t - t[0], history=(*history, said))
+        said = f"The step is taken at the first row, {t[0]:g} {record.time_unit} on its clock."
+        return record.noted(FIRST_ROW, said, time=t - t[0])
     said = f"The step is at time 0, {t[0]:g} {record.time_unit} before the first row."
-    return replace(
-        record,
+    return record.noted(
+        "step-before-first-row",
+        said,
         input=np.append(record.input[:1], record.input),
         output=np.append(np.nan, record.output),
         time=np.append(0.0, t),
         mask=np.append(False, record.mask),
         line=np.append(0, record.line),
         columns={name: np.append(x[:1], x) for name, x in record.columns.items()},
-        history=(*history, said),
     )
 
 
 def is_at_first_row(record: Record) -> bool:
     """Whether `stepped` took the first row of a record for the step."""
-    return any(said.startswith(FIRST_ROW) for said in record.history)
+    return any(note.code == FIRST_ROW for note in record.history)
 
 
 def kind_of(record: Record) -> Kind:

@@ -137,7 +137,7 @@ def fit(
 
     found: list[FitResult] = []
     skipped: dict[str, str] = {}
-    one_way = any("[one-way-input]" in warning for warning in warnings)
+    one_way = any(warning.code == "one-way-input" for warning in warnings)
     for name in names:
         since = time.perf_counter()
         try:

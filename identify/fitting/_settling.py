@@ -1,7 +1,5 @@
 """First cycles of a sample that settles: what they do is seen once, and nothing tells it from memory."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from hysteresis import Record
@@ -51,4 +49,4 @@ def settled(record: Record) -> Record:
     first = record.cycle[cut.label == count][0]
     said = f"Left out what comes before cycle {first}: the sample settles."
     mask = record.mask & (record.cycle >= first)
-    return replace(record, mask=mask, history=(*record.history, said))
+    return record.noted("settled", said, mask=mask)

@@ -59,7 +59,7 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
         sentence, exchanged = found
         (facts if exchanged else cautions).append(sentence)
     cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
-    if fit.noise_model is not None and fit.noise_model.words != "Gaussian":
+    if fit.noise_model is not None and not fit.noise_model.is_white:
         facts.append(f"Its residuals are taken for noise of this kind: {fit.noise_model.words}.")
     elif fit.noise_model is None and fit.noise_evidence:
         facts.append(

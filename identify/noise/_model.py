@@ -88,6 +88,12 @@ class NoiseModel(eqx.Module):
         said += ["errors in the input"] if self.input_sigma is not None else []
         return ", ".join(said + ["a misfit of the model"] * (self.misfit is not None))
 
+    @property
+    def is_white(self) -> bool:
+        """Whether it is Gaussian, independent from row to row and of one size."""
+        more = self.growth, self.input_sigma, self.phi, self.theta, self.tail, self.misfit
+        return all(part is None for part in more)
+
     def scale(self, rows: Rows) -> Float[Array, " rows"]:
         """s_i."""
         squares = jnp.ones_like(rows.output) * self.sigma**2

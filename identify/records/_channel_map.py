@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import ChannelMap, InputError, Record
+from hysteresis import ChannelMap, InputError, Note, Record
 
 from ._folds import as_good, block_errors
 
@@ -81,13 +81,16 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
     error = 100 * float(np.sqrt(choice.blocks.mean()))
     said = []
     if still := [name for name in record.channels if name not in moving]:
-        said.append(f"Left out {', '.join(map(repr, still))}: the same in all rows that count.")
+        text = f"Left out {', '.join(map(repr, still))}: the same in all rows that count."
+        said.append(Note("skipped", text))
     if problem.left_out:
-        said.append(f"Left out what comes before cycle {problem.left_out + 1}: the sample settles.")
-    said.append(
+        text = f"Left out what comes before cycle {problem.left_out + 1}: the sample settles."
+        said.append(Note("settled", text))
+    text = (
         f"Combined {len(moving)} channels by curves with a prior of strength {choice.strength:g}: parts"
-        f" held out are {error:.2g} % of the range off. Each has the values of a map without it.",
+        f" held out are {error:.2g} % of the range off. Each has the values of a map without it."
     )
+    said.append(Note("combined", text))
     return fitted, replace(
         combined,
         input=u,

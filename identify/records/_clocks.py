@@ -48,7 +48,7 @@ def shifted(record: Record, lag: float) -> Record:
     for _, rows in record.sequences():
         t = record.time[rows]
         u[rows] = np.interp(t - lag, t, record.input[rows])
-    return replace(record, input=u, history=(*record.history, f"input moved by a lag of {lag:.4g}"))
+    return record.noted("lag", f"input moved by a lag of {lag:.4g}", input=u)
 
 
 def is_held(record: Record) -> bool:
@@ -72,9 +72,7 @@ def interpolated(record: Record) -> Record:
         rests = [b - usual for a, b in pairwise(change) if b - a > 5 * usual]
         knots = np.union1d(change, rests).astype(int)
         u[rows] = np.interp(t, t[knots], v[knots])
-    return replace(
-        record, input=u, history=(*record.history, "input made linear between its updates")
-    )
+    return record.noted("interpolated", "input made linear between its updates", input=u)
 
 
 def _runs(record: Record) -> list[np.ndarray]:

@@ -100,7 +100,7 @@ def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
     try:
         table = read_table(file)
     except InputError as error:
-        if "no header" in error.cause:
+        if error.code == "no-header":
             raise _no_header(str(file), error.problem) from None
         if error.code != "decimal-comma":
             raise

@@ -4,8 +4,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from hysteresis import InputError
-from hysteresis.records._units import column_unit
+from hysteresis.records._units import named_unit
 
 
 def words(text: str) -> frozenset[str]:
@@ -93,13 +92,9 @@ def words_of(header: str) -> list[str]:
     return [w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain)]
 
 
-def unit_of(header: str, in_row: str | None, path: str = "") -> str:
-    """The unit of a column, "1" for none; what no one knows as it stands."""
-    try:
-        return column_unit(header, "input", None, in_row, path)[0]
-    except InputError as error:
-        found = re.search(r"Unit '([^']*)'", error.problem)  # or a mass where force is meant
-        return found[1] if found else "g"
+def unit_of(header: str, in_row: str | None) -> str:
+    """The unit of a column, "1" for none; an unknown unit as it is written."""
+    return named_unit(header, None, in_row) or "1"
 
 
 def kind_of(header: str, unit: str) -> Kind:
@@ -110,7 +105,7 @@ def kind_of(header: str, unit: str) -> Kind:
     by_unit = next((k for k, units in UNITS.items() if unit in units.split()), "")
     by_word = [k for w in said for k, known in WORDS.items() if w in known.split()]
     commanded = bool(COMMANDED & set(said))
-    if unit in ("g", "kg") and "force" in by_word:
+    if unit in ("g", "kg", "mg") and "force" in by_word:
         by_unit = "force"
     spread = "sigma" in said and by_unit != "stress" and len(set(said) - {"true", "eng"}) > 1
     if (spread or ASIDE & set(said)) and not CLOCKS & set(said):

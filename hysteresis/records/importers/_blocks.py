@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..._note import Note
 from ._dialects import Dialect, dialect_of
 from ._sheet import Sheet, decimal_of, distinct, is_number, units_of
 
@@ -63,25 +64,28 @@ def sheet_of(found: list[Block], dialect: Dialect, decimal: str = ".") -> Sheet 
     kept = [k for k in range(len(header)) if any(row[k] for row in cells)]
     names = distinct([header[k] for k in kept])
     columns = {name: [row[k] for row in cells] for name, k in zip(names, kept, strict=True)}
-    notes = [f"Read as {dialect.name}, its numbers from line {chosen[0].line[0]} on."]
+    said = f"Read as {dialect.name}, its numbers from line {chosen[0].line[0]} on."
+    notes = [Note("format", said)]
     if skipped := [k for block in chosen for k in block.skipped]:
-        notes.append(f"Left out {len(skipped)} lines that are no row, first line {skipped[0]}.")
+        said = f"Left out {len(skipped)} lines that are no row, first line {skipped[0]}."
+        notes.append(Note("skipped", said))
     if len(chosen) > 1:
         (name,) = distinct([dialect.column], names)
         labels = _labels(chosen, dialect)
         columns = {name: [x for x, b in zip(labels, chosen, strict=True) for _ in b.rows]} | columns
-        notes.append(f"Put {len(chosen)} tables under one another, told apart by {name!r}.")
+        said = f"Put {len(chosen)} tables under one another, told apart by {name!r}."
+        notes.append(Note("joined", said))
     others = sum(len(b.rows) for b in found) - len(cells)
     if others:
-        notes.append(f"Left out {others} rows of other tables in the file.")
+        notes.append(Note("skipped", f"Left out {others} rows of other tables in the file."))
     sign = (
         decimal if decimal == "," else dialect.decimal or decimal_of([c for r in cells for c in r])
     )
     if sign != decimal:
-        notes.append("Numbers are written with a decimal comma.")
-    said = {name: units[k] for name, k in zip(names, kept, strict=True) if units[k]}
+        notes.append(Note("decimal-comma", "Numbers are written with a decimal comma."))
+    by_name = {name: units[k] for name, k in zip(names, kept, strict=True) if units[k]}
     line = np.array([k for block in chosen for k in block.line])
-    return Sheet(columns, line, said, tuple(notes), sign)
+    return Sheet(columns, line, by_name, tuple(notes), sign)
 
 
 def blocks(rows: Sequence[tuple[int, list[str]]]) -> list[Block]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..._note import Note
 from .._units import spelled
 from ._file import fault
 from ._sheet import Sheet, distinct, is_number
@@ -59,14 +60,16 @@ def labview(path: Path, text: str) -> Sheet | None:
         raise fault("no-data", path, "headers and no rows.")
     names = list(parts[0])
     same = [k for k, part in enumerate(parts) if list(part) == names]
-    notes = ["Read as a LabVIEW measurement file."]
+    notes = [Note("format", "Read as a LabVIEW measurement file.")]
     if len(same) < len(parts):
-        notes.append(f"Left out {len(parts) - len(same)} segments with other columns.")
+        more = len(parts) - len(same)
+        notes.append(Note("skipped", f"Left out {more} segments with other columns."))
     columns = {name: [c for k in same for c in parts[k][name]] for name in names}
     if len(same) > 1:
         (name,) = distinct(["segment"], names)
         columns = {name: [str(k + 1) for k in same for _ in numbers[k]]} | columns
-        notes.append(f"Put {len(same)} segments under one another, told apart by {name!r}.")
+        text = f"Put {len(same)} segments under one another, told apart by {name!r}."
+        notes.append(Note("joined", text))
     line = np.array([n for k in same for n in numbers[k]])
     return Sheet(columns, line, units, tuple(notes), decimal)
 

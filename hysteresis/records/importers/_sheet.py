@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..._note import Note
 from .._units import bare_unit, is_unit, spelled
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan", re.IGNORECASE)
@@ -20,14 +21,14 @@ class Sheet:
     - `columns`: the cells of each, by name, all of one length n.
     - `line`: (n,) the line of each row, from 1.
     - `units`: by column, where the file says them beside the header.
-    - `notes`: a sentence for each thing that was done.
+    - `notes`: one for each thing that was done.
     - `decimal`: the sign its numbers are written with.
     """
 
     columns: Mapping[str, Sequence[str]]
     line: np.ndarray
     units: Mapping[str, str]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     decimal: str = "."
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._note import Note
 from .._units import spelled
 from ._file import fault
 from ._sheet import Sheet, distinct
@@ -49,14 +50,15 @@ def tdms(path: Path, data: bytes) -> Sheet | None:
         families.setdefault(tuple(columns), []).append(name)
     chosen = max(families.values(), key=lambda names: sum(_rows(tables[n][0]) for n in names))
     columns, units, notes = tables[chosen[0]]
-    notes = ["Read as a TDMS file.", *notes]
+    notes = [Note("format", "Read as a TDMS file."), *notes]
     cells = {name: [c for g in chosen for c in tables[g][0][name]] for name in columns}
     if len(chosen) > 1:
         (name,) = distinct(["group"], list(cells))
         cells = {name: [g for g in chosen for _ in range(_rows(tables[g][0]))]} | cells
-        notes.append(f"Put {len(chosen)} groups under one another, told apart by {name!r}.")
+        said = f"Put {len(chosen)} groups under one another, told apart by {name!r}."
+        notes.append(Note("joined", said))
     if others := [name for name in tables if name not in chosen]:
-        notes.append(f"Left out groups with other channels: {', '.join(others)}.")
+        notes.append(Note("skipped", f"Left out groups with other channels: {', '.join(others)}."))
     return Sheet(cells, np.arange(1, _rows(cells) + 1), units, tuple(notes))
 
 
@@ -64,7 +66,7 @@ def _rows(columns: dict[str, list[str]]) -> int:
     return len(next(iter(columns.values())))
 
 
-def _columns(channels: list[Any]) -> tuple[dict[str, list[str]], dict[str, str], list[str]]:
+def _columns(channels: list[Any]) -> tuple[dict[str, list[str]], dict[str, str], list[Note]]:
     """Cells and units of the channels of one group, and what was left out of it."""
     filled = [c for c in channels if len(c)]
     lengths = [len(c) for c in filled]
@@ -73,7 +75,9 @@ def _columns(channels: list[Any]) -> tuple[dict[str, list[str]], dict[str, str],
     rows = max(lengths, key=lengths.count)
     kept = [c for c in filled if len(c) == rows]
     notes = [
-        f"Left out {c.name!r}: {len(c)} samples, others {rows}." for c in filled if c not in kept
+        Note("skipped", f"Left out {c.name!r}: {len(c)} samples, others {rows}.")
+        for c in filled
+        if c not in kept
     ]
     names = distinct([c.name for c in kept])
     columns, units = {}, {}

@@ -105,7 +105,7 @@ BAD = {
     "a column that is not there": Bad(
         CLEAN, "no-column", ("'Force'", f"{F!r}", f"{X!r}"), ("--input", "Force", "--output", X)
     ),
-    "no header": Bad(text(ROWS[1:], ROWS[0]), "duplicate-column", ("no header", "'0'")),
+    "no header": Bad(text(ROWS[1:], ROWS[0]), "no-header", ("no header", "'0'")),
     "overload": Bad(
         OVERLOAD, "text-cell", ("line 14", f"{F!r}", "'OVLD'", "sensor overload?", "--na-values OVLD")
     ),

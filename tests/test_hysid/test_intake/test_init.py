@@ -167,6 +167,8 @@ def test_dates_and_times_give_a_step():
 def test_a_force_in_grams_is_a_weight():
     found = guessed(renamed("Time (sec)", "Force (g)", "Distance (mm)"))
     assert found["selection"]["input_unit"] == "gf"
+    heavy = guessed(renamed("Time (sec)", "Force (kg)", "Distance (mm)"), "--overwrite")
+    assert heavy["selection"]["input_unit"] == "kgf"
     inside = guessed(renamed("t", "force_N_raw", "x_mm"), "--overwrite")
     assert inside["selection"]["input_unit"] == "N"
 

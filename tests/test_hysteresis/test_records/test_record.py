@@ -1,5 +1,8 @@
 """Records: what is refused, what is split off, and that nothing is changed in silence."""
 
+import copy
+import json
+import pickle
 from typing import Any
 
 import numpy as np
@@ -8,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis._errors import InputError
+from hysteresis._note import Note
 from hysteresis.records._excitation import check_identifiable, loop_direction
 from hysteresis.records._record import Record
 
@@ -241,17 +245,38 @@ def test_warnings():
     assert record.time is not None
     t = record.time + np.random.default_rng(0).uniform(0, 0.009, len(record))
     jittered = Record.from_arrays(record.input, record.output, t)
-    assert "[jittered-time]" in check_identifiable(jittered)[0]
+    (warning,) = check_identifiable(jittered)
+    assert warning.code == "jittered-time"
+    assert warning.endswith("[jittered-time]")
     assert "resample" in check_identifiable(jittered)[0]
     u = np.linspace(0, 1, 400)
     (warning,) = check_identifiable(Record.from_arrays(u, u**2))
     assert "no unloading branch" in warning
     assert "LinearSponge" in warning
-    assert "[one-way-input]" in warning
+    assert warning.code == "one-way-input"
     clipped = Record.from_arrays(record.input, np.minimum(record.output + 0.1, 0.9))
     (warning,) = check_identifiable(clipped)
     assert "at 0.9: clipped" in warning
+    assert warning.code == "saturation"
     single = Record.from_arrays(
         np.append(record.input, 1), np.append(record.output, 1), groups=["a"] * len(t) + ["b"]
     )
     assert "'b'" in check_identifiable(single)[0]
+
+
+def test_a_note_is_its_sentence_and_keeps_its_code():
+    """Through copies and pickles too: results of other processes come back pickled."""
+    note = Note("resampled", "Resampled 7 rows.")
+    assert note == "Resampled 7 rows."
+    assert json.dumps([note]) == '["Resampled 7 rows."]'
+    for same in (pickle.loads(pickle.dumps(note)), copy.deepcopy(note), Note.of(note)):
+        assert (same.code, same.text, type(same.text)) == ("resampled", note, str)
+
+
+def test_history_has_codes():
+    record = Record.from_arrays([0, 1, np.nan, 3], [0, 1, 2, 3], nan="interpolate", dt=1.0)
+    record = record.select(range=(0, 2)).resample(0.5)
+    codes = [note.code for note in record.history]
+    assert codes == ["time-from-rows", "filled", "selected", "resampled"]
+    said = Record.from_arrays([0, 1], [0, 1], history=("Rig B.",)).history
+    assert [(note.code, note.text) for note in said] == [("remark", "Rig B.")]

@@ -128,6 +128,8 @@ def test_a_folder_keeps_it(tmp_path: Path):
     identify.save(fit, tmp_path / "fit")
     loaded = identify.load(tmp_path / "fit")
     assert loaded.parameters == fit.parameters
+    assert [note.code for note in loaded.train.history] == [n.code for n in fit.train.history]
+    assert "step-before-first-row" in [note.code for note in loaded.train.history]
     old, new = fit.internals["spectrum"], loaded.internals["spectrum"]
     assert (new.table, new.order, new.kind, new.notes) == (
         old.table,

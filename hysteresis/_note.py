@@ -1,0 +1,48 @@
+"""A sentence for people with a code for programs: what was done to data, and what is wrong with them."""
+
+
+class Note(str):
+    """A sentence with a stable `code`: people read the sentence, programs read the code.
+
+    It is a string, so it prints, joins and saves as one; two notes are equal where their sentences are.
+
+    **Arguments:**
+
+    - `code`: a short stable name of what the sentence says, such as `resampled`.
+    - `text`: the sentence.
+
+    **Example:**
+
+        >>> import hysteresis
+        >>> note = hysteresis.Note("resampled", "Resampled 7 rows to a step of 0.25 s.")
+        >>> note.code
+        'resampled'
+    """
+
+    __slots__ = ("code",)
+    code: str
+
+    def __new__(cls, code: str, text: str) -> "Note":
+        """A note of this code and text."""
+        note = super().__new__(cls, text)
+        note.code = code
+        return note
+
+    def __getnewargs__(self) -> tuple[str, str]:
+        """What a copy is made from."""
+        return self.code, self.text
+
+    @property
+    def text(self) -> str:
+        """The sentence as a plain string."""
+        return str.__str__(self)
+
+    @classmethod
+    def of(cls, said: str) -> "Note":
+        """A note as it is; of any other string, which is a remark of the user's, one of code `remark`."""
+        return said if isinstance(said, cls) else cls("remark", said)
+
+
+def warning(code: str, text: str) -> Note:
+    """A note whose text names its code in brackets at the end, as an error's does."""
+    return Note(code, f"{text} [{code}]")

@@ -1,0 +1,158 @@
+"""The samples of a record: their fields, what must hold between them, their sequences and cycles."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from .._format import duration
+from .._note import Note
+from ._arrays import same_length
+from ._cycles import branches, cycles
+
+
+@dataclass(frozen=True, eq=False)
+class AbstractRecord:
+    """Samples of an input and an output in independent sequences; see `Record`, its only kind.
+
+    It holds what summaries and warnings are made from, so that a record can have both as methods.
+    """
+
+    input: np.ndarray
+    output: np.ndarray
+    time: np.ndarray | None
+    starts: np.ndarray
+    labels: tuple[str, ...]
+    mask: np.ndarray
+    line: np.ndarray
+    input_name: str = "input"
+    output_name: str = "output"
+    time_name: str = "time"
+    input_unit: str = "1"
+    output_unit: str = "1"
+    time_unit: str = "1"
+    history: tuple[Note, ...] = ()
+    source: str = ""
+    sha256: str = ""
+    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+    channels: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
+        if self.time is not None:
+            types["time"] = float
+        for name, kind in types.items():
+            array = np.asarray(getattr(self, name), kind).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "history", tuple(map(Note.of, self.history)))
+        same_length(
+            time=self.time, input=self.input, output=self.output, mask=self.mask, line=self.line
+        )
+        starts = self.starts
+        if len(starts) != len(self.labels) or starts[:1].tolist() != [0]:
+            raise InputError("bad-sequences", "Each sequence needs a first row and a label.")
+        if np.any(np.diff(starts) <= 0) or starts[-1] >= max(len(self), 1):
+            raise InputError("bad-sequences", f"Sequences start at {starts} of {len(self)} rows.")
+        self._check_finite()
+        self._check_clock()
+
+    def _check_finite(self):
+        wanted: list[tuple[str, str, np.ndarray, Any]]
+        wanted = [("input", name, self.columns[name], True) for name in self.channels]
+        wanted.append(("input", self.input_name, self.input, True))
+        wanted.append(("output", self.output_name, self.output, self.mask))
+        for role, name, x, where in wanted:
+            if (bad := np.isinf(x)).any():
+                raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+            if not (bad := np.isnan(x) & where).any():
+                continue
+            fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
+            if role == "input":
+                fill = f"hysteresis needs complete input; {fill}"
+            else:
+                fill = f'nan="omit" (--nan omit) masks them, history still runs; {fill}'
+            raise self._fault(f"nan-{role}", f"{bad.sum()} NaN in {role} {name!r}", bad, fix=fill)
+
+    def _check_clock(self):
+        if self.time is None:
+            return
+        if not (good := np.isfinite(self.time)).all():
+            mend = "drop those rows, or give the step instead: dt=... (--dt SECONDS)."
+            raise self._fault(
+                "nan-time", f"{(~good).sum()} NaN in time {self.time_name!r}", ~good, fix=mend
+            )
+        step = np.diff(self.time)
+        step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
+        if (k := np.flatnonzero(step < 0)).size:
+            t, where = self.time, self.lines(k[:1] + 1)
+            raise InputError(
+                "time-backwards",
+                f"Time goes back from {t[k[0]]:.9g} to {t[k[0] + 1]:.9g} at {where}.",
+                place=self.source,
+                cause=f"{k.size + 1} runs in one file?",
+                fix='segments="auto" (--segments auto) makes each its own sequence, and so does the'
+                " column that tells them apart (--group COL).",
+            )
+        if (k := np.flatnonzero(step == 0)).size:
+            raise InputError(
+                "time-repeated",
+                f"{self.lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
+                f"{f', and {k.size - 1} more pairs' if k.size > 1 else ''}.",
+                place=self.source,
+                cause="a clock coarser than the sampling, or rows written twice.",
+                fix="drop or average them, or give the step instead: dt=... (--dt SECONDS).",
+            )
+
+    def lines(self, rows: np.ndarray) -> str:
+        """The lines of the first and the last of these rows, in words."""
+        word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
+        return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
+
+    def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
+        rows = np.flatnonzero(bad)
+        lasts = ""
+        if self.time is not None and rows.size > 1 and np.isfinite(self.time[rows]).all():
+            lasts = f" ({duration(float(np.ptp(self.time[rows])), self.time_unit)})"
+        return InputError(code, f"{what}, {self.lines(rows)}{lasts}.", place=self.source, fix=fix)
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+    def sequences(self) -> Iterator[tuple[str, slice]]:
+        """`(label, rows)` of each sequence."""
+        for label, (a, b) in zip(self.labels, pairwise([*self.starts, len(self)]), strict=True):
+            yield label, slice(int(a), int(b))
+
+    @cached_property
+    def cycle(self) -> np.ndarray:
+        """Complete cycle 1, 2, ... of each row within its sequence, 0 for none, (n,)."""
+        return np.concatenate([cycles(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def branch(self) -> np.ndarray:
+        """+1 on loading, -1 on unloading rows, (n,)."""
+        return np.concatenate([branches(self.input[s]) for _, s in self.sequences()])
+
+    @cached_property
+    def cycle_counts(self) -> np.ndarray:
+        """Complete cycles of each sequence, (m,)."""
+        return np.maximum.reduceat(self.cycle, self.starts) if len(self) else np.zeros(1, int)
+
+    @property
+    def n_cycles(self) -> int:
+        """Complete cycles of all sequences together."""
+        return int(self.cycle_counts.sum())
+
+    def digest(self) -> str:
+        """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
+        code = hashlib.sha256("\0".join(self.labels).encode())
+        channels = [self.columns[name] for name in sorted(self.channels)]
+        for x in (self.input, self.output, self.time, self.starts, self.mask, *channels):
+            code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+        return code.hexdigest()
