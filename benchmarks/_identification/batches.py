@@ -169,8 +169,8 @@ def growth(counts: list[int], chunk: int = 10_000) -> None:
 
 def main() -> int:
     """Print the rows, or how the time grows."""
-    growth = "numbers of curves: 100,1000"
-    chosen = options("benchmarks._identification.batches", __doc__, None, growth=growth)
+    curves = "numbers of curves: 100,1000"
+    chosen = options("benchmarks._identification.batches", __doc__, None, growth=curves)
     jax.config.update("jax_enable_x64", True)
     if chosen.growth:
         growth([int(word) for word in chosen.growth.split(",")])
