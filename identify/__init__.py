@@ -1,89 +1,125 @@
 """Learning a model from records: fits, posteriors, verdicts."""
 
-from hysteresis._format import plain as plain
-from hysteresis._verdict import Verdict as Verdict
+from hysteresis._verdict import Verdict
 
-from .batch._fit_many import fit_many as fit_many
-from .batch._folder import Batch as Batch
-from .calibration._calibrate import Calibrated as Calibrated
-from .calibration._calibrate import Calibration as Calibration
-from .calibration._calibrate import calibrate as calibrate
-from .calibration._optimal_design import Choice as Choice
-from .calibration._optimal_design import choose as choose
-from .comparison._change import Change as Change
-from .comparison._change import ParameterChange as ParameterChange
-from .comparison._change import change as change
-from .comparison._compare import Compared as Compared
-from .comparison._compare import Comparison as Comparison
-from .comparison._compare import Difference as Difference
-from .comparison._compare import Pair as Pair
-from .comparison._compare import compare as compare
-from .comparison._compare import compare_candidates as compare_candidates
-from .comparison._pooling import Interval as Interval
-from .comparison._pooling import Pooled as Pooled
-from .comparison._pooling import PooledParameter as PooledParameter
-from .comparison._pooling import pool as pool
-from .comparison._psis_loo import Loo as Loo
-from .comparison._psis_loo import loo as loo
-from .comparison._trend import ChangeOverTime as ChangeOverTime
-from .comparison._trend import ParameterTrend as ParameterTrend
-from .comparison._trend import change_over_time as change_over_time
-from .diagnostics._profile_likelihood import Profile as Profile
-from .diagnostics._profile_likelihood import profile as profile
-from .diagnostics._profile_likelihood import profiles as profiles
-from .diagnostics._residual_breakdown import Breakdown as Breakdown
-from .diagnostics._residual_breakdown import breakdown as breakdown
-from .diagnostics._sensitivity import Sensitivity as Sensitivity
-from .diagnostics._sensitivity import sensitivity as sensitivity
-from .diagnostics._sloppiness import Sloppiness as Sloppiness
-from .diagnostics._sloppiness import sloppiness as sloppiness
-from .diagnostics._whiteness import Whiteness as Whiteness
-from .diagnostics._whiteness import whiteness as whiteness
-from .files._fit_folder import check_free as check_free
-from .files._fit_folder import load as load
-from .files._fit_folder import read_document as read_document
-from .files._fit_folder import save as save
-from .files._fit_folder import to_json as to_json
-from .files._fit_folder import write_json as write_json
-from .files._posterior import load_posterior as load_posterior
-from .files._posterior import posterior_json as posterior_json
-from .files._posterior import save_posterior as save_posterior
-from .fitting._creep import fit_step as fit_step
-from .fitting._creep import is_at_first_row as is_at_first_row
-from .fitting._creep import kind_of as kind_of
-from .fitting._creep import stepped as stepped
-from .fitting._fit import fit as fit
-from .forc._curves import Forc as Forc
-from .forc._curves import forc_curves as forc_curves
-from .forc._diagram import ForcDiagram as ForcDiagram
-from .forc._diagram import forc_diagram as forc_diagram
-from .forc._everett import EverettSurface as EverettSurface
-from .forc._everett import everett_surface as everett_surface
-from .linear._density_fit import DensityFit as DensityFit
-from .linear._density_fit import fit_density as fit_density
-from .linear._preisach_excitation import Design as Design
-from .linear._preisach_excitation import Identifiability as Identifiability
-from .linear._preisach_excitation import design as design
-from .linear._preisach_excitation import excited_cells as excited_cells
-from .linear._preisach_excitation import identifiability as identifiability
-from .noise._residual_statistics import Noise as Noise
-from .noise._residual_statistics import estimate_noise as estimate_noise
-from .posterior._log_posterior import Target as Target
-from .posterior._log_posterior import target as target
-from .posterior._posterior import Posterior as Posterior
-from .posterior._predictive import LEVELS as LEVELS
-from .posterior._predictive import Bands as Bands
-from .posterior._predictive import predictive as predictive
-from .posterior._sample import sample as sample
-from .records._run_model import predict as predict
-from .results._fit_result import FitResult as FitResult
-from .results._fit_result import Parameter as Parameter
-from .results._fit_result import Starts as Starts
-from .results._fit_result import check_unit as check_unit
-from .results._metrics import Metrics as Metrics
-from .results._metrics import metrics as metrics
-from .spectra._spectrum import Spectrum as Spectrum
-from .spectra._spectrum import spectrum as spectrum
-from .training._gaussian_process import fit_kernel as fit_kernel
-from .training._train import Trained as Trained
-from .training._train import train as train
+from . import internal
+from .batch._fit_many import fit_many
+from .batch._folder import Batch
+from .calibration._calibrate import Calibrated, Calibration, calibrate
+from .calibration._optimal_design import Choice, choose
+from .comparison._change import Change, ParameterChange, change
+from .comparison._compare import Compared, Comparison, Difference, Pair, compare, compare_candidates
+from .comparison._pooling import Interval, Pooled, PooledParameter, pool
+from .comparison._psis_loo import Loo, loo
+from .comparison._trend import ChangeOverTime, ParameterTrend, change_over_time
+from .diagnostics._profile_likelihood import Profile, profile, profiles
+from .diagnostics._residual_breakdown import Breakdown, breakdown
+from .diagnostics._sensitivity import Sensitivity, sensitivity
+from .diagnostics._sloppiness import Sloppiness, sloppiness
+from .diagnostics._whiteness import Whiteness, whiteness
+from .files._fit_folder import load, save
+from .files._posterior import load_posterior, save_posterior
+from .fitting._creep import fit_step
+from .fitting._fit import fit
+from .forc._curves import Forc, forc_curves
+from .forc._diagram import ForcDiagram, forc_diagram
+from .forc._everett import EverettSurface, everett_surface
+from .linear._density_fit import DensityFit, fit_density
+from .linear._preisach_excitation import (
+    Design,
+    Identifiability,
+    design,
+    excited_cells,
+    identifiability,
+)
+from .noise._residual_statistics import Noise, estimate_noise
+from .posterior._log_posterior import Target, target
+from .posterior._posterior import Posterior
+from .posterior._predictive import LEVELS, Bands, predictive
+from .posterior._sample import sample
+from .records._run_model import predict
+from .results._fit_result import FitResult, Parameter, Starts
+from .results._metrics import Metrics, metrics
+from .spectra._spectrum import Spectrum, spectrum
+from .training._gaussian_process import fit_kernel
+from .training._train import Trained, train
+
+__all__ = [
+    "LEVELS",
+    "Bands",
+    "Batch",
+    "Breakdown",
+    "Calibrated",
+    "Calibration",
+    "Change",
+    "ChangeOverTime",
+    "Choice",
+    "Compared",
+    "Comparison",
+    "DensityFit",
+    "Design",
+    "Difference",
+    "EverettSurface",
+    "FitResult",
+    "Forc",
+    "ForcDiagram",
+    "Identifiability",
+    "Interval",
+    "Loo",
+    "Metrics",
+    "Noise",
+    "Pair",
+    "Parameter",
+    "ParameterChange",
+    "ParameterTrend",
+    "Pooled",
+    "PooledParameter",
+    "Posterior",
+    "Profile",
+    "Sensitivity",
+    "Sloppiness",
+    "Spectrum",
+    "Starts",
+    "Target",
+    "Trained",
+    "Verdict",
+    "Whiteness",
+    "breakdown",
+    "calibrate",
+    "change",
+    "change_over_time",
+    "choose",
+    "compare",
+    "compare_candidates",
+    "design",
+    "estimate_noise",
+    "everett_surface",
+    "excited_cells",
+    "fit",
+    "fit_density",
+    "fit_kernel",
+    "fit_many",
+    "fit_step",
+    "forc_curves",
+    "forc_diagram",
+    "identifiability",
+    "internal",
+    "load",
+    "load_posterior",
+    "loo",
+    "metrics",
+    "pool",
+    "predict",
+    "predictive",
+    "profile",
+    "profiles",
+    "sample",
+    "save",
+    "save_posterior",
+    "sensitivity",
+    "sloppiness",
+    "spectrum",
+    "target",
+    "train",
+    "whiteness",
+]

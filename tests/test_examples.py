@@ -419,22 +419,13 @@ identify.sloppiness
 # identify/diagnostics/_whiteness
 identify.whiteness
 # identify/files/_fit_folder
-identify.check_free
 identify.load
-identify.plain
-identify.read_document
 identify.save
-identify.to_json
-identify.write_json
 # identify/files/_posterior
 identify.load_posterior
-identify.posterior_json
 identify.save_posterior
 # identify/fitting/_creep
 identify.fit_step
-identify.is_at_first_row
-identify.kind_of
-identify.stepped
 # identify/fitting/_fit
 identify.fit
 # identify/forc/_curves
@@ -461,7 +452,6 @@ identify.predictive
 identify.sample
 # identify/results/_fit_result
 identify.FitResult
-identify.check_unit
 identify.predict
 # identify/results/_metrics
 identify.metrics

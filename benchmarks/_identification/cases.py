@@ -15,7 +15,8 @@ import numpy as np
 
 from hysid.reporting._fit_page import write_report
 from hysteresis import AbstractModel, Burgers, GeneralizedKelvinVoigt, Record, StandardLinearSolid
-from identify import FitResult, Posterior, fit, read_document, sample, save, save_posterior
+from identify import FitResult, Posterior, fit, sample, save, save_posterior
+from identify.internal import read_document
 
 from .._measure import Row, judged
 

@@ -104,7 +104,9 @@ def save_touches(
     document |= {"time": time, "surface": surface, "status": status}
     document |= {name: _rounded(np.asarray(values)) for name, values in columns.items()}
     file = folder / FILE
-    file.write_text(json.dumps(identify.plain(document), separators=(",", ":")) + "\n", "utf-8")
+    file.write_text(
+        json.dumps(identify.internal.plain(document), separators=(",", ":")) + "\n", "utf-8"
+    )
     return file
 
 

@@ -5,7 +5,6 @@ import hashlib
 import importlib.util
 import io
 import logging
-import os
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -212,7 +211,8 @@ def _not_as_listed(what: str, place: str) -> Exception:
 
 
 def _write(file: Path, text: str) -> None:
-    """Whole or not at all."""
-    part = file.with_name(f".{file.name}.part")
-    part.write_text(text, encoding="utf-8", newline="")
-    os.replace(part, file)
+    # hysteresis brings JAX, which the commands on data sets do without until there is a file to write.
+    from hysteresis._atomic_file import atomic_file
+
+    with atomic_file(file) as new:
+        new.write_text(text, encoding="utf-8", newline="")

@@ -412,7 +412,7 @@ def _verdict_lines(document: dict[str, Any]) -> list[str]:
 
 def _print(document: dict[str, Any], as_json: bool, lines: list[str]) -> None:
     if as_json:
-        from identify import plain
+        from identify.internal import plain
 
         print(json.dumps(plain(document), ensure_ascii=False), flush=True)
     else:

@@ -128,8 +128,8 @@ def step_options(options: dict[str, Any]) -> dict[str, Any]:
 
 def check_step(record: Record) -> dict[str, Any]:
     """What is in a record of creep or relaxation, and what to mind."""
-    record = identify.stepped(record)
-    kind = identify.kind_of(record)
+    record = identify.internal.stepped(record)
+    kind = identify.internal.kind_of(record)
     rows = record.mask & np.isfinite(record.output)
     assert record.time is not None
     t = record.time[rows]
@@ -147,7 +147,9 @@ def check_step(record: Record) -> dict[str, Any]:
 
 def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:
     """A record with its step where the fitted one had it: at zero of its clock, or at its first row."""
-    return identify.stepped(record, at_first_row=identify.is_at_first_row(fitted.train))
+    return identify.internal.stepped(
+        record, at_first_row=identify.internal.is_at_first_row(fitted.train)
+    )
 
 
 def later(fitted: identify.FitResult, record: Record) -> list[str]:

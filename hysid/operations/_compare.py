@@ -118,7 +118,7 @@ def change_lines(document: dict[str, Any]) -> list[str]:
 def _places(folders: Sequence[Path]) -> dict[str, Path]:
     """Folders by name; one that holds several fits (--each) stands for those."""
     if len(folders) == 1:
-        inside = folders_of(folders[0], identify.read_document(folders[0]))
+        inside = folders_of(folders[0], identify.internal.read_document(folders[0]))
         if "" not in inside:
             return {value: folders[0] / name for value, name in inside.items()}
     names = [folder.resolve().name for folder in folders]

@@ -70,7 +70,7 @@ def fit(
     records, faults = selection.records(selection.table(file))
     folders = _folder_names(records)
     for name in (".", *folders.values()):
-        identify.check_free(out / name, overwrite)
+        identify.internal.check_free(out / name, overwrite)
     _check_writable(out)
     found: dict[str, identify.FitResult] = {}
     extra = {"selection": selection.as_json()}
@@ -92,11 +92,11 @@ def fit(
     if not found:
         raise all_of(faults)
     if "" in found:
-        return identify.read_document(out)
+        return identify.internal.read_document(out)
     failed = {value: str(error) for value, error in faults.items()}
     document = _together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
-    identify.write_json(out / "fit.json", document)
-    return identify.read_document(out)
+    identify.internal.write_json(out / "fit.json", document)
+    return identify.internal.read_document(out)
 
 
 def predict(
@@ -108,7 +108,7 @@ def predict(
     the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK.
     Beside a step's prediction stands the range that the fitted record leaves open.
     """
-    document = identify.read_document(folder)
+    document = identify.internal.read_document(folder)
     asked = _selection_of(document)
     if inverse and isinstance(asked.input, tuple):
         raise InputError(
@@ -175,7 +175,7 @@ def sample(
     **options: Any,
 ) -> dict[str, Any]:
     """Sample the posterior of a fit, or of each of several, and keep it beside; as `identify.sample`."""
-    folders = folders_of(folder, identify.read_document(folder))
+    folders = folders_of(folder, identify.internal.read_document(folder))
     documents = {}
     for value, name in folders.items():
         place = folder / name
@@ -188,7 +188,7 @@ def sample(
             identify.load(place), checkpoint=place / "chains.h5", progress=named, **options
         )
         identify.save_posterior(posterior, place)
-        documents[value] = identify.posterior_json(posterior)
+        documents[value] = identify.internal.posterior_json(posterior)
     if "" in documents:
         return documents[""]
     parameters = [
@@ -215,8 +215,8 @@ def demo(
         input="force (N)", output="displacement (mm)", time="time (s)", test_cycles=1
     )
     if (out / "fit.json").exists():
-        before = identify.read_document(out).get("data", {}).get("source", "")
-        identify.check_free(out, overwrite=Path(before).name == file.name)
+        before = identify.internal.read_document(out).get("data", {}).get("source", "")
+        identify.internal.check_free(out, overwrite=Path(before).name == file.name)
     say(f"fitting {file.name}: a sponge pressed five times from 0 to 20 N, the fifth held out")
     document = fit(file, selection, out, overwrite=True, say=say)
     say("sampling the posterior")
@@ -298,7 +298,7 @@ def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
     """The compensator over each sequence, from the virgin state."""
-    identify.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     compensator = invert(fitted.model)
     value, status = np.empty(len(record)), np.empty(len(record), int)
     for _, rows in record.sequences():
@@ -310,7 +310,7 @@ def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarr
 
 def _together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
     """One document for several fits: mean figures, the commonest model, the gravest verdict."""
-    documents = {value: identify.to_json(result) for value, result in found.items()}
+    documents = {value: identify.internal.to_json(result) for value, result in found.items()}
     each = list(documents.values())
     first, whole = each[0], _in_common(documents)
     model = Counter(d["model"] for d in each).most_common(1)[0][0]

@@ -34,7 +34,7 @@ def qualify(
     In the file of the fit itself only the rows held out from it count; where none were, the verdict
     is CAUTION at best. `text` is for a terminal, and not in the file.
     """
-    document = identify.read_document(folder)
+    document = identify.internal.read_document(folder)
     asked = _selection_of(document)
     if asked.is_step or isinstance(asked.input, tuple):
         what = "a constant input" if asked.is_step else f"{len(asked.input or ())} inputs"
@@ -67,7 +67,7 @@ def qualify(
             place=str(file),
         )
     result = _together(found) | {"notes": said, "file": str(folder / "qualify.json")}
-    identify.write_json(folder / "qualify.json", result | {"source": file.name})
+    identify.internal.write_json(folder / "qualify.json", result | {"source": file.name})
     head = {value: f"{asked.each} = {value}\n" if value else "" for value in found}
     return result | {"text": "\n".join(head[value] + one.text for value, one in found.items())}
 
@@ -79,8 +79,8 @@ def _of_one(
     max_error: float | None,
     rate: float | None,
 ) -> Qualification:
-    identify.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
-    identify.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    identify.internal.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     # Estimates are of the input on the model's clock.
     record = fitted.clocks.applied(record)
     compensator = invert(fitted.model)

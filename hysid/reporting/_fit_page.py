@@ -42,7 +42,7 @@ def write_report(folder: str | Path) -> Path:
     Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
     """
     folder = Path(folder)
-    document = identify.read_document(folder)
+    document = identify.internal.read_document(folder)
     if "each" in document:
         raise InputError(
             "several-fits",

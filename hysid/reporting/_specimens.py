@@ -121,19 +121,19 @@ def common(found: Sequence[Path]) -> Path:
 def _inside(folder: Path) -> dict[str, Path]:
     """Fits of one folder by name: itself, those of --each, or those in its folders."""
     if (folder / "fit.json").is_file() or not folder.is_dir():
-        listed = folders_of(folder, identify.read_document(folder))
+        listed = folders_of(folder, identify.internal.read_document(folder))
         names = {value or folder.resolve().name: name for value, name in listed.items()}
         return {value: folder / name for value, name in names.items()}
     below = [*folder.glob("*/fit.json"), *folder.glob("*/*/fit.json")]
     found: dict[Path, None] = {}
     for file in sorted(below, key=lambda f: _natural(f.relative_to(folder).as_posix())):
         try:
-            listed = folders_of(file.parent, identify.read_document(file.parent))
+            listed = folders_of(file.parent, identify.internal.read_document(file.parent))
         except InputError:
             listed = {"": "."}  # it is named when it is opened
         found |= dict.fromkeys(file.parent / name for name in listed.values())
     if not found:
-        identify.read_document(folder)  # says that there is none
+        identify.internal.read_document(folder)  # says that there is none
     return {place.relative_to(folder).as_posix(): place for place in found}
 
 
@@ -152,7 +152,7 @@ def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:
     specimens, failed, first = [], {}, None
     for name, place in found.items():
         try:
-            document = identify.read_document(place)
+            document = identify.internal.read_document(place)
             one = Specimen(
                 name, place, document, identify.load(place), identify.load_posterior(place)
             )

@@ -1,15 +1,14 @@
 """`hysid reproduce`: a paper's numbers beside what virtual laboratories and our methods make of them."""
 
 import math
-import platform
 import time
 from collections.abc import Callable
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import identify
+from identify.internal import versions
 
 from ..operations._fit_and_predict import Say, _check_writable
 
@@ -53,7 +52,7 @@ def reproduce(
 ) -> dict[str, Any]:  # fmt: skip
     """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
     begin = time.perf_counter()
-    identify.check_free(out, overwrite, RESULT)
+    identify.internal.check_free(out, overwrite, RESULT)
     _check_writable(out)
     of = _paper(paper)
     rigs = rigs or of.laboratories
@@ -63,10 +62,9 @@ def reproduce(
     document |= of.carry_out(Asked(out, rigs, seed, with_ours, epochs, say))
     document["files"] = {"table": "table.md"} | document["files"]
     document["seconds"] = round(time.perf_counter() - begin, 3)
-    names = ("hysid", "jax", "numpy")
-    document["versions"] = {"python": platform.python_version()} | {n: version(n) for n in names}
+    document["versions"] = versions(("hysid", "jax", "numpy"))
     (out / "table.md").write_text(_markdown(document, of.title), "utf-8")
-    identify.write_json(out / RESULT, document)
+    identify.internal.write_json(out / RESULT, document)
     return document
 
 

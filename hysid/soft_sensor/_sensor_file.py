@@ -12,10 +12,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-import identify
 from compensate import invert
 from compensate.runtime._file import checksum
 from hysteresis import InputError
+from identify.internal import plain, write_json
 
 from ._module_file import Arrays, described, made
 from ._sensor import Quantity, SoftSensor
@@ -51,7 +51,7 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ARRAYS).write_bytes(packed.getvalue())
-    identify.write_json(folder / WORDS, document | {"checksum": checksum(identify.plain(document))})
+    write_json(folder / WORDS, document | {"checksum": checksum(plain(document))})
     return folder
 
 
@@ -99,7 +99,7 @@ def _document(folder: Path) -> dict[str, Any]:
             f"{WORDS} has schema {document.get('schema')}, and this version reads {SCHEMA}.",
             place=str(folder), fix="update hysid, or train again.",
         )  # fmt: skip
-    if document.get("checksum") != checksum(identify.plain(document)):
+    if document.get("checksum") != checksum(plain(document)):
         raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
     return document
 

@@ -12,6 +12,7 @@ import identify
 from compensate.microchannel import ForceEstimator, export_force
 from compensate.runtime import load_force
 from hysteresis import InputError
+from identify.internal import versions
 
 from ..figures._format import plain_name
 from ..intake._selection import Selection
@@ -76,8 +77,8 @@ def train(
             f"no kind {settings.kind!r}.",
             fix=f"one of {', '.join(KINDS)} (--kind).",
         )
-    identify.check_free(out, overwrite or settings.resume, TRAINING)
-    identify.check_free(out, overwrite=False)  # a fit is none of a sensor's results
+    identify.internal.check_free(out, overwrite or settings.resume, TRAINING)
+    identify.internal.check_free(out, overwrite=False)  # a fit is none of a sensor's results
     _check_writable(out)
     sessions = read_sessions(files, selection, targets, tests)
     parts = [one.train for one in sessions if one.train is not None]
@@ -128,10 +129,10 @@ def train(
         "force": None if forced is None else _force_words(forced, tried),
         "noise": checks.noise, "settings": settings._asdict(), "seed": settings.seed,
         "selection": selection.as_json(), "notes": notes, "pictures": pictures, "runtime": runtime,
-        "versions": _versions(),
+        "versions": versions(("hysid", "jax", "equinox", "optax", "numpy")),
     }  # fmt: skip
-    identify.write_json(out / TRAINING, document)
-    return identify.plain(document)
+    identify.internal.write_json(out / TRAINING, document)
+    return identify.internal.plain(document)
 
 
 class _Judgement(NamedTuple):
@@ -339,9 +340,3 @@ def _force_words(found: ForceTraining, tried: dict[str, float]) -> dict[str, Any
         "deviation": float(found.estimator.deviation), "settings": found.settings,
         "seconds": sum(one.seconds for one in found.curves),
     }  # fmt: skip
-
-
-def _versions() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {name: version(name) for name in ("hysid", "jax", "equinox", "optax", "numpy")}

@@ -16,13 +16,13 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record
 
-from ..files._fit_folder import describe_model
 from ..fitting._fit import fit
 from ..fitting._verdict import USABLE
 from ..parameters._precision import require_double
 from ..parameters._settings import numbers_of, with_settings
 from ..parametric._initial_guess import guess
 from ..results._fit_result import FitResult
+from ..storage._model import describe_model
 from ._executor import MakesExecutor, Unit, done_by
 from ._folder import (
     Batch,

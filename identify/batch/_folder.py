@@ -14,10 +14,12 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
 from hysteresis._format import plain
 
-from ..files._fit_folder import check_free, load, read_json, save, summary, write_json
+from ..files._fit_folder import load, save, summary
 from ..results._fit_result import FitResult
+from ..storage._json import check_free, read_json, write_json
 
 SCHEMA = 1
 EVERY = 3.0
@@ -175,9 +177,8 @@ class Folder:
             "seconds": round(seconds, 3), **self.extra, "fits": rows[: len(batch)],
         }  # fmt: skip
         write_json(self.place / "batch.json", document)
-        new = self.place / "batch.csv.new"
-        new.write_text(csv_of(rows), "utf-8", newline="")
-        os.replace(new, self.place / "batch.csv")
+        with atomic_file(self.place / "batch.csv") as new:
+            new.write_text(csv_of(rows), "utf-8", newline="")
         self._written = time.monotonic()
         self._took = self._written - begin
 

@@ -6,11 +6,7 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 """
 
 import hashlib
-import importlib.metadata
-import json
 import math
-import os
-import platform
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -32,7 +28,9 @@ from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
 from ..results._fit_result import FitResult, Parameter, Starts
 from ..results._metrics import Metrics
+from ..storage._json import check_free, read_json, write_json
 from ..storage._model import describe_model, rebuild_model
+from ..storage._provenance import versions
 from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
 
 SCHEMA = 1
@@ -95,20 +93,6 @@ def save(
         document["spectrum"] = spectrum_words(fit.internals["spectrum"])
     write_json(folder / "fit.json", document | (extra or {}))
     return folder
-
-
-def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> None:
-    """Raise `InputError` where `folder` holds the results `name` and they may not be written over."""
-    folder = Path(folder)
-    if folder.exists() and not folder.is_dir():
-        raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
-    if (folder / name).exists() and not overwrite:
-        raise InputError(
-            "would-overwrite",
-            "results are there already, and were left as they are.",
-            place=str(folder),
-            fix="name another folder (--out DIR), or write over them (--overwrite).",
-        )
 
 
 def load(folder: str | Path) -> FitResult:
@@ -231,23 +215,6 @@ def read_document(folder: str | Path) -> dict[str, Any]:
     return document
 
 
-def read_json(file: Path) -> dict[str, Any]:
-    """A JSON object from a file. Raises `InputError` where it is none."""
-    try:
-        document = json.loads(file.read_text("utf-8"))
-    except (ValueError, OSError) as error:
-        document = error
-    if not isinstance(document, dict):
-        raise InputError(
-            "damaged-file",
-            f"{file.name} cannot be read: {document}.",
-            place=str(file.parent),
-            cause="it was cut off, or is not ours.",
-            fix="make it again.",
-        )
-    return document
-
-
 def to_json(fit: FitResult) -> dict[str, Any]:
     """What fit.json says about a fit, as plain data."""
     record = fit.train
@@ -293,25 +260,6 @@ def summary(fit: FitResult) -> dict[str, Any]:
         "verdict": {"level": fit.verdict.level, "reasons": list(fit.verdict.reasons)},
         "seconds": round(fit.seconds, 3),
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of what a fit depends on."""
-    names = ("hysid", "jax", "equinox", "optimistix", "emcee", "numpy")
-    found = {"python": platform.python_version()}
-    for name in names:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
-def write_json(file: Path, document: dict[str, Any]) -> None:
-    """Write a JSON document whole or not at all: a new file first, then its name."""
-    new = file.with_suffix(".new")
-    new.write_text(json.dumps(plain(document), indent=2, ensure_ascii=False) + "\n", "utf-8")
-    os.replace(new, file)
 
 
 def _fit_arrays(fit: FitResult) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """A posterior beside its fit: a summary to read, draws for any tool that reads netCDF."""
 
-import os
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
 
 from ..posterior._posterior import Posterior, Summary
+from ..storage._json import read_json, write_json
 from ..storage._model import describe_model, rebuild_model
-from ._fit_folder import read_json, write_json
 
 Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
 
@@ -46,8 +46,7 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
     folder = Path(folder)
     structure, arrays = describe_model(posterior.model)
     np.savez_compressed(folder / "posterior_models.npz", allow_pickle=False, **arrays)
-    new = folder / "posterior.new.nc"
-    with h5netcdf.File(new, "w") as file:
+    with atomic_file(folder / "posterior.nc") as new, h5netcdf.File(new, "w") as file:
         for name, variables in _groups(posterior).items():
             group = file.create_group(name)
             sizes = {
@@ -60,7 +59,6 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
             for variable, (dims, array) in variables.items():
                 packed = {"compression": "gzip"} if array.ndim == 3 else {}
                 group.create_variable(variable, dims, data=array, **packed)
-    os.replace(new, folder / "posterior.nc")
     document = posterior_json(posterior) | {"structure": structure, "names": list(posterior.names)}
     write_json(folder / "posterior.json", document)
     return folder / "posterior.nc"

@@ -14,10 +14,10 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError
 
-from ..files._fit_folder import versions
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, Identity, digest
 from ..storage._model import describe_model
+from ..storage._provenance import versions
 from ._chains import Chains, Progress
 from ._emcee import sample_ensembles
 from ._emcee_moves import LogProbability

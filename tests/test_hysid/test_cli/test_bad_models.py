@@ -15,8 +15,8 @@ from hysteresis import (
     InputError,
     StandardLinearSolid,
 )
-from identify import read_document
-from identify.files._fit_folder import describe_model
+from identify.internal import read_document
+from identify.storage._model import describe_model
 from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
 
 # What kind the noise is, and far starts, are nobody's question here.

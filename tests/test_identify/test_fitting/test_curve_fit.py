@@ -17,8 +17,8 @@ from hysteresis import (
 )
 from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
-from identify.files._fit_folder import describe_model, rebuild_model
 from identify.parametric._initial_guess import guess
+from identify.storage._model import describe_model, rebuild_model
 
 DATASETS = Path(__file__).resolve().parents[3] / "datasets"
 

@@ -9,8 +9,8 @@ import pytest
 
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
-from identify import FitResult, fit, load, save, to_json
-from identify.files._fit_folder import plain, read_document
+from identify import FitResult, fit, load, save
+from identify.internal import plain, read_document, to_json
 
 
 def creep_record(

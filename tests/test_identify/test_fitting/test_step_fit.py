@@ -7,7 +7,8 @@ import pytest
 
 import identify
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
-from identify import fit_step, kind_of, stepped
+from identify import fit_step
+from identify.internal import kind_of, stepped
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
@@ -83,8 +84,8 @@ def test_what_the_model_predicts_is_what_was_fitted():
 
 def test_a_clock_that_was_running_before():
     late = record(T + 5000.0, creeping())
-    assert not identify.is_at_first_row(stepped(record(T, creeping())))
-    assert identify.is_at_first_row(stepped(late))
+    assert not identify.internal.is_at_first_row(stepped(record(T, creeping())))
+    assert identify.internal.is_at_first_row(stepped(late))
     moved = stepped(late)
     assert moved.time is not None
     np.testing.assert_allclose(moved.time, T - T[0], atol=1e-9)

@@ -1,0 +1,34 @@
+"""What programs built on identify share with it: the files of a fit, units, and constant-input tests.
+
+These functions are documented and tested, and hysid uses them. They are not part of the public interface:
+they may change with any release.
+
+- Files: `plain`, `read_json`, `write_json`, `check_free`, `read_document`, `to_json`, `posterior_json`,
+  `versions`.
+- Units: `check_unit`.
+- Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
+"""
+
+from hysteresis._format import plain
+
+from .files._fit_folder import read_document, to_json
+from .files._posterior import posterior_json
+from .fitting._creep import is_at_first_row, kind_of, stepped
+from .results._fit_result import check_unit
+from .storage._json import check_free, read_json, write_json
+from .storage._provenance import versions
+
+__all__ = [
+    "check_free",
+    "check_unit",
+    "is_at_first_row",
+    "kind_of",
+    "plain",
+    "posterior_json",
+    "read_document",
+    "read_json",
+    "stepped",
+    "to_json",
+    "versions",
+    "write_json",
+]

@@ -1,0 +1,50 @@
+"""JSON documents, written whole and read with an error that says what is wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
+from hysteresis._format import plain
+
+
+def write_json(file: Path, document: dict[str, Any]) -> None:
+    """Write a JSON document, whole or not at all."""
+    text = json.dumps(plain(document), indent=2, ensure_ascii=False) + "\n"
+    with atomic_file(file) as new:
+        new.write_text(text, "utf-8")
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """A JSON object from a file.
+
+    Raises `InputError` `damaged-file` if it cannot be read, or is not a JSON object.
+    """
+    try:
+        document = json.loads(file.read_text("utf-8"))
+    except (ValueError, OSError) as error:
+        document = error
+    if not isinstance(document, dict):
+        raise InputError(
+            "damaged-file",
+            f"{file.name} cannot be read: {document}.",
+            place=str(file.parent),
+            cause="it was cut off, or is not ours.",
+            fix="make it again.",
+        )
+    return document
+
+
+def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> None:
+    """Raise `InputError` if `folder` holds the results `name` and these may not be overwritten."""
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
+    if (folder / name).exists() and not overwrite:
+        raise InputError(
+            "would-overwrite",
+            "results are there already, and were left as they are.",
+            place=str(folder),
+            fix="name another folder (--out DIR), or write over them (--overwrite).",
+        )

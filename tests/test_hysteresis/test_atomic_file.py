@@ -1,0 +1,48 @@
+"""A file is the old one or the new one, whole."""
+
+import os
+
+import pytest
+
+from hysteresis._atomic_file import atomic_file
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "fit.json").write_text("old")
+    return tmp_path / "fit.json"
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_the_new_file_replaces_the_old_one(file, durable):
+    with atomic_file(file, durable=durable) as new:
+        new.write_text("new")
+        assert file.read_text() == "old"
+    assert file.read_text() == "new"
+    assert os.listdir(file.parent) == ["fit.json"]
+
+
+def test_what_raises_leaves_the_old_file_alone(file):
+    def interrupted():
+        with atomic_file(file) as new:
+            new.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert file.read_text() == "old"
+    assert os.listdir(file.parent) == ["fit.json"]
+
+
+def test_the_old_file_is_kept_as_the_previous_one(file):
+    for text in ("new", "newer"):
+        with atomic_file(file, previous=file.with_name("fit.previous.json")) as new:
+            new.write_text(text)
+    assert file.read_text() == "newer"
+    assert file.with_name("fit.previous.json").read_text() == "new"
+
+
+def test_a_file_that_was_not_written_is_an_error(file):
+    with pytest.raises(FileNotFoundError), atomic_file(file):
+        pass
+    assert file.read_text() == "old"
