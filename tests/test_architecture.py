@@ -9,7 +9,9 @@ import pkgutil
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from graphlib import CycleError, TopologicalSorter
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +22,14 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 LONGEST_FILE = 450
+LARGEST_FOLDER = 21
+"""Python files beside `__init__.py`."""
+
+PRIVATE_WORDS = {
+    "believed", "choose", "doubt", "jobs", "kinds", "likeliest", "loops", "many", "moves", "orders",
+    "roles", "step", "work", "words",
+}  # fmt: skip
+"""File names that only their author understands; the field has terms of its own."""
 
 packages = pytest.mark.parametrize("package", PACKAGES)
 
@@ -63,6 +73,49 @@ def own_modules() -> list[type[eqx.Module]]:
 
 def is_abstract(cls: type) -> bool:
     return cls.__name__.lstrip("_").startswith("Abstract")
+
+
+def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Import statements at any depth, except those that only a type checker sees."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
+            yield from imports(node)
+
+
+def import_graph(root: Path, packages: Iterable[str]) -> dict[str, set[str]]:
+    """The modules that each module imports, in functions too; a package means its `__init__`."""
+    files = {
+        ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in packages
+        for path in (root / package).rglob("*.py")
+    }
+    graph: dict[str, set[str]] = {}
+    for module, path in files.items():
+        inside = module.split(".") if path.stem == "__init__" else module.split(".")[:-1]
+        wanted: set[str] = set()
+        for node in imports(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+                continue
+            start = inside[: len(inside) - node.level + 1] if node.level else []
+            base = ".".join([*start, *([node.module] if node.module else [])])
+            below = {f"{base}.{alias.name}" for alias in node.names}
+            wanted |= below & files.keys()
+            if below - files.keys():
+                wanted.add(base)
+        graph[module] = wanted & files.keys() - {module}
+    return graph
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules, each of which imports the next, from one back to itself; empty if there is no circle."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as found:
+        return found.args[1][::-1]
+    return []
 
 
 def tracked_files() -> list[Path]:
@@ -155,6 +208,47 @@ def test_files_are_short(package: str):
         for path in (ROOT / package).rglob("*.py")
     }
     assert {path: n for path, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_imports_run_in_no_circle():
+    """Imports inside functions count: they would only hide the circle."""
+    assert circle(import_graph(ROOT, PACKAGES[:3])) == []
+
+
+def test_a_circle_is_found_wherever_it_is_imported(tmp_path: Path):
+    (tmp_path / "p").mkdir()
+    write = {
+        "__init__": "",
+        "a": "from .b import x",
+        "b": "def f():\n    if True:\n        from . import c",
+        "c": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import y",
+    }
+    for name, text in write.items():
+        (tmp_path / "p" / f"{name}.py").write_text(text)
+    graph = import_graph(tmp_path, ["p"])
+    assert graph == {"p": set(), "p.a": {"p.b"}, "p.b": {"p.c"}, "p.c": set()}
+    assert circle(graph) == []
+    (tmp_path / "p" / "c.py").write_text("def g():\n    import p.a")
+    found = circle(import_graph(tmp_path, ["p"]))
+    assert found[0] == found[-1]
+    assert set(found) == {"p.a", "p.b", "p.c"}
+
+
+def test_folders_are_small():
+    held = Counter(
+        path.relative_to(ROOT).parent.as_posix()
+        for path in tracked_files()
+        if path.suffix == ".py" and path.stem != "__init__"
+    )
+    assert {folder: n for folder, n in held.items() if n > LARGEST_FOLDER} == {}
+
+
+@packages
+def test_files_have_names_of_the_field(package: str):
+    names = {
+        path.relative_to(ROOT).as_posix(): path.stem for path in (ROOT / package).rglob("*.py")
+    }
+    assert [path for path, name in names.items() if name.lstrip("_") in PRIVATE_WORDS] == []
 
 
 def test_no_path_of_a_machine_is_tracked():
