@@ -23,11 +23,12 @@ CODES = {
 
 
 def svg(tex: str) -> str:
-    """One line of TeX as an image in the colour of the text around it, standing on its baseline.
+    """TeX as an image in the colour of the text around it, standing on its baseline.
 
     Raises `ValueError` where mathtext cannot read it.
     """
-    text = f"${tex.strip()}$"
+    tex = " ".join(tex.split())
+    text = f"${tex}$"
     width, height, depth = TextToPath().get_text_width_height_descent(text, FONT, ismath=True)
     drawn = []
     for points, code in TextPath((0, 0), text, prop=FONT).iter_segments(
@@ -38,7 +39,7 @@ def svg(tex: str) -> str:
     em = FONT.get_size_in_points()
     size = f"width: {width / em:.3f}em; height: {height / em:.3f}em"
     return (
-        f'<svg class="math" role="img" aria-label="{escape(tex.strip())}" '
+        f'<svg class="math" role="img" aria-label="{escape(tex)}" '
         f'style="{size}; vertical-align: {-depth / em:.3f}em" '
         f'viewBox="0 {depth - height:.2f} {width:.2f} {height:.2f}">'
         f'<path transform="scale(1 -1)" fill="currentColor" d="{"".join(drawn)}"/></svg>'
