@@ -1,5 +1,6 @@
 """What a material or a sensor does: models with memory, records of measurements, virtual rigs."""
 
+from . import _start_values as _start_values  # registers where our own fits start
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
 from ._note import Note as Note
@@ -11,6 +12,8 @@ from ._parameter import is_concrete as is_concrete
 from ._parameter import parameter as parameter
 from ._parameter import parameter_at as parameter_at
 from ._parameter import parameters as parameters
+from ._registry import model_names as model_names
+from ._registry import register as register
 from .models._bouc_wen import BoucWen as BoucWen
 from .models._bouc_wen import BoucWenState as BoucWenState
 from .models._burgers import Burgers as Burgers

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start
 from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._registry import register
 
 NODES = 40
 NEWTON_STEPS = 8
@@ -58,6 +59,7 @@ class AbstractBoucWen(AbstractModel[State, BoucWenInput]):
         return jax.lax.scan(sample, prepared.state, (prepared.u, prepared.start))[1]
 
 
+@register
 class BoucWen(AbstractBoucWen[BoucWenState]):
     """Bouc-Wen model: a spring beside one that yields.
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._parameter import Scalar, parameter
+from .._registry import register
 from ._viscoelastic import (
     POSITIVE,
     STIFFNESS,
@@ -34,6 +35,7 @@ class BurgersState(ViscoelasticState):
         return self.branches[1]
 
 
+@register
 class Burgers(AbstractViscoelastic[BurgersState]):
     """Burgers model, force -> displacement, a spring, a dashpot and a Kelvin-Voigt element in series:
 
@@ -75,6 +77,7 @@ class Burgers(AbstractViscoelastic[BurgersState]):
         return one_branch(self.E1, self.E2, self.eta2)._replace(flow=1 / jnp.asarray(self.eta1))
 
 
+@register
 class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
     """Standard linear solid, force -> displacement, a spring and a Kelvin-Voigt element in series:
 

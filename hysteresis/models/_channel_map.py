@@ -10,8 +10,10 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import Scalar, as_float, is_concrete
+from .._registry import register
 
 
+@register
 class ChannelMap(eqx.Module):
     """Several channels x_1 ... x_C combined into one scalar, each through a curve of its own:
 

@@ -15,6 +15,7 @@ from .._errors import InputError
 from .._model import AbstractModel
 from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ..preisach import Preisach
 
 
@@ -36,6 +37,7 @@ def _check_parts(parts: tuple[Any, ...]) -> None:
         )
 
 
+@register
 class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
     """Models of one input side by side: y = sum of their outputs.
 
@@ -77,6 +79,7 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
         return reduce(add, (part.evaluate(own) for part, own in pairs))
 
 
+@register
 class Scaled(AbstractModel[Any, Any]):
     """A model in other units or with a sign turned: y = offset + factor * inner[u].
 
@@ -126,6 +129,7 @@ class SeriesInput(eqx.Module):
     starts: tuple[int, ...] = eqx.field(static=True)
 
 
+@register
 class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
     """Models one behind the other: the output of each stage is the input of the next.
 

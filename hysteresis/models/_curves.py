@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int
 from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 
 Values = Float[Array, " _"] | Any
 """A one-dimensional parameter: given as numbers, kept as an array."""
@@ -78,6 +79,7 @@ class AbstractMonotoneCurve(AbstractCurve):
         return jnp.clip(cell, 0, self.nodes.shape[0] - 2)
 
 
+@register
 class MonotoneCurve(AbstractMonotoneCurve):
     """A polygon that never falls: straight from node to node, and on beyond the ends.
 
@@ -116,6 +118,7 @@ class MonotoneCurve(AbstractMonotoneCurve):
         return self.outputs()[cell] + slope[cell] * (u - self.nodes[cell])
 
 
+@register
 class MonotoneSpline(AbstractMonotoneCurve):
     """A smooth curve that never falls: its slope is a polygon, and constant beyond the ends.
 
@@ -162,6 +165,7 @@ class MonotoneSpline(AbstractMonotoneCurve):
         return self.outputs()[cell] + rise
 
 
+@register
 class PolynomialCurve(AbstractCurve):
     """A polynomial between `low` and `high`, continued along its tangents beyond:
 
@@ -189,6 +193,7 @@ class PolynomialCurve(AbstractCurve):
         return jnp.polyval(powers, inside) + slope * (x - inside)
 
 
+@register
 class Clip(AbstractCurve):
     """y = u between `low` and `high`, and the nearer of them beyond.
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._parameter import Scalar, parameter
+from .._registry import register
 from ._bouc_wen import AbstractBoucWen, BoucWen, check_bounds
 
 SUBSTEPS = 16
@@ -34,6 +35,7 @@ class Pull(NamedTuple):
     power: Array
 
 
+@register
 class Pinching(eqx.Module):
     """Slip around a level of z, from which on the parts bear again: dz is taken times
 
@@ -77,6 +79,7 @@ class Pinching(eqx.Module):
         return jnp.asarray(1 - lost * jnp.exp(-jnp.square(away)))
 
 
+@register
 class DegradingBoucWen(AbstractBoucWen[DegradingState]):
     """Bouc-Wen model whose yielding spring wears (Bouc-Wen-Baber-Noori):
 

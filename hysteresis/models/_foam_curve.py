@@ -9,11 +9,13 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._registry import register
 from ._curves import AbstractCurve
 
 _POSITIVE = (0.0, float("inf"))
 
 
+@register
 class FoamCurve(AbstractCurve):
     """Force of a foam over its compression (or stress over strain). Its slope passes from the toe's
     stiffness to the linear part's and the plateau's, and grows from densification on:

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, parameter
+from .._registry import register
 
 
 class SpongeInput(NamedTuple):
@@ -15,6 +16,7 @@ class SpongeInput(NamedTuple):
     u: Array
 
 
+@register
 class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
     """Displacement of a soft cover under a normal force, as a line:
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ..numerics._recurrence import linear_recurrence
 
 
@@ -37,6 +38,7 @@ class BranchInput(NamedTuple):
     state: BranchState
 
 
+@register
 class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     """Branches of a spring and a dashpot in series, in parallel with each other:
 

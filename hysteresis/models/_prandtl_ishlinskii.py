@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._registry import register
 from ..numerics._clamps import clamps
 
 Values = Float[Array, " _"] | Any
@@ -35,6 +36,7 @@ class PlayInput(NamedTuple):
     state: PlayState
 
 
+@register
 class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
     """Prandtl-Ishlinskii model: a line and a weighted sum of play operators.
 

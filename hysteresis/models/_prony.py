@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ._viscoelastic import (
     POSITIVE,
     STIFFNESS,
@@ -23,6 +24,7 @@ Values = Float[Array, " branches"] | Any
 """One number for each branch: anything `jnp.asarray` takes, kept as an array."""
 
 
+@register
 class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
     """Generalised Kelvin-Voigt model, force -> displacement, a spring and n Kelvin-Voigt elements in
     series, and a dashpot where `eta0` is given:
@@ -73,6 +75,7 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
         return Chain(1 / jnp.asarray(self.E0), self.E / self.eta, 1 / self.eta, flow)
 
 
+@register
 class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
     """Generalised Maxwell model (Prony series), displacement -> force, a spring and n Maxwell elements
     side by side:

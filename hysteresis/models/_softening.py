@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 
 
 class SofteningState(NamedTuple):
@@ -29,6 +30,7 @@ class SofteningInput(NamedTuple):
     state: SofteningState
 
 
+@register
 class Softening(AbstractModel[SofteningState, SofteningInput]):
     """Conditioning by the largest input so far (Mullins effect), with recovery at rest:
 

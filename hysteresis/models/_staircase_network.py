@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start, time_steps
+from .._registry import register
 from ..numerics._clamps import clamps
 
 
@@ -27,6 +28,7 @@ def _floats(numbers: Iterable[Any]) -> tuple[float, ...]:
     return tuple(map(float, numbers))
 
 
+@register
 class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
     """A fully connected network of the input and of the memory it has left:
 

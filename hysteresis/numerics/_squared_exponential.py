@@ -5,7 +5,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._registry import register
 
+
+@register
 class Kernel(NamedTuple):
     """Covariance of a function's values:
 

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ._bivariate import normal_below, opposed_normal
 from ._density import AbstractDensity
 
@@ -143,6 +144,7 @@ def _positive(meaning: str, unit: str = "input") -> Any:
     return parameter(unit=unit, bounds=(0.0, float("inf")), meaning=meaning)
 
 
+@register
 class GaussianDensity(AbstractCoerciveDensity):
     """Coercivity and bias are normal; the coercivity is cut off below 0.
 
@@ -199,6 +201,7 @@ class GaussianDensity(AbstractCoerciveDensity):
         return jnp.where(a > b, normal_below(-no_relay) - outside, 0.0)
 
 
+@register
 class LorentzianDensity(AbstractQuadratureDensity):
     """Coercivity and bias have Cauchy distributions, whose tails are heavy.
 
@@ -243,6 +246,7 @@ class LorentzianDensity(AbstractQuadratureDensity):
         return jnp.arctan(x)
 
 
+@register
 class LogNormalDensity(AbstractQuadratureDensity):
     """The logarithm of the coercivity is normal, so h > 0 by itself; the bias is normal.
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import is_concrete, parameter
+from .._registry import register
 from .._type_variables import Pairs, Table
 from ._everett import EverettTable, GridPairs, everett_table, everett_terms
 
@@ -146,6 +147,7 @@ def as_nodes(nodes: Any) -> tuple[float, ...] | None:
     return None if nodes is None else tuple(np.asarray(nodes, float).tolist())
 
 
+@register
 class GridDensity(AbstractGridDensity):
     """A density given by the mass of each cell of an n x n grid on the triangle.
 

@@ -9,9 +9,11 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._parameter import is_concrete, parameter
+from .._registry import register
 from ._density import AbstractGridDensity, as_nodes
 
 
+@register
 class FactorisedDensity(AbstractGridDensity):
     """mu(alpha, beta) = f(alpha) g(beta), both constant on each of n cells: 2n parameters, exact.
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ._density import AbstractDensity, GridDensity
 from ._everett import read, tabulate_once
 from ._preisach import Preisach, _to_device
@@ -51,6 +52,7 @@ class _Branch(NamedTuple):
     s: Array
 
 
+@register
 class MovingPreisach(AbstractModel[MovingState, MovingInput]):
     """Della Torre's moving model: a Preisach model whose input is helped by its own output.
 

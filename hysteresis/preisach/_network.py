@@ -11,9 +11,11 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
 from .._parameter import Scalar, parameter
+from .._registry import register
 from ._density import AbstractGridDensity, as_nodes
 
 
+@register
 class NetworkDensity(AbstractGridDensity):
     """A positive density that is smooth over the thresholds, of far fewer parameters than cells.
 

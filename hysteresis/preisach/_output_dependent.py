@@ -9,11 +9,13 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ._everett import read
 from ._preisach import Preisach, PreisachInput, PreisachState
 from ._saturation import saturated_outputs
 
 
+@register
 class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
     """Kadar's product model: dy = K(y) dP, relays whose weight depends on the output.
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
 from ._dead_band import play, play_step
 from ._density import AbstractCellDensity, AbstractDensity, AbstractGridDensity
 from ._everett import bilinear, everett_terms, materialise, read, tabulate_once
@@ -67,6 +68,7 @@ class PreisachInput(NamedTuple):
     unvisited: Any
 
 
+@register
 class Preisach(AbstractModel[PreisachState, PreisachInput]):
     """Preisach model: relays of every pair of thresholds, weighted by a density.
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._parameter import parameter
+from .._registry import register
 from ._density import AbstractCellDensity, check_weights
 from ._everett import GridPairs, bilinear, everett_table, read
 from ._preisach import Preisach
@@ -20,6 +21,7 @@ class RidgeTable(NamedTuple):
     mass: Float[Array, "nodes nodes"]
 
 
+@register
 class RidgeDensity(AbstractCellDensity[RidgeTable]):
     """Mass on the rising diagonal of each cell of a uniform grid: kernels of Krasnosel'skii-Pokrovskii.
 

@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._registry import register
 from ._density import AbstractDensity
 
 
+@register
 class SumDensity(AbstractDensity[tuple[Any, ...], tuple[Any, ...]]):
     """The sum of some densities, each on its own triangle: E(a, b) = sum of E_k(a, b).
 

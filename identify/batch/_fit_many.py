@@ -1,7 +1,7 @@
 """`fit_many`: many records, side by side on one machine, or spread over any executor."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import cached_property
@@ -15,14 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record
+from hysteresis._serialisation import described
 
+from ..fitting._candidates import Asked, Candidate, candidates
 from ..fitting._fit import fit
 from ..fitting._verdict import USABLE
 from ..parameters._precision import require_double
 from ..parameters._settings import numbers_of, with_settings
-from ..parametric._initial_guess import guess
 from ..results._fit_result import FitResult
-from ..storage._model import describe_model
 from ._executor import MakesExecutor, Unit, done_by
 from ._folder import (
     Batch,
@@ -66,7 +66,7 @@ class Named(Protocol):
 
 def fit_many(
     records: Named | Iterable[Item],
-    model: str | AbstractModel = "auto",
+    model: Asked | Sequence[Asked] = "auto",
     *,
     names: Iterable[str] | None = None,
     executor: Executor | MakesExecutor | None = None,
@@ -146,7 +146,8 @@ class _Run:
         say: Callable[[str], None],
     ):
         self.function, self.options, self.chunk, self.say = function, options, chunk, say
-        self.model = options.get("model")
+        self.asked = candidates(options["model"]) if function is fit else ()
+        self.only: Candidate | None = next(iter(self.asked)) if len(self.asked) == 1 else None
         self.batch, self.begin = Batch(), time.perf_counter()
         self.digests: dict[str, str] = {}
         self.order: list[str] = []
@@ -156,9 +157,8 @@ class _Run:
     def settings(self, extra: Mapping[str, Any]) -> str:
         """Digest of all that decides what a record's fit is."""
         plain_options: dict[str, Any] = dict(self.options)
-        if isinstance(self.model, AbstractModel):
-            words, arrays = describe_model(self.model)
-            plain_options["model"] = [words, {k: v.tolist() for k, v in arrays.items()}]
+        if self.asked:
+            plain_options["model"] = [[one.name, *described(one.template)] for one in self.asked]
         return digest(self.function.__name__, plain_options, extra)
 
     def over(
@@ -230,9 +230,10 @@ class _Run:
     @cached_property
     def _template(self) -> tuple[AbstractModel, Any, Any] | None:
         """The model to start from, where one was given."""
-        if not isinstance(self.model, AbstractModel):
+        template = None if self.only is None else self.only.template
+        if template is None:
             return None
-        start, settings = with_settings(self.model, self.options.get("parameters") or {})
+        start, settings = with_settings(template, self.options.get("parameters") or {})
         return start, settings, structure(start)
 
     @cached_property
@@ -245,26 +246,29 @@ class _Run:
             return False
         if any("prior" in said for said in (self.options.get("parameters") or {}).values()):
             return False
-        if isinstance(self.model, AbstractModel):
-            return not _has_relays(self.model) and bool(numbers_of(self.model))
-        return self.model in SIDE_BY_SIDE
+        if self.only is None:
+            return False
+        if (template := self.only.template) is not None:
+            return not _has_relays(template) and bool(numbers_of(template))
+        return self.only.name in SIDE_BY_SIDE
 
     def _problem(self, record: Record) -> Problem | None:
         """What is fitted side by side; None for a record that needs a fit of its own."""
-        if not self._is_for_vmap or record.channels or not record.mask.any():
+        only = self.only
+        if only is None or not self._is_for_vmap or record.channels or not record.mask.any():
             return None
         u, y = record.input[record.mask], record.output[record.mask]
         if u.min() == u.max() or y.min() == y.max():
             return None  # `fit` says what is wrong
         said = self.options.get("parameters") or {}
         if self._template is None:
-            start = guess(str(self.model), record)
+            start = only.suggested(record)
             assert start is not None
             start, settings = with_settings(start, said)
             return Problem(record, start, False, settings, structure(start))
         start, settings, shape = self._template
         if record.time is None:
-            guess(type(start).__name__, record)  # says so where the model needs a clock
+            only.suggested(record)  # raises where the model needs a clock
         return Problem(record, start, not said, settings, shape)
 
     def _alone(self, name: str, train: Record, test: Record | None) -> Unit:
@@ -343,6 +347,9 @@ def _fit_alone(
     """A fit; from another process its files."""
     _use(double)
     try:
+        if home != _HOME and function is fit:
+            for one in candidates(options["model"]):
+                described(one.template)  # raises where the files of its fit could not be loaded
         found = function(train, test=test, **_unpacked(options))
     except InputError as error:
         words = {"place": error.place, "cause": error.cause, "fix": error.fix}

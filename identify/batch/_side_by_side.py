@@ -13,13 +13,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, InputError, Record, check_identifiable
 
+from ..fitting._candidates import Candidate
 from ..fitting._parametric import REFINED, SPREADS, _covariance, _parameters, _scaled
 from ..fitting._verdict import judge
 from ..noise._model import NoiseModel, rows_of
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..parameters._transform import Transform, transform, transform_for
-from ..parametric._initial_guess import guess
 from ..parametric._maximum_likelihood import skewness_at
 from ..parametric._multistart import _objective, _residuals, _solve, thinned_rows
 from ..records._folds import Parts
@@ -285,7 +285,8 @@ def _begin(problem: Problem) -> np.ndarray:
     """Free vectors of the template, and of the model that the record suggests."""
     bounds, models = problem.bounds, [problem.template]
     if problem.suggests:
-        suggested = guess(type(problem.template).__name__, problem.record)
+        kind = type(problem.template)
+        suggested = Candidate(kind.__name__, kind, problem.template).suggested(problem.record)
         if suggested is not None and transform(suggested, 1.0).names == bounds.names:
             models.append(suggested)
     return np.stack([bounds.to_free(model) for model in models])

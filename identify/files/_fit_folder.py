@@ -15,6 +15,7 @@ import numpy as np
 
 from hysteresis import InputError, Note, Record
 from hysteresis._format import plain
+from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
 from ..linear._composition import Composition
@@ -29,7 +30,6 @@ from ..records._clocks import Clocks
 from ..results._fit_result import FitResult, Parameter, Starts
 from ..results._metrics import Metrics
 from ..storage._json import check_free, read_json, write_json
-from ..storage._model import describe_model, rebuild_model
 from ..storage._provenance import versions
 from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
 
@@ -48,19 +48,19 @@ def save(
 
     `extra` is added to fit.json. A posterior or report of an earlier fit is removed.
 
-    Raises `InputError` where results are there already or the folder cannot be written.
+    Raises `InputError` where results are there already, the folder cannot be written, or the model is of a
+    class that is not registered (`hysteresis.register`), so that the folder could not be loaded.
     """
     folder = Path(folder)
     check_free(folder, overwrite)
+    structure, arrays = described(fit.model)
     folder.mkdir(parents=True, exist_ok=True)
     posterior = ("posterior.json", "posterior.nc", "posterior_models.npz")
     for old in (*posterior, "chains.h5", "chains.previous.h5", "report.html"):
         (folder / old).unlink(missing_ok=True)
-    structure, arrays = describe_model(fit.model)
     channels: dict[str, Any] = {}
     if fit.channels is not None:
-        channels["channels"], more = describe_model(fit.channels, "channels.")
-        arrays |= more
+        channels["channels"], _ = described(fit.channels, "channels", arrays)
     _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
     _write_arrays(
@@ -161,7 +161,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
             meaning=Composition(**words), rows=int(extra["rows"]), strength=0.0, **own
         )
     arrays = _read_arrays(folder / "model.npz")
-    model = rebuild_model(document["structure"], arrays)
+    model = rebuilt(document["structure"], arrays)
     if "spectrum" in document:
         internals["spectrum"] = rebuild_spectrum(document["spectrum"], extra, model)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
@@ -187,7 +187,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
-        channels=rebuild_model(document["channels"], arrays) if "channels" in document else None,
+        channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
         seed=document["seed"],
         seconds=document["seconds"],
     )

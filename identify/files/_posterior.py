@@ -10,10 +10,10 @@ import numpy as np
 
 from hysteresis import InputError
 from hysteresis._atomic_file import atomic_file
+from hysteresis._serialisation import described, rebuilt
 
 from ..posterior._posterior import Posterior, Summary
 from ..storage._json import read_json, write_json
-from ..storage._model import describe_model, rebuild_model
 
 Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
 
@@ -44,7 +44,7 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
     import h5netcdf
 
     folder = Path(folder)
-    structure, arrays = describe_model(posterior.model)
+    structure, arrays = described(posterior.model)
     np.savez_compressed(folder / "posterior_models.npz", allow_pickle=False, **arrays)
     with atomic_file(folder / "posterior.nc") as new, h5netcdf.File(new, "w") as file:
         for name, variables in _groups(posterior).items():
@@ -108,7 +108,7 @@ def load_posterior(folder: str | Path) -> Posterior | None:
             draws = np.stack(columns, -1)
         with np.load(folder / "posterior_models.npz", allow_pickle=False) as arrays:
             # Under vmap each model has its own shapes; together their arrays keep the draw axis.
-            rebuild = partial(rebuild_model, document["structure"])
+            rebuild = partial(rebuilt, document["structure"])
             model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
     except (OSError, KeyError, ValueError) as error:
         raise InputError(

@@ -24,7 +24,6 @@ from ..noise._residual_statistics import Noise
 from ..parameters._precision import require_double
 from ..parameters._settings import with_settings
 from ..parameters._transform import transform_for
-from ..parametric._initial_guess import CANDIDATES, COMPOSITION, MODELS, guess
 from ..records._channel_map import combine, fit_channel_map
 from ..records._clocks import Clocks, is_held, shifted
 from ..records._folds import Parts, as_good, parts
@@ -33,6 +32,7 @@ from ..records._run_model import predict
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ..results._metrics import metrics
+from ._candidates import Asked, Candidate, candidates
 from ._parametric import fit_parametric
 from ._settling import settled
 from ._verdict import judge
@@ -46,7 +46,7 @@ WORTH = 0.2
 
 def fit(
     record: Record,
-    model: str | Sequence[str] | AbstractModel = "auto",
+    model: Asked | Sequence[Asked] = "auto",
     *,
     test: Record | None = None,
     test_cycles: int | None = None,
@@ -71,9 +71,9 @@ def fit(
     **Arguments:**
 
     - `record`: the measurements; its mask says which rows count.
-    - `model`: `"auto"`, a name or names out of LinearSponge, Burgers, Preisach, Composition, FoamCurve and
-      BoucWen, or a model to
-      start from: its fixed parameters stay, the others are fitted.
+    - `model`: `"auto"`; a name, whatever its case, out of Composition and `hysteresis.model_names()`; a
+      registered class; or a model to start from: its fixed parameters stay, the others are fitted. A list
+      holds several of them.
     - `test`: a record to judge on; or `test_cycles`, the last so many of each sequence; or
       `test_tail`, the last fraction of each sequence.
 
@@ -111,9 +111,10 @@ def fit(
         record, test = record.split_tail(test_tail)
     _check_choices(initial, conditioning, clocks, starts, seed)
     kinds(noise)
-    names, template = _names(model)
-    weights = template is None and {"Preisach", COMPOSITION} & set(names)
-    if parameters and (len(names) > 1 or weights):
+    asked = candidates(model)
+    if parameters and (
+        len(asked) > 1 or any(one.has_weights and one.template is None for one in asked)
+    ):
         raise InputError(
             "which-model",
             f"{', '.join(parameters)}: parameters of which model?",
@@ -138,40 +139,40 @@ def fit(
     found: list[FitResult] = []
     skipped: dict[str, str] = {}
     one_way = any(warning.code == "one-way-input" for warning in warnings)
-    for name in names:
-        since = time.perf_counter()
+    for candidate in asked:
+        name, since = candidate.name, time.perf_counter()
         try:
-            if one_way and name == "Preisach" and len(names) > 1:
+            if one_way and candidate.kind is Preisach and len(asked) > 1:
                 raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
-            if name == COMPOSITION:
+            if candidate.kind is None:
                 # The channels' curves have taken up a lag between the clocks, if there is one.
                 with_lag = clocks == "auto" and channels is None
                 new = _fit_compositions(record, cut, initial, with_lag, seed, say)
             else:
                 # Several are ranked by least squares; the noise is the business of the one chosen.
-                about = (parameters or {}, noise if len(names) == 1 else None)
-                new = [_fit_one(name, template, record, cut, initial, starts, seed, about)]
+                about = (parameters or {}, noise if len(asked) == 1 else None)
+                new = [_fit_one(candidate, record, cut, initial, starts, seed, about)]
         except InputError as error:
-            if len(names) == 1:
+            if len(asked) == 1:
                 raise
             skipped[name] = str(error)
             say(f"{name}: left out. {error}")
             continue
         seconds = time.perf_counter() - since
-        for candidate in new:
-            now = before._replace(lag=candidate.clocks.lag, lag_error=candidate.clocks.lag_error)
-            candidate = replace(candidate, seconds=seconds, clocks=now, channels=channels)
-            found.append(_judged_on(test, candidate))
+        for one in new:
+            now = before._replace(lag=one.clocks.lag, lag_error=one.clocks.lag_error)
+            found.append(
+                _judged_on(test, replace(one, seconds=seconds, clocks=now, channels=channels))
+            )
         say(f"{new[-1].name}: held-out {new[-1].score:.3g} %, {seconds:.1f} s")
     if not found:
         raise InputError("nothing-fits", " ".join(skipped.values()))
     ranked = sorted(found, key=lambda candidate: candidate.score)
     chosen = next(c for c in found if _as_good(c, ranked[0]))
     ranked = [chosen, *(c for c in ranked if c is not chosen)]
-    if len(names) > 1 and chosen.starts is not None:
-        again = _fit_one(
-            chosen.name, template, record, cut, initial, starts, seed, (parameters or {}, noise)
-        )
+    if len(asked) > 1 and chosen.starts is not None:
+        (won,) = (candidate for candidate in asked if candidate.name == chosen.name)
+        again = _fit_one(won, record, cut, initial, starts, seed, (parameters or {}, noise))
         kept = {k: getattr(chosen, k) for k in ("seconds", "clocks", "channels")}
         ranked[0] = _judged_on(test, replace(again, **kept))
     ranked = [replace(c, verdict=judge(c, warnings)) for c in ranked]
@@ -201,26 +202,8 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
     return as_good(simple.blocks, best.blocks)
 
 
-def _names(
-    model: str | Sequence[str] | AbstractModel,
-) -> tuple[tuple[str, ...], AbstractModel | None]:
-    if isinstance(model, AbstractModel):
-        return (type(model).__name__,), model
-    listed = model.split(",") if isinstance(model, str) else list(model)
-    names = CANDIDATES if listed == ["auto"] else tuple(name.strip() for name in listed)
-    for name in names:
-        if name not in MODELS:
-            raise InputError(
-                "unknown-model",
-                f"No model {name!r}; have {', '.join(MODELS)}.",
-                fix="name one or several of them with commas between, or auto.",
-            )
-    return names, None
-
-
 def _fit_one(
-    name: str,
-    template: AbstractModel | None,
+    candidate: Candidate,
     record: Record,
     cut: Parts,
     initial: str,
@@ -228,12 +211,12 @@ def _fit_one(
     seed: int,
     about: tuple[Said, str | None],
 ) -> FitResult:
-    own = isinstance(template, Preisach) and not isinstance(template.density, AbstractGridDensity)
-    if name == "Preisach" and not own:
-        return _fit_preisach(template, record, cut, initial, seed)
-    suggested = guess(name, record)
+    name, template = candidate.name, candidate.template
+    if candidate.has_weights:
+        return replace(_fit_preisach(template, record, cut, initial, seed), name=name)
+    suggested = candidate.suggested(record)
     start = template or suggested
-    assert start is not None  # a name without a model is one of `MODELS`
+    assert start is not None  # a class without a model can start, or is not a candidate
     said, noise = about
     start, settings = with_settings(start, said)
     free = len(transform_for(start, record, settings).names)

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from hysteresis import InputError
+from hysteresis._serialisation import described
 
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, Identity, digest
-from ..storage._model import describe_model
 from ..storage._provenance import versions
 from ._chains import Chains, Progress
 from ._emcee import sample_ensembles
@@ -180,7 +180,7 @@ def walkers_for(walkers: int | None, parameters: int) -> int:
 
 def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: int) -> Identity:
     def of(module: Any) -> str:
-        structure, arrays = describe_model(module)
+        structure, arrays = described(module, for_file=False)
         return digest(structure, *arrays.values())
 
     record, known = fit.train, versions()

@@ -316,7 +316,7 @@ FOLDERS = {
         forged("model.npz", pickle.dumps(Touch())), "damaged-file", ("out: ", "fit again")
     ),
     "32: a foreign class": Spoilt(
-        edited(structure={"class": "os.system"}), "unknown-model", ("'os.system'", "known are")
+        edited(structure={"class": "os.system"}), "unknown-model", ("'os.system'", "edited")
     ),
     "32: a file elsewhere": Spoilt(
         edited(files={"../../secret.npz": "0"}), "file-not-found", ("secret.npz is missing",)

@@ -15,8 +15,8 @@ from hysteresis import (
     InputError,
     StandardLinearSolid,
 )
+from hysteresis._serialisation import described
 from identify.internal import read_document
-from identify.storage._model import describe_model
 from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
 
 # What kind the noise is, and far starts, are nobody's question here.
@@ -107,7 +107,7 @@ def test_moduli_that_are_not_positive_are_refused(make, value):
 def test_a_saved_model_with_a_negative_modulus_is_refused(line):
     """Edited by hand, checksum and all."""
     shutil.copytree(line, ".", dirs_exist_ok=True)
-    structure, arrays = describe_model(Burgers(2.0, 40.0, 1.0, 5.0))
+    structure, arrays = described(Burgers(2.0, 40.0, 1.0, 5.0))
     arrays["E2"] = np.array(-1.0)
     np.savez("out/model.npz", allow_pickle=False, **arrays)
     digest = sha256(Path("out/model.npz").read_bytes()).hexdigest()

@@ -15,10 +15,10 @@ from hysteresis import (
     Record,
     parameters,
 )
+from hysteresis._serialisation import described, rebuilt
 from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
-from identify.parametric._initial_guess import guess
-from identify.storage._model import describe_model, rebuild_model
+from identify.fitting._candidates import candidates
 
 DATASETS = Path(__file__).resolve().parents[3] / "datasets"
 
@@ -65,7 +65,7 @@ def test_bouc_wen_is_recovered_from_afar(tmp_path: Path) -> None:
     again = load(save(result, tmp_path / "bouc-wen")).model
     u = np.asarray(record.input)
     np.testing.assert_array_equal(again.simulate(None, u), result.model.simulate(None, u))
-    near = guess("BoucWen", record)
+    near = candidates("BoucWen")[0].suggested(record)
     for name in ("k", "alpha", "yield_at", "offset"):
         assert 0.5 < float(getattr(near, name) / getattr(truth, name)) < 2
 
@@ -77,7 +77,9 @@ def test_loading_branch_of_the_virtual_sponge() -> None:
     )
     record = Record.from_arrays(displacement, force, input_unit="mm", output_unit="N")
     loading = record.select(branch="loading")
-    result = fit(loading, guess("FoamCurve", loading), noise="gaussian", starts=16)
+    result = fit(
+        loading, candidates("FoamCurve")[0].suggested(loading), noise="gaussian", starts=16
+    )
     assert result.metrics["train"] is not None
     assert result.metrics["train"].nrmse_percent < 0.5
     found = invert(result.model).simulate(None, force)
@@ -91,7 +93,11 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     up = slice(0, int(np.argmax(u)) + 1, 20)
     record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
     result = fit(
-        record, guess("FoamCurve", record), conditioning="keep", noise="gaussian", starts=16
+        record,
+        candidates("FoamCurve")[0].suggested(record),
+        conditioning="keep",
+        noise="gaussian",
+        starts=16,
     )
     train = result.metrics["train"]
     assert train is not None
@@ -106,6 +112,6 @@ def test_what_no_fit_makes_is_kept_too() -> None:
         DegradingBoucWen(inner, stiffness_loss=0.1),
         DegradingBoucWen(inner, 0.1, None, slip),
     ):
-        again = rebuild_model(*describe_model(model))
+        again = rebuilt(*described(model))
         assert type(again) is type(model)
         np.testing.assert_array_equal(again.simulate(None, u), model.simulate(None, u))

@@ -1,37 +1,19 @@
-"""Where a fit starts: a model of the right size for a record, read off the record itself."""
+"""Where fits of our own models start: sizes read off the record."""
 
 import numpy as np
 
-from hysteresis import (
-    AbstractModel,
-    BoucWen,
-    Burgers,
-    FoamCurve,
-    InputError,
-    LinearSponge,
-    Record,
-    loop_direction,
-)
-
-COMPOSITION = "Composition"
-CANDIDATES = ("LinearSponge", "Burgers", "Preisach", COMPOSITION)
-"""What `model="auto"` tries, the simplest first."""
-
-MODELS = (*CANDIDATES, "FoamCurve", "BoucWen")
-"""What can be asked for by name."""
+from ._errors import InputError
+from ._registry import register
+from .models._bouc_wen import BoucWen
+from .models._burgers import Burgers
+from .models._foam_curve import FoamCurve
+from .models._linear_sponge import LinearSponge
+from .records._data_warnings import loop_direction
+from .records._record import Record
 
 CONTACT_FORCE = 1.5
 """Threshold of first contact in N (Tsuji 2014), used where the input is a force well above it, and the
 output none: a combination of channels has the output's unit."""
-
-
-def guess(name: str, record: Record) -> AbstractModel | None:
-    """A parametric model of this name with sizes taken from the record's ranges and times, None where no
-    sizes are known to look for."""
-    known = {
-        "LinearSponge": _sponge, "Burgers": _burgers, "FoamCurve": _foam, "BoucWen": _bouc_wen,
-    }  # fmt: skip
-    return known[name](record) if name in known else None
 
 
 def _sponge(record: Record) -> LinearSponge:
@@ -90,3 +72,9 @@ def _bouc_wen(record: Record) -> BoucWen:
     yield_at = 0.1 * across
     k = after + force / yield_at
     return BoucWen(k, after / k, yield_at, 1.5, 0.0, (y.max() + y.min()) / 2)
+
+
+register(LinearSponge, guess=_sponge)
+register(Burgers, guess=_burgers)
+register(FoamCurve, guess=_foam)
+register(BoucWen, guess=_bouc_wen)

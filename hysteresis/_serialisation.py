@@ -1,0 +1,126 @@
+"""Models, their parts and whatever is made of them as plain data and arrays, and back.
+
+A class is written as `package:Class`. What is read back is put together field by field: no constructor is
+run, only checks of the class itself, and only registered classes are made.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ._errors import InputError
+from ._registry import class_key, class_of, registered
+
+Arrays = dict[str, Any]
+
+
+def described(
+    value: Any, name: str = "", arrays: Arrays | None = None, *, for_file: bool = True
+) -> tuple[Any, Arrays]:
+    """Plain data of a value, and its arrays by name.
+
+    **Arguments:**
+
+    - `name`: with which the names of the arrays begin.
+    - `arrays`: to which they are added.
+    - `for_file`: refuse classes that are not registered, because a file with them could not be loaded.
+
+    Raises `InputError` for a class that is not registered, and for a value that is not an array, plain, or
+    made of such.
+    """
+    arrays = {} if arrays is None else arrays
+
+    def inside(part: Any, key: Any) -> Any:
+        return described(part, f"{name}.{key}" if name else str(key), arrays, for_file=for_file)[0]
+
+    if isinstance(value, jax.Array | np.ndarray):
+        arrays[name] = np.asarray(value)
+        return {"array": name, "jax": isinstance(value, jax.Array)}, arrays
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"number": repr(value)}, arrays  # which JSON does not have
+    if value is None or isinstance(value, bool | int | float | str):
+        return value, arrays
+    kind = type(value)
+    if kind in (tuple, list):
+        words = [inside(part, k) for k, part in enumerate(value)]
+        return ({"tuple": words} if kind is tuple else words), arrays
+    if kind is dict and all(isinstance(key, str) for key in value):
+        return {"dict": {key: inside(part, key) for key, part in value.items()}}, arrays
+    if not (is_dataclass(kind) or hasattr(kind, "_fields")):
+        raise InputError(
+            "no-file",
+            f"{name or 'this'} is a {kind.__name__}, which cannot be kept in a file.",
+            fix="keep arrays, numbers, strings, and registered classes made of them as fields.",
+        )
+    if for_file and registered(kind) is None:
+        raise InputError(
+            "unregistered-class",
+            f"{kind.__name__} is not registered, so a file with it could not be loaded.",
+            fix=f"call hysteresis.register({kind.__name__}) in the module that defines it.",
+        )
+    parts = {field: inside(getattr(value, field), field) for field in _fields(kind)}
+    return {"class": class_key(kind), "fields": parts}, arrays
+
+
+def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
+    """The inverse of `described`; also of what earlier versions wrote.
+
+    Raises `InputError` for a class that is not registered, `KeyError` and `TypeError` for what `described`
+    does not write.
+    """
+    if isinstance(words, list):
+        return [rebuilt(part, arrays) for part in words]
+    if not isinstance(words, dict):
+        return words
+    if "array" in words:
+        array = arrays[words["array"]]
+        return jnp.asarray(array) if words.get("jax", True) else array
+    if "number" in words:
+        return float(words["number"])
+    if "tuple" in words:
+        return tuple(rebuilt(part, arrays) for part in words["tuple"])
+    if "dict" in words:
+        return {key: rebuilt(part, arrays) for key, part in words["dict"].items()}
+    kind = class_of(str(words["class"]))
+    if "fields" in words:
+        return _made(kind, {name: rebuilt(part, arrays) for name, part in words["fields"].items()})
+    # Earlier fits wrote the fields beside the class, and all that is in turn as a list.
+    plain = {name: rebuilt(part, arrays) for name, part in words.items() if name != "class"}
+    return _made(kind, {k: tuple(v) if isinstance(v, list) else v for k, v in plain.items()})
+
+
+def _made(kind: Any, parts: dict[str, Any]) -> Any:
+    """An instance with these fields, others by default, checked as the class checks itself."""
+    unknown = sorted(set(parts) - set(_fields(kind)))
+    if unknown:
+        raise TypeError(f"a {kind.__name__} has no field {unknown[0]!r}")
+    if not is_dataclass(kind):
+        return kind(**parts)
+    new: Any = object.__new__(kind)  # type: ignore[arg-type]
+    for field in fields(kind):
+        value = parts[field.name] if field.name in parts else _default(kind, field)
+        object.__setattr__(new, field.name, value)
+    if isinstance(new, eqx.Module):
+        for base in type(new).__mro__:
+            if "__check_init__" in vars(base):
+                vars(base)["__check_init__"](new)
+    return new
+
+
+def _default(kind: Any, field: Any) -> Any:
+    if field.default is MISSING and field.default_factory is MISSING:
+        raise TypeError(f"the field {field.name!r} of a {kind.__name__} is missing")
+    value = field.default if field.default is not MISSING else field.default_factory()
+    return field.metadata.get("converter", lambda x: x)(value)
+
+
+def _fields(kind: Any) -> tuple[str, ...]:
+    return kind._fields if hasattr(kind, "_fields") else tuple(f.name for f in fields(kind))

@@ -1,0 +1,124 @@
+"""Which models a fit tries: names, classes and models to start from, in one list."""
+
+from typing import Any, NamedTuple
+
+from hysteresis import AbstractModel, InputError, Preisach, Record, model_names
+from hysteresis._registry import find_model, registered, similar
+from hysteresis.preisach import AbstractGridDensity
+
+COMPOSITION = "Composition"
+"""Not a model but a search for one: curves, relays and relaxations, as many as the record shows."""
+
+AUTO = ("LinearSponge", "Burgers", "Preisach", COMPOSITION)
+"""What `model="auto"` tries, the simplest first."""
+
+Asked = str | AbstractModel | type[AbstractModel]
+"""Names with or without commas between, a class, or a model to start from; "auto" is several."""
+
+
+class Candidate(NamedTuple):
+    """A model to fit: its name in the result, its class, and the model to start from, if one was given.
+
+    The class is None for a search for compositions.
+    """
+
+    name: str
+    kind: type[AbstractModel] | None
+    template: AbstractModel | None = None
+
+    @property
+    def has_weights(self) -> bool:
+        """Whether it is fitted as weights, linear in the output, not as few parameters."""
+        if self.kind is None:
+            return True
+        density = getattr(self.template, "density", None)
+        return self.kind is Preisach and (
+            self.template is None or isinstance(density, AbstractGridDensity)
+        )
+
+    def suggested(self, record: Record) -> AbstractModel | None:
+        """The model that the record suggests; None where a model is given and its class has no guess.
+
+        Raises `InputError` where neither is known to start from.
+        """
+        known = None if self.kind is None else registered(self.kind)
+        if known is not None and (self.template is None or known.guess is not None):
+            return known.start(record)
+        return None
+
+
+def candidates(model: Any) -> tuple[Candidate, ...]:
+    """What `fit` is asked to fit: `Asked`, or several of them.
+
+    Raises `InputError` `unknown-model` for a name without a model, `not-a-model` for anything else, and
+    `no-start-values` for a class that says nowhere where a fit starts.
+    """
+    asked = [model] if isinstance(model, str | AbstractModel | type) else list(model)
+    found: list[Candidate] = []
+    for one in asked:
+        for part in one.split(",") if isinstance(one, str) else [one]:
+            found += _named(part.strip()) if isinstance(part, str) else [_given(part)]
+    if not found:
+        raise InputError("unknown-model", "no model is named.", fix="name one, or auto.")
+    return tuple(_told_apart(found))
+
+
+def names() -> tuple[str, ...]:
+    """Every name that `fit` takes but auto, the candidates of auto first."""
+    return (*AUTO, *(name for name in model_names() if name not in AUTO))
+
+
+def _named(name: str) -> list[Candidate]:
+    if name.casefold() == "auto":
+        return [one for name in AUTO for one in _named(name)]
+    if name.casefold() == COMPOSITION.casefold():
+        return [Candidate(COMPOSITION, None)]
+    known = find_model(name)
+    if known is None:
+        meant = similar(name, names())
+        raise InputError(
+            "unknown-model",
+            f"No model {name!r}; have {', '.join(names())}.",
+            fix=f"did you mean {meant}?"
+            if meant
+            else "name one or several of them with commas between, or auto.",
+        )
+    if not (known.can_start or known.kind is Preisach):
+        raise InputError(
+            "no-start-values",
+            f"nothing says where a fit of {known.name} starts.",
+            cause="it was registered without a guess, and its fields have no defaults.",
+            fix=f"give a {known.kind.__name__} to start from, or register it with a guess.",
+        )
+    return [Candidate(known.name, known.kind)]
+
+
+def _given(one: Any) -> Candidate:
+    template = one if isinstance(one, AbstractModel) else None
+    kind = one if isinstance(one, type) else type(one)
+    if not issubclass(kind, AbstractModel):
+        raise InputError(
+            "not-a-model",
+            f"{one!r} is not a model, nor the name of one.",
+            fix=f"give a name ({', '.join(names())}), a subclass of AbstractModel, or one of its models.",
+        )
+    known = registered(kind)
+    if template is None and kind is not Preisach and (known is None or not known.can_start):
+        raise InputError(
+            "no-start-values",
+            f"nothing says where a fit of {kind.__name__} starts.",
+            cause="its class is not registered with a guess.",
+            fix=f"give a {kind.__name__} to start from, or register({kind.__name__}, guess=...).",
+        )
+    return Candidate(kind.__name__ if known is None else known.name, kind, template)
+
+
+def _told_apart(found: list[Candidate]) -> list[Candidate]:
+    """Several of one name get numbers."""
+    seen: dict[str, int] = {}
+    different = []
+    for one in dict.fromkeys(found) if all(c.template is None for c in found) else found:
+        seen[one.name] = seen.get(one.name, 0) + 1
+        count = seen[one.name]
+        different.append(one if count == 1 else one._replace(name=f"{one.name} ({count})"))
+    return different

@@ -1,0 +1,226 @@
+"""Models that are not ours: fitted beside ours, saved and loaded, whatever their class is called."""
+
+import json
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import hysteresis
+from hysteresis import InputError, Record, model_names, register
+from hysteresis._registry import class_of, find_model, registered
+from hysteresis._serialisation import described, rebuilt
+from identify import fit, fit_many, load, save
+from identify.fitting._candidates import AUTO, candidates, names
+from tests.other_models import Gain, Line, Preisach, Unregistered, Weighted
+
+QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 2}
+
+
+def record(slope: float = 2.0) -> Record:
+    u = np.tile(np.concatenate([np.linspace(0, 4, 20), np.linspace(4, 0, 20)]), 4)
+    noise = np.random.default_rng(0).normal(0, 0.01, len(u))
+    return Record.from_arrays(u, slope * u + 1 + noise, time=np.arange(len(u), dtype=float))
+
+
+def test_names_and_models_are_ranked_together():
+    ranked = fit(record(), ["linearsponge", Line(1.0), "gain"], **QUICK)
+    assert {c.name for c in ranked.candidates} == {"LinearSponge", "Line", "Gain"}
+    assert ranked.name != "Gain"  # a line through the origin
+    assert type(fit(record(), Line, **QUICK).model) is Line
+
+
+@pytest.mark.parametrize("name", ["BURGERS", "burgers", "Burgers"])
+def test_names_have_no_case(name: str):
+    (one,) = candidates(name)
+    assert (one.name, one.kind) == ("Burgers", hysteresis.Burgers)
+
+
+def test_a_list_is_what_its_parts_are():
+    assert candidates("auto") == candidates(["auto"]) == candidates(",".join(AUTO))
+    assert candidates("Burgers, preisach") == candidates(["Burgers", hysteresis.Preisach])
+    assert [one.name for one in candidates([Line(1.0), Line(2.0)])] == ["Line", "Line (2)"]
+
+
+@pytest.mark.parametrize(
+    ("model", "code", "words"),
+    [
+        ("Presiach", "unknown-model", "did you mean Preisach?"),
+        ("burgrs", "unknown-model", "did you mean Burgers?"),
+        ([Line(1.0), 3], "not-a-model", "3 is not a model"),
+        (int, "not-a-model", "is not a model"),
+        ([], "unknown-model", "no model is named"),
+        ("Weighted", "no-start-values", "nothing says where a fit of Weighted starts"),
+        (Weighted, "no-start-values", "guess"),
+        (Unregistered, "no-start-values", "guess"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(model: Any, code: str, words: str):
+    with pytest.raises(InputError) as error:
+        candidates(model)
+    assert error.value.code == code
+    assert words in str(error.value)
+
+
+def test_a_class_named_as_ours_is_theirs():
+    found = fit(record(), Preisach(1.0), **QUICK)
+    assert type(found.model) is Preisach
+    assert type(found.model) is not hysteresis.Preisach
+    assert float(found.model.slope) == pytest.approx(2.0, abs=0.02)
+    (composition,) = candidates(type("Composition", (Preisach,), {})(1.0))
+    assert not composition.has_weights
+    assert candidates("Composition")[0].has_weights
+
+
+def test_a_name_is_given_once():
+    with pytest.raises(InputError, match="name-taken"):
+        register(Preisach, name="burgers")
+    assert registered(Preisach) == find_model("theirpreisach")
+    assert class_of("hysteresis:Preisach") is hysteresis.Preisach
+    assert "TheirPreisach" not in names()  # nothing says where its fit starts
+    assert names()[:6] == (
+        "LinearSponge",
+        "Burgers",
+        "Preisach",
+        "Composition",
+        "FoamCurve",
+        "BoucWen",
+    )
+
+
+def test_a_registered_model_comes_back(tmp_path: Path):
+    made = fit(record(), [Preisach(1.0)], **QUICK)
+    assert made.name == "TheirPreisach"
+    again = load(save(made, tmp_path / "fit"))
+    assert type(again.model) is Preisach
+    np.testing.assert_array_equal(again.predict(record()), made.predict(record()))
+
+
+def test_an_unregistered_model_is_refused_before_anything_is_written(tmp_path: Path):
+    made = fit(record(), Unregistered(1.0), **QUICK)
+    before = save(fit(record(), "LinearSponge", **QUICK), tmp_path / "fit")
+    kept = {file.name: file.read_bytes() for file in before.iterdir()}
+    with pytest.raises(InputError, match=r"register\(Unregistered\)") as error:
+        save(made, tmp_path / "fit", overwrite=True)
+    assert error.value.code == "unregistered-class"
+    assert {file.name: file.read_bytes() for file in before.iterdir()} == kept
+
+
+def test_every_part_of_a_model_comes_back():
+    model = Weighted(
+        (Gain(2.0), Line(1.0)),
+        np.arange(3),
+        -np.inf,
+        ("a", 1, None),
+        {"k": [1.5, True]},
+        Pair(1, 2.0),
+    )
+    words, arrays = described(model)
+    again = rebuilt(json.loads(json.dumps(words)), arrays)
+    assert eqx.tree_equal(again, model)
+    assert again.options == model.options
+    assert isinstance(again.options["k"], list)
+    assert type(again.pair) is Pair
+
+
+@register
+class Pair(NamedTuple):
+    """A part that is not a module."""
+
+    a: int
+    b: float
+
+
+def test_what_is_read_is_checked():
+    words, arrays = described(Gain(2.0))
+    with pytest.raises(InputError, match="gain-zero"):
+        rebuilt(words, {name: 0 * array for name, array in arrays.items()})
+    with pytest.raises(TypeError, match="no field"):
+        rebuilt(words | {"fields": {"k": 1}}, arrays)
+    with pytest.raises(TypeError, match="missing"):
+        rebuilt(words | {"fields": {}}, arrays)
+    with pytest.raises(InputError, match="cannot be kept in a file"):
+        described(Weighted((), np.arange(3), 0.0, (jnp.tanh,)))
+
+
+@pytest.mark.parametrize("key", ["os:system", "os.system", "builtins:eval", "hysteresis:Nothing"])
+def test_nothing_but_what_is_registered_is_made(key: str):
+    with pytest.raises(InputError, match="unknown-model"):
+        rebuilt({"class": key, "fields": {}}, {})
+
+
+def test_fits_of_earlier_versions_are_read():
+    """Bare names, fields beside the class, tuples as lists."""
+    arrays = {f"parts.{k}.{name}": np.array(v) for k in (0, 1) for name, v in
+              (("K", 2.0), ("b", 1.0), ("threshold", -np.inf))}  # fmt: skip
+    line = [
+        {"class": "LinearSponge"}
+        | {n: {"array": f"parts.{k}.{n}"} for n in ("K", "b", "threshold")}
+        for k in (0, 1)
+    ]
+    model = rebuilt({"class": "Sum", "parts": line}, arrays)
+    assert type(model) is hysteresis.Sum
+    assert isinstance(model.parts, tuple)
+    np.testing.assert_allclose(model.simulate(None, [1.0, 2.0]), [6.0, 10.0])
+
+
+@pytest.fixture
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An installed distribution with a model, as an installer leaves it."""
+    (tmp_path / "acme_loops.py").write_text(
+        "from tests.other_models import AbstractSlope\n"
+        "from hysteresis import Scalar, parameter\n\n"
+        "class AcmeSlope(AbstractSlope):\n"
+        "    slope: Scalar = parameter(1.0)\n"
+    )
+    info = tmp_path / "acme_loops-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-loops\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[hysid.models]\nAcme = acme_loops:AcmeSlope\nBroken = acme_nowhere:Model\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def test_a_model_of_another_distribution_is_imported_when_it_is_named(plugged: Path):
+    assert "acme_loops" not in sys.modules
+    assert {"Acme", "Broken"} <= set(model_names())
+    assert "acme_loops" not in sys.modules
+    known = find_model("acme")
+    assert known is not None
+    assert known.name == "Acme"
+    assert registered(known.kind) == known
+    with pytest.raises(InputError, match="broken-plug-in"):
+        find_model("broken")
+
+
+def test_a_saved_fit_names_its_distribution(plugged: Path, tmp_path: Path):
+    save(fit(record(), "Acme", **QUICK), tmp_path / "fit")
+    script = "import jax, sys, identify; jax.config.update('jax_enable_x64', True); " + (
+        "assert 'acme_loops' not in sys.modules; print(type(identify.load('fit').model))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True,
+        env={"PYTHONPATH": f"{plugged}:{Path(__file__).parents[3]}", "PATH": ""},
+    )  # fmt: skip
+    assert "acme_loops.AcmeSlope" in done.stdout, done.stderr
+
+
+def test_many_fits_over_processes_keep_such_models(tmp_path: Path):
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        good = fit_many(
+            [record(1.0), record(2.0)], [Line(1.0)], executor=pool, starts=2, noise="auto"
+        )
+        bad = fit_many([record()], Unregistered(1.0), executor=pool, starts=2, noise="auto")
+    assert not good.failed
+    assert [type(one.model) for _, one in good] == [Line, Line]
+    (error,) = bad.failed.values()
+    assert error.code == "unregistered-class"
