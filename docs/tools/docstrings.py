@@ -1,13 +1,14 @@
 """Docstrings, written in Markdown, as the reStructuredText that autodoc reads.
 
-An indented block is shown as it is: an equation in plain text, a program, an example. An equation in a
-`math` fence is TeX, and typeset.
+Equations are typeset: an indented block in plain text if `equations` can read it, a `math` fence as TeX.
+Other indented blocks are programs and examples, and stay as they are.
 """
 
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equations
 from markdown_it import MarkdownIt
 
 _PARSER = MarkdownIt("commonmark")
@@ -40,9 +41,9 @@ def _blocks(tokens: Sequence[Any], names: Mapping[str, str]) -> list[str]:
             else:
                 lines.append(shown)
             lines.append("")
-        elif token.type == "fence" and token.info == "math":
+        elif (equation := _equation(token)) is not None:
             lines += [f"{indent}.. math::", ""]
-            lines += [f"{indent}   {line}" for line in token.content.strip().split("\n")]
+            lines += [f"{indent}   {line}" for line in equation.split("\n")]
             lines.append("")
         elif token.type in ("code_block", "fence"):
             doctest = "pycon" if token.content.startswith(">>>") else "none"
@@ -53,6 +54,12 @@ def _blocks(tokens: Sequence[Any], names: Mapping[str, str]) -> list[str]:
         elif token.type not in ("paragraph_open", "paragraph_close"):
             raise ValueError(f"docstrings hold no {token.type}")
     return lines
+
+
+def _equation(token: Any) -> str | None:
+    if token.type == "fence" and token.info == "math":
+        return token.content.strip()
+    return equations.tex(token.content.rstrip()) if token.type == "code_block" else None
 
 
 def _inline(tokens: Sequence[Any], names: Mapping[str, str]) -> str:
