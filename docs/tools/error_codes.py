@@ -113,8 +113,9 @@ def _passed(
     source: Source, function: ast.FunctionDef, sources: Sequence[Source]
 ) -> list[dict[str, ast.expr]]:
     """What its callers hand to a function that makes errors for them; one empty answer without callers."""
-    order = [a.arg for a in function.args.args if a.arg not in ("self", "cls")]
-    rest = function.args.args[len(function.args.args) - len(function.args.defaults) :]
+    arguments = [*function.args.posonlyargs, *function.args.args]
+    order = [a.arg for a in arguments if a.arg not in ("self", "cls")]
+    rest = arguments[len(arguments) - len(function.args.defaults) :]
     defaults = dict(zip((a.arg for a in rest), function.args.defaults, strict=True))
     calls = [
         defaults | _given(call, order, first)
