@@ -21,7 +21,7 @@ def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> Abs
         return EnsembleCompensator(model, output_sigma, seed)
     if output_sigma is not None:
         raise InputError(
-            "one-model",
+            "not-invertible",
             "one model's inverse has no spread for a reading's noise to add to.",
             fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
         )

@@ -59,10 +59,10 @@ class Sliders:
         self._draw()
 
     def set(self, name: str, value: float) -> None:
-        """Move a slider. Raises `InputError` `no-parameter` where there is none of this name."""
+        """Move a slider. Raises `InputError` `unknown-parameter` where there is none of this name."""
         if name not in self._sliders:
             raise InputError(
-                "no-parameter",
+                "unknown-parameter",
                 f"no slider for {name!r}.",
                 fix=f"there are {', '.join(self.names)}.",
             )

@@ -56,7 +56,7 @@ def described(
         return {"dict": {key: inside(part, key) for key, part in value.items()}}, arrays
     if not (is_dataclass(kind) or hasattr(kind, "_fields")):
         raise InputError(
-            "no-file",
+            "not-storable",
             f"{name or 'this'} is a {kind.__name__}, which cannot be kept in a file.",
             fix="keep arrays, numbers, strings, and registered classes made of them as fields.",
         )

@@ -45,7 +45,7 @@ class Box(AbstractShape):
         sides = np.array([2 * dx, 2 * dy, dz1 - dz2])
         if not (np.isfinite(sides).all() and (sides > 0).all()):
             raise InputError(
-                "no-inside",
+                "bad-option",
                 f"a box of {sides[0]:g} x {sides[1]:g} x {sides[2]:g} m has no inside.",
                 fix="give positive half sides dx and dy, and dz1 above dz2.",
             )

@@ -46,14 +46,14 @@ class Convex(AbstractShape):
         own += np.asarray(self.sides.offset)[:, None]
         _refuse(
             np.abs(own).max(axis=1) > 1e-6 * extent,
-            "not-plane",
+            "not-convex",
             "not plane",
             "split it into triangles.",
         )
         below = heights.min(axis=1) < -1e-6 * extent
         above = heights.max(axis=1) > 1e-6 * extent
         _refuse(
-            below & ~above, "inside-out", "inside out: the body lies outside of it",
+            below & ~above, "not-a-mesh", "inside out: the body lies outside of it",
             "give its vertices counter-clockwise seen from outside.",
         )  # fmt: skip
         _refuse(below, "not-convex", "cut by the body, which is not convex", "use Mesh.")

@@ -58,7 +58,7 @@ class Cover(eqx.Module):
         if isinstance(self.compensator, LinearSpongeCompensator | FoamCurve):
             given = type(self.compensator).__name__
             raise InputError(
-                "cover-direction",
+                "wrong-direction",
                 f"a {given} gives forces, and a cover is asked for its displacement.",
                 fix="LinearSponge(K, b) itself; invert(FoamCurve(...)).",
             )

@@ -52,7 +52,7 @@ def head(
     ax, ay, az = half_axes
     if not 0 < neck < min(ax, ay):
         raise InputError(
-            "no-neck", f"a neck of radius {neck:g} m does not fit under a head of {min(ax, ay):g} m.",
+            "bad-option", f"a neck of radius {neck:g} m does not fit under a head of {min(ax, ay):g} m.",
             fix="give a radius below the head's half axes.",
         )  # fmt: skip
     # Where the ellipsoid is as wide as the neck, on its lower half.
@@ -74,7 +74,7 @@ def _turned(rings: np.ndarray, ends: tuple[float, float], around: int) -> Mesh:
         or not (np.diff(rings[:, 0]) > 0).all()
     ):
         raise InputError(
-            "not-a-body", "these lengths and divisions make no body.",
+            "bad-option", "these lengths and divisions make no body.",
             fix="give positive lengths and three divisions or more.",
         )  # fmt: skip
     turn = 2 * np.pi * np.arange(around) / around

@@ -41,7 +41,7 @@ def export_armor(
     faces = solver.shape.faces()
     if len(faces.offset) > MOST_FACES:
         raise InputError(
-            "too-many-faces", f"a shape of {len(faces.offset)} faces is too slow in plain Python.",
+            "bad-option", f"a shape of {len(faces.offset)} faces is too slow in plain Python.",
             fix=f"ContactStream(solver), or a Convex of at most {MOST_FACES} faces.",
         )  # fmt: skip
     limits = solver.limits()
@@ -71,7 +71,7 @@ def _cover(cover: Cover, model: AbstractModel | None, surfaces: int) -> dict[str
     is_inverse = not (material is None or isinstance(material, AbstractModel))
     if is_inverse and model is None:
         raise InputError(
-            "no-model", "the cover is a compensator, and is exported by the model it inverts.",
+            "not-exportable", "the cover is a compensator, and is exported by the model it inverts.",
             fix="export_armor(..., model=the model given to invert).",
         )  # fmt: skip
     exported: Any = model if is_inverse else material
@@ -100,7 +100,7 @@ def _field(field: AbstractField, surfaces: int) -> dict[str, Any]:
             "axes": field.axes.tolist(),
         }  # fmt: skip
     raise InputError(
-        "no-element", f"a field {type(field).__name__} cannot be exported.",
+        "not-exportable", f"a field {type(field).__name__} cannot be exported.",
         fix="use Uniform, Bumps or Grid.",
     )  # fmt: skip
 

@@ -73,7 +73,7 @@ class Mesh(AbstractShape):
             import trimesh
         except ImportError:
             raise InputError(
-                "no-trimesh", "files of meshes are read by trimesh, which is not installed.",
+                "missing-extra", "files of meshes are read by trimesh, which is not installed.",
                 fix="pip install 'hysid[mesh]'; or give vertices and triangles.",
             ) from None  # fmt: skip
         try:
@@ -232,20 +232,20 @@ def _check(points: np.ndarray, triangles: np.ndarray, rim: bool) -> None:
     there, back = (sides @ [len(points), 1], sides @ [1, len(points)])
     if len(np.unique(there)) < len(there):
         raise InputError(
-            "mixed-winding", "neighbouring triangles are turned opposite ways, or lie doubled.",
+            "not-a-mesh", "neighbouring triangles are turned opposite ways, or lie doubled.",
             fix="trimesh.repair.fix_normals(mesh), or recalculate the normals where it was drawn.",
         )  # fmt: skip
     alone = int((~np.isin(there, back)).sum())
     if alone and not rim:
         raise InputError(
-            "open-mesh", f"the surface is open: {alone} sides have a triangle on one side only.",
+            "not-a-mesh", f"the surface is open: {alone} sides have a triangle on one side only.",
             cause="a hole, or vertices that were not merged.",
             fix="trimesh.repair.fill_holes(mesh), mesh.merge_vertices(); rim=True where it has to end.",
         )  # fmt: skip
     a, b, c = (points - points.mean(axis=0))[triangles].transpose(1, 0, 2)
     if np.einsum("ij,ij->", a, np.cross(b, c)) <= 0:
         raise InputError(
-            "inside-out", "the surface is inside out: it encloses a negative volume.",
+            "not-a-mesh", "the surface is inside out: it encloses a negative volume.",
             cause="triangles clockwise, or a mirrored axis.",
             fix="triangles[:, ::-1], or mesh.invert().",
         )  # fmt: skip

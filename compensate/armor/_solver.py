@@ -94,7 +94,7 @@ class ContactSolver(eqx.Module):
         limits += (self.same_place, self.recovery)
         if all(map(is_concrete, limits)) and not all(float(limit) >= 0 for limit in limits):
             raise InputError(
-                "negative-limit",
+                "bad-option",
                 "a threshold, tolerance or other limit is negative or no number.",
                 fix="give forces in N and lengths in m, or leave them out.",
             )
@@ -319,7 +319,7 @@ def _wrenches(force: Any, moment: Any, doubt: Any) -> tuple[Array, Array, Any]:
     force, moment = jnp.asarray(force, float), jnp.asarray(moment, float)
     if force.shape != moment.shape or force.shape[-1:] != (3,):
         raise InputError(
-            "wrench-shape",
+            "wrong-shape",
             f"force of shape {force.shape} and moment of shape {moment.shape} make no wrenches.",
             fix="give both as (..., 3): x, y, z last.",
         )

@@ -112,12 +112,12 @@ class WristSensor(eqx.Module):
     def __check_init__(self) -> None:
         if self.reports not in ("load", "reaction"):
             raise InputError(
-                "unknown-convention", f"a sensor that reports {self.reports!r}.",
+                "bad-option", f"a sensor that reports {self.reports!r}.",
                 fix="load: what touches the shell exerts; reaction: what holds the shell exerts.",
             )  # fmt: skip
         if self.hysteresis is not None and len(self.hysteresis) != 6:
             raise InputError(
-                "wrench-shape", f"{len(self.hysteresis)} models of hysteresis for six channels.",
+                "wrong-shape", f"{len(self.hysteresis)} models of hysteresis for six channels.",
                 fix="one for each of Fx, Fy, Fz, Mx, My, Mz.",
             )  # fmt: skip
         wanted = {
@@ -131,7 +131,7 @@ class WristSensor(eqx.Module):
         for name, shape in wanted.items():
             if jnp.shape(getattr(self, name)) != shape:
                 raise InputError(
-                    "wrench-shape",
+                    "wrong-shape",
                     f"the sensor's {name} has the shape {jnp.shape(getattr(self, name))}.",
                     fix=f"give {shape}.",
                 )
@@ -139,20 +139,20 @@ class WristSensor(eqx.Module):
             self._check_rotation(np.asarray(self.rotation))
         if is_concrete(self.matrix) and not np.linalg.cond(np.asarray(self.matrix)) < 1e6:
             raise InputError(
-                "wrench-shape", "the sensor's matrix cannot be inverted: a direction is lost.",
+                "not-invertible", "the sensor's matrix cannot be inverted: a direction is lost.",
                 fix="calibrate with loads in all six directions.",
             )  # fmt: skip
 
     def _check_rotation(self, rotation: np.ndarray) -> None:
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4):
             raise InputError(
-                "no-rotation", "the sensor's rotation is none: its axes are not of length 1 and square.",
+                "not-a-rotation", "the sensor's rotation is none: its axes are not of length 1 and square.",
                 cause="angles instead of a matrix, or frames mixed.",
                 fix="scipy.spatial.transform.Rotation.from_euler(...).as_matrix().",
             )  # fmt: skip
         if np.linalg.det(rotation) < 0:
             raise InputError(
-                "no-rotation", "the sensor's rotation is a mirror: left-handed axes.",
+                "not-a-rotation", "the sensor's rotation is a mirror: left-handed axes.",
                 cause="an axis counted backwards in one of the frames.", fix="reverse one column.",
             )  # fmt: skip
 
@@ -244,7 +244,7 @@ class WristSensor(eqx.Module):
         readings = jnp.asarray(readings, self.matrix.dtype)
         if readings.shape[-1:] != (6,):
             raise InputError(
-                "wrench-shape", f"readings of shape {readings.shape} are no wrenches.",
+                "wrong-shape", f"readings of shape {readings.shape} are no wrenches.",
                 fix="give (..., 6): Fx, Fy, Fz, Mx, My, Mz.",
             )  # fmt: skip
         return readings

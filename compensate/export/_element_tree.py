@@ -75,7 +75,7 @@ def _flat(value: Any) -> Any:
 @singledispatch
 def _tree(model: AbstractModel, eps: float, depth: int) -> Tree:
     raise InputError(
-        "no-element",
+        "not-exportable",
         f"{type(model).__name__} cannot be exported.",
         cause="the runtimes without JAX have no element for it.",
         fix="use the compensator itself, or fit a model that can.",
@@ -115,7 +115,7 @@ def _(model: Preisach, eps: float, depth: int) -> Tree:
             else f"a {type(grid).__name__}"
         )  # fmt: skip
         raise InputError(
-            "no-element",
+            "not-exportable",
             f"a Preisach model with {what} cannot be exported.",
             fix="fit a GridDensity from a known first state, without a dead band.",
         )
@@ -124,7 +124,7 @@ def _(model: Preisach, eps: float, depth: int) -> Tree:
     held = int(begin.loops.depth)
     if held > depth:
         raise InputError(
-            "stack-too-small",
+            "bad-option",
             f"the first state alone has {held} reversals, and the stack holds {depth}.",
             fix=f"give a depth of {held} or more.",
         )
@@ -292,7 +292,7 @@ def _(model: Sum, eps: float, depth: int) -> Tree:
     if len(parts) == 1:
         return parts[0]
     if any(part["kind"] == "moving" for part in parts):
-        raise InputError("no-element", "a MovingPreisach within a sum cannot be exported.")
+        raise InputError("not-exportable", "a MovingPreisach within a sum cannot be exported.")
     return _bracketed(model, [p["parts"][0] if _is_search(p) else p for p in parts], eps)
 
 

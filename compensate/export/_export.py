@@ -80,11 +80,11 @@ def export_c(
     path = Path(path)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", path.stem):
         raise InputError(
-            "not-a-name", f"{path.stem!r} is no name in C.",
+            "bad-name", f"{path.stem!r} is no name in C.",
             fix="letters, digits and _, a letter first.",
         )  # fmt: skip
     if real not in ("double", "float"):
-        raise InputError("unknown-precision", f"no numbers {real!r}.", fix="double or float.")
+        raise InputError("bad-option", f"no numbers {real!r}.", fix="double or float.")
     precision = np.float32 if real == "float" else np.float64
     document, notes = _document(model, readings, precision, **options)
     path.write_text(header(document, path.stem, single=real == "float"), "utf-8")
@@ -102,7 +102,7 @@ def _document(
     t = None if times is None else np.asarray(times, float)
     finite = np.isfinite(y)
     if finite.sum() < 2:
-        raise InputError("no-readings", "there are no readings to export for.")
+        raise InputError("no-rows", "there are no readings to export for.")
     y, t = y[finite], None if t is None else t[finite]
     low, high = limits or _wider(y)
     rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}

@@ -95,7 +95,7 @@ def _(model: Sum) -> AbstractCompensator:
     ranges = [found for part in model.parts if (found := _range_of(part)) is not None]
     if not ranges:
         raise InputError(
-            "no-range",
+            "not-invertible",
             "no part of the sum says over which inputs it holds, so none can be looked for.",
             fix="BracketedCompensator(model, low, high).",
         )

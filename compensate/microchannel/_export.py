@@ -50,12 +50,12 @@ def export_force(
     count = 1 if y.ndim == 1 else y.shape[1]
     if len(channels) != count:
         raise InputError(
-            "other-channels", f"readings of {count} channels and {len(channels)} names.",
+            "wrong-channels", f"readings of {count} channels and {len(channels)} names.",
             fix="channels=[Quantity(name, unit), ...], one for each.",
         )  # fmt: skip
     sound = np.isfinite(y.reshape(len(y), -1)).all(1)
     if sound.sum() < 2:
-        raise InputError("no-readings", "there are no readings to export for.")
+        raise InputError("no-rows", "there are no readings to export for.")
     y, t = y[sound], None if times is None else np.asarray(times, float)[sound]
     model, rates = _program(estimator.model, t, y)
     if rates and t is None:
@@ -90,7 +90,7 @@ def _program(
         return _network(model), bool(model.times)
     if y.ndim > 1:
         raise InputError(
-            "no-element", f"a {type(model).__name__} of several channels cannot be exported.",
+            "not-exportable", f"a {type(model).__name__} of several channels cannot be exported.",
             fix="train a network.",
         )  # fmt: skip
     backwards = isinstance(model, BackwardsModel)
@@ -126,7 +126,7 @@ def _behind(compensator: Any) -> AbstractModel:
         return replace(turned, leading=not turned.leading, offset=compensator.offset)
     if not isinstance(getattr(compensator, "model", None), AbstractModel):
         raise InputError(
-            "no-element", f"a {type(compensator).__name__} cannot be exported.",
+            "not-exportable", f"a {type(compensator).__name__} cannot be exported.",
             fix="use the estimator itself, or train a network.",
         )  # fmt: skip
     return compensator.model

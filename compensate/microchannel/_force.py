@@ -107,7 +107,7 @@ class ForceEstimator(AbstractCompensator[ForceState]):
         ordered = low.shape == high.shape and bool((low < high).all())
         if not (0 < deviation < jnp.inf and self.high > 0 and ordered):
             raise InputError(
-                "estimator-range",
+                "bad-option",
                 f"deviation {deviation:g} N, forces to {self.high:g} N, readings from "
                 f"{self.low_reading} to {self.high_reading}: none of them may be empty.",
             )

@@ -47,16 +47,17 @@ def gains_in_use(
     z, given = np.asarray(readings, float), np.asarray(known, float)
     if z.ndim != 2 or z.shape[1] != 2 or given.shape != (2, 2):
         raise InputError(
-            "other-gains", f"readings of shape {z.shape} and gains of shape {given.shape}.",
+            "wrong-channels", f"readings of shape {z.shape} and gains of shape {given.shape}.",
             fix="give (samples, 2) and (2, 2): two layers, two places.",
         )  # fmt: skip
     if not (np.isfinite(given).all() and (given > 0).all()):
         raise InputError(
-            "not-positive", "known gains have to be above 0: a press makes every layer read more."
+            "parameter-out-of-bounds",
+            "known gains have to be above 0: a press makes every layer read more.",
         )
     if not (0 < pressed < np.inf and 0.005 <= blur <= 0.2):
         raise InputError(
-            "gains-range", f"pressed = {pressed:g} V, blur = {blur:g} rad.",
+            "bad-option", f"pressed = {pressed:g} V, blur = {blur:g} rad.",
             fix="give volts above 0, and 0.005 to 0.2 rad.",
         )  # fmt: skip
     z = z[np.isfinite(z).all(1)]
@@ -64,14 +65,14 @@ def gains_in_use(
     used = strength > pressed
     if used.sum() < LEAST:
         raise InputError(
-            "too-few-readings", f"{used.sum()} readings are above {pressed:g} V.",
+            "too-few-rows", f"{used.sum()} readings are above {pressed:g} V.",
             fix=f"give {LEAST} or more while the places are pressed, or a lower `pressed`.",
         )  # fmt: skip
     peaks = _piles(np.arctan2(z[used, 1], z[used, 0]), strength[used], blur)
     lengths, angles = np.hypot(*given), np.arctan2(given[1], given[0])
     if peaks[-1] - peaks[0] < np.ptp(angles) / 2:
         raise InputError(
-            "never-alone",
+            "no-excitation",
             f"the readings point {np.degrees(peaks[-1] - peaks[0]):.0f} degrees apart at most, the known "
             f"gains {np.degrees(np.ptp(angles)):.0f}.",
             cause="both places are always pressed together, or only one is pressed at all.",

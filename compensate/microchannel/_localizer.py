@@ -251,8 +251,7 @@ def _check_counts(counts: np.ndarray, names: tuple[Any, ...]) -> None:
     for name, count in zip(names, counts, strict=True):
         if count < LEAST_PRESSES:
             raise InputError(
-                "class-missing" if count == 0 else "class-too-small",
-                f"{count} training presses at {name}.", place="Localizer",
+                "too-few-presses", f"{count} training presses at {name}.", place="Localizer",
                 cause="a file left out, or a label misspelt.",
                 fix=f"press it {LEAST_PRESSES} times or more, better 100; or leave it out of names.",
             )  # fmt: skip
@@ -271,4 +270,4 @@ def _priors(priors: Sequence[float] | str, counts: np.ndarray) -> Float[np.ndarr
 
 
 def _fault(problem: str, fix: str) -> InputError:
-    return InputError("localizer-argument", problem, place="Localizer", fix=fix)
+    return InputError("bad-option", problem, place="Localizer", fix=fix)

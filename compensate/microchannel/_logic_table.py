@@ -232,4 +232,4 @@ def _undecided(status: LogicStatus) -> Decision:
 
 
 def _fault(problem: str, fix: str) -> InputError:
-    return InputError("logic-argument", problem, place="LogicTable", fix=fix)
+    return InputError("bad-option", problem, place="LogicTable", fix=fix)

@@ -103,7 +103,8 @@ class MotionFilter(eqx.Module):
         for name in ("high", "acceleration", "turn", "turns", "ways", "gap_s"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise InputError(
-                    "not-positive", f"{name} is {getattr(self, name):g}, and has to be above 0."
+                    "parameter-out-of-bounds",
+                    f"{name} is {getattr(self, name):g}, and has to be above 0.",
                 )
 
     def init(self, sensor: AbstractSensor) -> Motion:

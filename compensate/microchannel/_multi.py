@@ -65,7 +65,7 @@ class MultiContactEstimator(eqx.Module):
         sigma = np.atleast_1d(np.asarray(reading_sigma, float))
         if sigma.ndim != 1 or not (np.isfinite(sigma) & (sigma > 0)).all():
             raise InputError(
-                "reading-sigma", "reading_sigma is no standard deviation for each channel."
+                "bad-deviation", "reading_sigma is no standard deviation for each channel."
             )
         self.sensor, self.reading_sigma, self.motion = sensor, jnp.asarray(sigma), motion
 
@@ -101,7 +101,7 @@ class MultiContactEstimator(eqx.Module):
         z = jnp.asarray(readings, float)
         if z.ndim != 2 or z.shape[1] != self.reading_sigma.shape[0]:
             raise InputError(
-                "other-channels",
+                "wrong-channels",
                 f"readings of shape {z.shape} for {self.reading_sigma.shape[0]} channels.",
                 fix="give (samples, channels).",
             )

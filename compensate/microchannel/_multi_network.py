@@ -131,7 +131,7 @@ class SearchEstimator(eqx.Module):
 
     def __check_init__(self) -> None:
         if not self.networks or self.sequence < PREOCCUPIED:
-            raise InputError("no-networks", f"no network, or sequences shorter than {PREOCCUPIED}.")
+            raise InputError("bad-option", f"no network, or sequences shorter than {PREOCCUPIED}.")
 
     def init(self) -> SearchState:
         """No force in all the past: the paper's ten zeros, and those before them that fill a sequence."""

@@ -133,7 +133,7 @@ class Readout(eqx.Module):
         dead = np.flatnonzero(np.isnan(volts).all(axis=0))
         if dead.size:
             raise InputError(
-                "channel-missing", f"channel {dead[0] + 1} has no reading at rest.",
+                "wrong-channels", f"channel {dead[0] + 1} has no reading at rest.",
                 cause="a broken wire, or a column that is not the channel's.",
                 fix="mend it, or leave the channel out.",
             )  # fmt: skip
@@ -186,7 +186,7 @@ class Readout(eqx.Module):
         readings = jnp.asarray(readings, self.scale.dtype)
         if readings.shape[-1:] != (self.channels,):
             raise InputError(
-                "channel-missing", f"readings of shape {readings.shape} for {self.channels} channels.",
+                "wrong-channels", f"readings of shape {readings.shape} for {self.channels} channels.",
                 fix="give (..., channels); NaN for a channel that has failed.",
             )  # fmt: skip
         if self.bits is None:
@@ -201,4 +201,4 @@ def _scan(readout: Readout, t: Array, readings: Array) -> Changes:
 
 
 def _fault(problem: str, fix: str) -> InputError:
-    return InputError("readout-argument", problem, place="Readout", fix=fix)
+    return InputError("bad-option", problem, place="Readout", fix=fix)

@@ -35,7 +35,7 @@ class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
         self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
         if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
             raise InputError(
-                "other-gains",
+                "wrong-channels",
                 f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
                 fix="give one row for each layer, one column for each location's model.",
             )

@@ -171,7 +171,7 @@ def qualify(
         (draws, samples): an `EnsembleCompensator`.
     - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
 
-    Raises `InputError` `bad-need`, `no-rows`, or `no-inverse` where the record has several inputs.
+    Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
     """
     _check(record, max_error, rate)
     u, y, used = record.input, record.output, record.mask
@@ -238,11 +238,11 @@ def _check(record: Record, max_error: float | None, rate: float | None) -> None:
     for name, option, value in (("max_error", "--max-error", max_error), ("rate", "--rate", rate)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(
-                "bad-need", f"{name}={value:g} can never be met.", fix=f"a positive {option}."
+                "bad-option", f"{name}={value:g} can never be met.", fix=f"a positive {option}."
             )
     if record.channels:
         raise InputError(
-            "no-inverse",
+            "not-invertible",
             f"the record has {len(record.channels)} inputs, and one output does not tell them apart.",
             place=record.source,
         )

@@ -38,7 +38,7 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState]):
     def __check_init__(self) -> None:
         if is_concrete(self.width) and not 0 <= float(self.width) < float("inf"):
             raise InputError(
-                "dead-band",
+                "bad-option",
                 f"half a dead band is {float(self.width):g} wide.",
                 fix="give 0, or three times input_noise(y).",
             )

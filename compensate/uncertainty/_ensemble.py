@@ -82,7 +82,7 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState]):
         sigma = np.asarray(0.0 if output_sigma is None else output_sigma, float)
         if sigma.shape not in ((), (draws,)) or not (np.isfinite(sigma) & (sigma >= 0)).all():
             raise InputError(
-                "output-sigma",
+                "bad-deviation",
                 f"output_sigma is no standard deviation for each of {draws} draws.",
                 fix="give one number, or one for each draw, none negative.",
             )

@@ -83,7 +83,7 @@ class FilteredCompensator(AbstractCompensator[FilteredState]):
         for name, value in {"input_step": input_step, "output_sigma": output_sigma}.items():
             if is_concrete(value) and not 0 < float(value) < float("inf"):
                 raise InputError(
-                    "not-positive",
+                    "parameter-out-of-bounds",
                     f"{name} is {float(value):g}, and has to be positive and finite.",
                     fix="invert(model) is the inverse that takes every reading at its word.",
                 )

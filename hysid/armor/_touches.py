@@ -115,7 +115,7 @@ def read_touches(folder: Path) -> dict[str, Any]:
     file = folder / FILE
     if not file.is_file():
         raise InputError(
-            "no-touches",
+            "file-not-found",
             f"there is no {FILE}.",
             place=str(folder),
             fix="name a folder that hysid reproduce tsuji2014 wrote.",
@@ -177,4 +177,4 @@ def _five(row: Any) -> Any:
 
 
 def _fault(file: Path, problem: str) -> InputError:
-    return InputError("damaged-touches", problem, place=str(file), fix="write it anew.")
+    return InputError("damaged-file", problem, place=str(file), fix="write it anew.")

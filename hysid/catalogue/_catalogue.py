@@ -92,11 +92,11 @@ def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
         found = tuple(_dataset(dict(entry)) for entry in listed)
     except OSError as error:
         raise input_error(
-            "no-catalogue", f"the catalogue cannot be read: {error.strerror}.", place=str(file)
+            "unreadable-file", f"the catalogue cannot be read: {error.strerror}.", place=str(file)
         ) from None
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise input_error(
-            "bad-catalogue",
+            "damaged-file",
             f"this is no catalogue of data sets: {error}.",
             place=str(file),
             fix="write it as the shipped datasets/catalogue.toml is, whose head says what the keys are.",
@@ -104,7 +104,7 @@ def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
     names = [dataset.name for dataset in found]
     if bad := [name for name in names if names.count(name) > 1 or Path(name).name != name]:
         raise input_error(
-            "bad-catalogue",
+            "damaged-file",
             f"the name {bad[0]!r} is there twice, or cannot be a file's.",
             place=str(file),
         )

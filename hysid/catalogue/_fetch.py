@@ -35,8 +35,8 @@ def fetch(
     - `accept`: take files whose checksum the catalogue does not know.
     - `overwrite`: write over files that are there.
 
-    **Raises:** `InputError` `missing-extra`, `would-overwrite`, `no-download`, `wrong-size`,
-    `wrong-checksum`, `unknown-checksum`, `not-as-listed`; nothing is written then.
+    **Raises:** `InputError` `missing-extra`, `would-overwrite`, `no-download`, `wrong-checksum`,
+    `unknown-checksum`; nothing is written then.
     """
     if importlib.util.find_spec("pooch") is None:
         raise input_error(
@@ -116,7 +116,7 @@ def _check(file: File, address: str, sha256: str, bytes: int) -> None:
         )
     if file.bytes and bytes != file.bytes:
         raise input_error(
-            "wrong-size",
+            "wrong-checksum",
             f"what came has {bytes} bytes, and the catalogue says {file.bytes}.",
             place=address,
             cause="a download that was cut off, or a page that says why there is no file.",
@@ -145,7 +145,7 @@ def _table(dataset: Dataset, texts: dict[File, str]) -> tuple[str, int]:
 
 
 def _samples(layout: Layout, text: str, place: str) -> list[_Sample]:
-    """Raises `InputError` `not-as-listed` without samples, and for a line amid them that is none."""
+    """Raises `InputError` `wrong-checksum` without samples, and for a line amid them that is none."""
     found: list[_Sample] = []
     block, within, odd = -1, False, 0
     for number, line in zip(count(1), text.splitlines()):
@@ -202,7 +202,7 @@ def _is_number(cell: str) -> bool:
 
 def _not_as_listed(what: str, place: str) -> Exception:
     return input_error(
-        "not-as-listed",
+        "wrong-checksum",
         f"{what}.",
         place=place,
         cause="the file is laid out otherwise than the catalogue says.",

@@ -57,7 +57,7 @@ def _there() -> list[str]:
         from hysteresis import InputError
 
         raise InputError(
-            "no-benchmarks",
+            "file-not-found",
             "the benchmarks are not here.",
             cause="hysid was installed from a wheel, which leaves them out.",
             fix="run hysid bench from an editable install of the repository.",

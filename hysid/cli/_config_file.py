@@ -109,7 +109,7 @@ def _read(file: Path) -> dict[str, Any]:
         return tomllib.loads(file.read_text("utf-8"))
     except OSError as error:
         raise _error(
-            "no-config",
+            "unreadable-file",
             f"the configuration cannot be read: {error.strerror or error}.",
             place=str(file),
             fix="name a TOML file (--config FILE).",

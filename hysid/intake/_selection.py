@@ -48,12 +48,12 @@ class Selection:
     def __post_init__(self) -> None:
         if (self.input is None) == (self.step is None):
             raise InputError(
-                "input-or-step",
+                "conflicting-options",
                 "give the input's column (--input COL), or the constant it had (--step VALUE).",
             )
         if self.step is not None and not (np.isfinite(self.step) and self.step):
             raise InputError(
-                "no-step",
+                "not-a-step",
                 f"a step of {self.step:g} moves nothing.",
                 fix="give the constant force or displacement (--step VALUE).",
             )
@@ -66,14 +66,14 @@ class Selection:
         held_out = (self.test_where or None, self.test_cycles, self.test_tail)
         if sum(h is not None for h in held_out) > 1:
             raise InputError(
-                "two-hold-outs",
+                "conflicting-options",
                 "give one of --test-where, --test-cycles and --test-tail.",
             )
         if self.time is not None and self.dt is not None:
-            raise InputError("two-clocks", "give --time COL or --dt SECONDS, not both.")
+            raise InputError("conflicting-options", "give --time COL or --dt SECONDS, not both.")
         if self.input_time is not None and (self.time is None or self.is_step):
             raise InputError(
-                "no-clock",
+                "no-time",
                 "--input-time COL is the input's own clock beside that of the output.",
                 fix="give --time COL too, the output's.",
             )
@@ -112,7 +112,7 @@ class Selection:
         if self.output in (*inputs, self.time):
             role = "input" if self.output in inputs else "time"
             raise InputError(
-                "same-column",
+                "given-twice",
                 f"{self.output!r} is given as {role} and as output.",
                 fix=f"name another column (--{role} COL, or --output COL).",
             )

@@ -41,7 +41,7 @@ def batch(
     files = [file for file in files if file.is_file()]
     if not files:
         raise InputError(
-            "no-files",
+            "file-not-found",
             "no file has such a name.",
             place=pattern,
             cause="a slip in the pattern, or another folder than this one.",
@@ -115,7 +115,7 @@ def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
         from distributed import Client
     except ImportError:
         raise InputError(
-            "no-distributed",
+            "missing-extra",
             "Dask's distributed is not installed.",
             place=f"--scheduler {scheduler}",
             fix="pip install 'hysid[cluster]', or spread the files over processes (--jobs N).",

@@ -125,7 +125,7 @@ def _places(folders: Sequence[Path]) -> dict[str, Path]:
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
     if len(set(names)) < len(names):
-        raise InputError("same-data", "a folder is named twice.", fix="name each folder once.")
+        raise InputError("given-twice", "a folder is named twice.", fix="name each folder once.")
     return dict(zip(names, folders, strict=True))
 
 

@@ -18,7 +18,7 @@ def export(
     fitted = identify.load(folder)
     if fitted.channels is not None or "spectrum" in fitted.internals:
         raise InputError(
-            "no-inverse",
+            "not-invertible",
             "one output does not give back several inputs, or a step.",
             place=str(folder),
             fix="export the fit of one input that moves.",

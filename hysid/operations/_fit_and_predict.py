@@ -112,7 +112,7 @@ def predict(
     asked = _selection_of(document)
     if inverse and isinstance(asked.input, tuple):
         raise InputError(
-            "no-inverse",
+            "not-invertible",
             f"this fit has {len(asked.input)} inputs, and one output does not tell them apart.",
             place=str(folder),
             fix="predict without --inverse, or fit to one input.",

@@ -46,7 +46,7 @@ def init(
     config = out or file.with_suffix(".toml")
     if config.exists() and not overwrite:
         raise InputError(
-            "exists",
+            "would-overwrite",
             "this file is there already.",
             place=str(config),
             fix="name another (--out FILE.toml), or --overwrite it.",

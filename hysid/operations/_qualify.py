@@ -39,7 +39,7 @@ def qualify(
     if asked.is_step or isinstance(asked.input, tuple):
         what = "a constant input" if asked.is_step else f"{len(asked.input or ())} inputs"
         raise InputError(
-            "no-inverse",
+            "not-invertible",
             f"this fit has {what}, which one output does not give back.",
             place=str(folder),
             fix="qualify the fit of one input that moves.",

@@ -92,7 +92,7 @@ class Specimen:
 def places(folders: Sequence[Path]) -> dict[str, Path]:
     """Folders of fits by name: those given, and in place of a folder of folders the fits in it.
 
-    Raises `InputError` `no-fit` for a folder that holds none, to the depth of two.
+    Raises `InputError` `file-not-found` for a folder that holds none, to the depth of two.
     """
     found: list[Path] = []
     named: dict[Path, str] = {}

@@ -59,7 +59,7 @@ def write_many(
     A fit that cannot be read is named on the page. Raises `InputError` where none can be.
     """
     if not found:
-        raise InputError("no-fit", "there are no fits to sum up.", place=str(file.parent))
+        raise InputError("file-not-found", "there are no fits to sum up.", place=str(file.parent))
     specimens, failed = opened(found)
     failed = (not_fitted or {}) | failed
     groups = kinds(specimens)

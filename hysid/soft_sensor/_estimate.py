@@ -215,7 +215,7 @@ def _check_channels(table: Table, sensor: SoftSensor) -> None:
         if channel.name not in table.columns:
             have = ", ".join(map(repr, table.columns))
             raise InputError(
-                "channel-missing",
+                "wrong-channels",
                 f"no column {channel.name!r}, a channel the sensor was trained with; have {have}.",
                 place=table.path, cause="a channel that was not recorded, or a header that changed.",
                 fix="rename the column; leave the cells of a channel that has failed empty.",

@@ -17,7 +17,7 @@ def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Fou
     """The better of two fits on the part held out, of which neither has seen it."""
     if data.channels > 1:
         raise InputError(
-            "several-channels",
+            "wrong-channels",
             f"a structured estimator is of one reading, and there are {data.channels}.",
             fix='kind="network", or `hysid.fit` of several inputs.',
         )

@@ -137,7 +137,7 @@ def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Foun
     """A monotone `EverettNetwork` of one channel, the last part left out and stopping its training."""
     if data.channels > 1:
         raise InputError(
-            "several-channels",
+            "wrong-channels",
             f"a monotone network is of one reading, and there are {data.channels}.",
             fix='kind="network", or give the channel that moves most.',
         )

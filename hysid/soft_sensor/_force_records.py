@@ -62,15 +62,17 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     `nan="omit"`), pull, or do not move; less than 100 rows with a force, or 3 presses.
     """
     if nan not in ("raise", "omit"):
-        raise InputError("nan", f"nan={nan!r}: no such choice.", fix='nan="raise" or nan="omit".')
+        raise InputError(
+            "bad-option", f"nan={nan!r}: no such choice.", fix='nan="raise" or nan="omit".'
+        )
     if not len(records):
-        raise InputError("no-records", "there are no records to learn from.")
+        raise InputError("no-rows", "there are no records to learn from.")
     checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
     counts = {record.reading.shape[1:] for record in checked}
     if len(counts) > 1:
         shapes = ", ".join(str(shape[0] if shape else 1) for shape in sorted(counts))
         raise InputError(
-            "channels-differ",
+            "wrong-channels",
             f"records have {shapes} channels.",
             fix="give every record the same columns of readings.",
         )
@@ -123,7 +125,7 @@ def held_out_parts(
         names = list(dict.fromkeys(groups))
         if len(groups) != len(sequences) or len(names) < 2:
             raise InputError(
-                "groups",
+                "length-mismatch",
                 f"{len(groups)} groups, {len(names)} of them different, for {len(sequences)} records.",
                 fix="give one for each record, and at least two different ones.",
             )
@@ -182,7 +184,7 @@ def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceReco
     bad = ~np.isfinite(y.reshape(len(y), -1)).all(1)
     if bad.any():
         raise InputError(
-            "nan-reading",
+            "not-finite",
             f"{int(bad.sum())} rows without a finite reading.",
             place=f"{place}, row {int(np.argmax(bad))}",
             cause="a channel that dropped out.",
@@ -191,7 +193,7 @@ def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceReco
     bad = ~np.isfinite(F)
     if np.isinf(F).any() or (nan == "raise" and bad.any()):
         raise InputError(
-            "nan-force",
+            "not-finite",
             f"{int(bad.sum())} rows without a finite force.",
             place=f"{place}, row {int(np.argmax(bad))}",
             cause="a load cell that is read less often than the sensor, or dropped out.",
@@ -205,14 +207,14 @@ def _check_moves(reading: np.ndarray, force: np.ndarray) -> None:
     if (still := np.flatnonzero(spread == 0)).size:
         named = ", ".join(map(str, still.tolist()))
         raise InputError(
-            "constant-channel",
+            "constant-input",
             f"the reading of channel {named} (from 0) never changes.",
             cause="a wire that is not connected, or the wrong column.",
             fix="leave that channel out.",
         )
     if force.max() <= 0 or np.ptp(force) == 0 or force.min() < -0.2 * force.max():
         raise InputError(
-            "no-press",
+            "no-excitation",
             f"forces lie between {force.min():g} and {force.max():g} N.",
             cause="compression counted as negative, a load cell that was not set to zero, or no press.",
             fix="give forces that rise from about 0 when the sensor is pressed.",

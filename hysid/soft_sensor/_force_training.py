@@ -95,12 +95,12 @@ def train_force(
     """
     if kind not in KINDS:
         raise InputError(
-            "unknown-kind", f"no kind {kind!r}.", fix=f"one of {', '.join(map(repr, KINDS))}."
+            "bad-option", f"no kind {kind!r}.", fix=f"one of {', '.join(map(repr, KINDS))}."
         )
     if members < 2 or updates < 1:
-        raise InputError("members", f"{members} members, {updates} updates: at least 2, and 1.")
+        raise InputError("bad-option", f"{members} members, {updates} updates: at least 2, and 1.")
     if not (skip == "auto" or (isinstance(skip, float | int) and 0 <= skip < 0.9)):
-        raise InputError("skip", f'skip={skip!r} is neither "auto" nor a part below 0.9.')
+        raise InputError("bad-option", f'skip={skip!r} is neither "auto" nor a part below 0.9.')
     data = gather(records, nan)
     most = data.presses if groups is None else max(2, len(set(groups)))
     settings = Settings(

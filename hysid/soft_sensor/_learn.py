@@ -58,7 +58,7 @@ def checks_of(
     for channel, column in zip(channels, readings.T, strict=True):
         if np.ptp(column) == 0:
             raise InputError(
-                "constant-channel", f"{channel.name!r} reads {column[0]:g} in every row.",
+                "constant-input", f"{channel.name!r} reads {column[0]:g} in every row.",
                 cause="a wire that is not connected, or the wrong column.",
                 fix="mend it, or leave the channel out (--input).",
             )  # fmt: skip
@@ -129,7 +129,7 @@ def learn_places(
         )  # fmt: skip
     if len(x) == 0:
         raise InputError(
-            "no-presses", "no row that names a place reads more than its noise.",
+            "no-excitation", "no row that names a place reads more than its noise.",
             cause="the wrong channels, or places given where nothing is pressed.",
             fix="look at the columns, or give the noise (--noise).",
         )  # fmt: skip

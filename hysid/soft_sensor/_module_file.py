@@ -41,7 +41,7 @@ def described(value: Any, name: str, arrays: Arrays) -> Any:
         words = [described(part, f"{name}.{k}", arrays) for k, part in enumerate(value)]
         return {"tuple": words} if kind is tuple else words
     raise InputError(
-        "no-file", f"{name} is a {kind.__name__}, which cannot be kept in a file.",
+        "not-storable", f"{name} is a {kind.__name__}, which cannot be kept in a file.",
         fix="train another kind (--kind network).",
     )  # fmt: skip
 

@@ -92,11 +92,11 @@ class SoftSensor:
         count += [] if self.position is None else [len(self.position.centre) - 1]
         if set(count) != {len(self.channels)}:
             raise InputError(
-                "other-channels", f"{len(self.channels)} channels, and parts of {count}.",
+                "wrong-channels", f"{len(self.channels)} channels, and parts of {count}.",
                 place="SoftSensor", fix="make all parts of one sensor's readings.",
             )  # fmt: skip
         if self.force is None and self.localizer is None and self.position is None:
-            raise InputError("nothing-learnt", "neither a force, nor a place, nor a position.")
+            raise InputError("nothing-to-learn", "neither a force, nor a place, nor a position.")
 
     def estimate(
         self,

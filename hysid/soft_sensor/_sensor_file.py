@@ -107,7 +107,7 @@ def _document(folder: Path) -> dict[str, Any]:
 def no_sensor(folder: Path, name: str) -> InputError:
     """What to say where the file `name` of a sensor is not there."""
     return InputError(
-        "no-sensor", f"there is no {name}.", place=str(folder),
+        "file-not-found", f"there is no {name}.", place=str(folder),
         fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
     )  # fmt: skip
 

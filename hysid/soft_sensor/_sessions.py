@@ -28,7 +28,7 @@ class Targets:
     def __post_init__(self) -> None:
         if self.force is None and self.place is None and not self.position:
             raise InputError(
-                "no-target", "nothing is to be learnt.",
+                "nothing-to-learn", "nothing is to be learnt.",
                 fix="name the columns of the truth: --force COL, --place COL, --position COL.",
             )  # fmt: skip
 
@@ -80,7 +80,7 @@ def read_sessions(
     for k, file in enumerate(named):
         if file in named[:k]:
             raise InputError(
-                "file-twice", f"{file.name} is given twice.", fix="name each session's file once."
+                "given-twice", f"{file.name} is given twice.", fix="name each session's file once."
             )
     found, missed = [], []
     for file in files:
@@ -160,7 +160,7 @@ def _check_alike(first: Session, other: Session) -> None:
     ):
         if one.unit != two.unit:
             raise InputError(
-                "unlike-units",
+                "wrong-unit",
                 f"column {one.name!r} is in {one.unit} in {first.file.name}, in {two.unit} here.",
                 place=str(other.file), fix="bring both to one unit.",
             )  # fmt: skip

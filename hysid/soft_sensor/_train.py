@@ -73,7 +73,7 @@ def train(
     settings = settings or Settings()
     if settings.kind not in KINDS:
         raise InputError(
-            "unknown-kind",
+            "bad-option",
             f"no kind {settings.kind!r}.",
             fix=f"one of {', '.join(KINDS)} (--kind).",
         )

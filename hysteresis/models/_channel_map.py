@@ -48,7 +48,7 @@ class ChannelMap(eqx.Module):
         count = {len(self.names), len(self.units), *(shape[0] for shape in shapes)}
         if shapes[0] != shapes[1] or shapes[0][-1] < 2 or len(count) > 1:
             raise InputError(
-                "lengths-differ",
+                "length-mismatch",
                 f"nodes {shapes[0]}, values {shapes[1]}, {len(self.names)} names,"
                 f" {len(self.units)} units.",
                 fix="give each channel a name, a unit and as many values as nodes, at least two.",

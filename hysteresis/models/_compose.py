@@ -31,7 +31,7 @@ def _parts(model: Any) -> tuple[AbstractModel, ...]:
 def _check_parts(parts: tuple[Any, ...]) -> None:
     if not parts or not all(isinstance(part, AbstractModel) for part in parts):
         raise InputError(
-            "no-parts",
+            "bad-parts",
             f"{len(parts)} parts, not all of them models.",
             fix="give one model or more, as a list or tuple.",
         )
@@ -94,7 +94,9 @@ class Scaled(AbstractModel[Any, Any]):
 
     def __check_init__(self) -> None:
         if is_concrete(self.factor) and not np.all(self.factor):
-            raise InputError("zero-factor", "a factor of 0 leaves nothing of the model.")
+            raise InputError(
+                "parameter-out-of-bounds", "a factor of 0 leaves nothing of the model."
+            )
 
     def init(self, t0: Any = None, u0: Any = None) -> Any:
         return self.inner.init(t0, u0)

@@ -217,7 +217,7 @@ def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:
     shapes = np.shape(nodes), np.shape(values)
     if len(shapes[0]) != 1 or shapes[0][0] < 2 or shapes[1] != (shapes[0][0] - more,):
         raise InputError(
-            "lengths-differ",
+            "length-mismatch",
             f"the shapes of nodes and {name} are {shapes[0]} and {shapes[1]}.",
             fix=f"give {'one node more than' if more else 'as many nodes as'} {name}, and at least two.",
         )

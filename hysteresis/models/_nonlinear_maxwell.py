@@ -99,21 +99,23 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
                 fix="give low < high, enclosing the inputs the model will see.",
             )  # fmt: skip
         if is_concrete(self.times) and not bool((self.times > 0).all()):
-            raise InputError("not-positive", "a relaxation time is not positive.")
+            raise InputError("parameter-out-of-bounds", "a relaxation time is not positive.")
         given = enumerate((self.increments, self.strengths))
         shapes = {k: a.shape for k, a in given if a is not None}
         fits = (self.times.shape, (2, *self.times.shape))  # strengths may have two senses
         cells = {shape[-1] - k for k, shape in shapes.items()}
         if len(cells) != 1 or any(s[:-1] not in fits[: k + 1] for k, s in shapes.items()):
             raise InputError(
-                "branches-do-not-fit",
+                "length-mismatch",
                 f"{self.times.shape[-1]} times, but springs and strengths of shape"
                 f" {tuple(shapes.values())}.",
                 fix="give (branches, n) increments, (branches, n + 1) strengths, or one of both.",
             )
         for array in (self.increments, self.strengths):
             if array is not None and is_concrete(array) and not bool((array >= 0).all()):
-                raise InputError("negative-branch", "springs and strengths are not negative.")
+                raise InputError(
+                    "parameter-out-of-bounds", "springs and strengths are not negative."
+                )
 
     @property
     def cells(self) -> int:

@@ -204,7 +204,7 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         a, b = (getattr(getattr(self, name), "shape", None) for name in (one, other))
         if a != b or a is None or len(a) != 1:
             raise InputError(
-                "lengths-differ",
+                "length-mismatch",
                 f"the shapes of {one} and {other} are {a} and {b}.",
                 fix=f"give one-dimensional {one}, and as many {other}.",
             )

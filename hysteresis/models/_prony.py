@@ -115,7 +115,7 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
         check_positive(E=self.E, tau=self.tau)
         if is_concrete(self.E_inf) and not bool(jnp.all(self.E_inf >= 0)):
             raise InputError(
-                "not-positive",
+                "parameter-out-of-bounds",
                 f"E_inf = {self.E_inf}: the stiffness at rest is 0 or positive.",
                 cause="a sign slipped.",
                 fix="give E_inf >= 0.",

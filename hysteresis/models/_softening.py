@@ -75,11 +75,11 @@ class Softening(AbstractModel[SofteningState, SofteningInput]):
         if not self.low < self.high:
             raise InputError("zero-range", f"cells reach from {self.low:g} to {self.high:g}.")
         if self.weights.ndim != 2 or self.weights.shape[0] != self.weights.shape[1]:
-            raise InputError("weights-not-square", f"weights of shape {self.weights.shape}.")
+            raise InputError("wrong-shape", f"weights of shape {self.weights.shape}.")
         if is_concrete(self.weights) and np.triu(np.asarray(self.weights)).min() < 0:
-            raise InputError("negative-weight", "softening is not negative.")
+            raise InputError("parameter-out-of-bounds", "softening is not negative.")
         if is_concrete(self.recovery) and not np.all(np.asarray(self.recovery) > 0):
-            raise InputError("not-positive", "the recovery time is not positive.")
+            raise InputError("parameter-out-of-bounds", "the recovery time is not positive.")
 
     def init(self, t0: Any = None, u0: Any = None) -> SofteningState:
         none = jnp.zeros_like(jnp.asarray(self.weights[0]))

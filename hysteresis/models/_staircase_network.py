@@ -68,14 +68,14 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
     def __check_init__(self) -> None:
         if min((1.0, *self.thresholds, *self.times, *self.spread, *self.scale)) <= 0:
             problem = "thresholds, times, spreads and scales have to be above 0."
-            raise InputError("not-positive", problem)
+            raise InputError("parameter-out-of-bounds", problem)
         if len(self.rest) != len(self.scale) or not self.rest:
             problem = f"{len(self.rest)} readings at rest and {len(self.scale)} scales."
-            raise InputError("network-channels", problem, fix="give both one for each channel.")
+            raise InputError("wrong-channels", problem, fix="give both one for each channel.")
         inputs = self.channels * (1 + len(self.thresholds) + len(self.times))
         if len(self.centre) != inputs + 1 or len(self.spread) != inputs + 1:
             raise InputError(
-                "network-inputs",
+                "wrong-shape",
                 f"{inputs} inputs and an output have {len(self.centre)} centres and "
                 f"{len(self.spread)} spreads.",
                 fix="start from StaircaseNetwork.random.",
@@ -132,7 +132,7 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
         kinds = {jax.tree.structure(network) for network in networks}
         if len(kinds) != 1:
             raise InputError(
-                "unlike-networks",
+                "bad-parts",
                 f"a mean of {len(networks)} networks of {len(kinds)} kinds.",
                 fix="give networks of the same layers, thresholds, times and scales.",
             )
@@ -183,7 +183,7 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
         u = jnp.asarray(u, float)
         if u.shape[1:] != (() if self.channels == 1 else (self.channels,)):
             raise InputError(
-                "network-channels",
+                "wrong-channels",
                 f"inputs of shape {u.shape} for a network of {self.channels} channels.",
                 fix="give (samples,) of one channel, (samples, channels) of several.",
             )

@@ -248,7 +248,7 @@ def check_positive(**values: Any) -> None:
     for name, value in values.items():
         if is_concrete(value) and not (np.asarray(value) > 0).all():
             raise InputError(
-                "not-positive",
+                "parameter-out-of-bounds",
                 f"{name} = {value}: moduli, viscosities and times are positive.",
                 cause="a sign or a unit slipped.",
                 fix=f"give {name} > 0; an element that is not there is left out, or in series very large.",
@@ -260,7 +260,7 @@ def check_lengths(**values: Any) -> None:
     shapes = {name: getattr(value, "shape", None) for name, value in values.items()}
     if len(set(shapes.values())) > 1 or None in shapes.values() or () in shapes.values():
         raise InputError(
-            "lengths-differ",
+            "length-mismatch",
             f"the shapes of {' and '.join(shapes)} are {' and '.join(map(str, shapes.values()))}.",
             fix=f"give one-dimensional {' and '.join(shapes)}, one value of each for every branch.",
         )

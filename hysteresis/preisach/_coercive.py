@@ -52,7 +52,9 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
         for name in ("coercivity_width", "bias_width", "order"):
             value = getattr(self, name)
             if is_concrete(value) and not bool(np.all(value > 0)):
-                raise InputError("not-positive", f"{name} is {value}.", fix="give more than 0.")
+                raise InputError(
+                    "parameter-out-of-bounds", f"{name} is {value}.", fix="give more than 0."
+                )
 
     @abc.abstractmethod
     def integral(

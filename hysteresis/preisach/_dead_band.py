@@ -48,6 +48,8 @@ def input_noise(u: Float[Array, " samples"] | np.ndarray) -> float:
     u = np.asarray(u, float)
     if len(u) < 3:
         raise InputError(
-            "too-short", f"noise cannot be told from {len(u)} samples.", fix="give at least three."
+            "too-few-rows",
+            f"noise cannot be told from {len(u)} samples.",
+            fix="give at least three.",
         )
     return float(1.4826 * np.median(np.abs(np.diff(u, 2))) / np.sqrt(6))

@@ -69,19 +69,19 @@ class AbstractCellDensity(AbstractDensity[GridPairs, Table]):
             return
         if len(self.nodes) != self.cells + 1:
             raise InputError(
-                "nodes-length",
+                "length-mismatch",
                 f"{len(self.nodes)} nodes for {self.cells} cells.",
                 fix="give one node more than cells: low, what lies between the cells, high.",
             )
         if (self.nodes[0], self.nodes[-1]) != (self.low, self.high):
             raise InputError(
-                "nodes-not-in-range",
+                "out-of-range",
                 f"the nodes reach from {self.nodes[0]:g} to {self.nodes[-1]:g}, the density from "
                 f"{self.low:g} to {self.high:g}.",
                 fix="let the first node be low and the last one high.",
             )
         if not (np.diff(self.nodes) > 0).all():
-            raise InputError("nodes-not-increasing", "the nodes do not increase.")
+            raise InputError("not-increasing", "the nodes do not increase.")
 
     @property
     @abc.abstractmethod
@@ -191,7 +191,7 @@ def check_weights(weights: Any, signed: bool = False) -> None:
     """Raise `InputError` unless (n, n) finite numbers, none of those used negative unless `signed`."""
     if weights.ndim != 2 or weights.shape[0] != weights.shape[1]:
         raise InputError(
-            "weights-not-square",
+            "wrong-shape",
             f"the weights have shape {weights.shape}.",
             fix="give an (n, n) table; row i is the alpha cell, column j <= i the beta cell.",
         )
@@ -199,11 +199,11 @@ def check_weights(weights: Any, signed: bool = False) -> None:
         return
     used = np.tril(np.asarray(weights))
     if not np.isfinite(used).all():
-        raise InputError("weights-not-finite", "some weights are NaN or infinite.")
+        raise InputError("not-finite", "some weights are NaN or infinite.")
     if used.min() < 0 and not signed:
         i, j = np.unravel_index(used.argmin(), used.shape)
         raise InputError(
-            "negative-weight",
+            "parameter-out-of-bounds",
             f"the weight of cell ({i}, {j}) is {used.min():g}.",
             cause="a loop that leads its input was described as one that lags it.",
             fix="use Preisach(..., leading=True), or GridDensity(..., signed=True) if meant.",
@@ -223,7 +223,7 @@ def quantile_nodes(u: Any, cells: int) -> tuple[float, ...]:
     low, high = (u.min(), u.max()) if u.size and np.isfinite(u).all() else (np.nan, np.nan)
     if not low < high:
         raise InputError(
-            "no-quantiles",
+            "zero-range",
             "the inputs are not finite, or all the same.",
             fix="give the finite inputs of a record that moves.",
         )

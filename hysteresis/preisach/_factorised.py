@@ -51,13 +51,15 @@ class FactorisedDensity(AbstractGridDensity):
     def __check_init__(self) -> None:
         if self.rising.ndim != 1 or self.rising.shape != self.falling.shape:
             raise InputError(
-                "factors-length",
+                "length-mismatch",
                 f"the factors have shapes {self.rising.shape} and {self.falling.shape}.",
                 fix="give each one number per cell.",
             )
         for name, factor in (("rising", self.rising), ("falling", self.falling)):
             if is_concrete(factor) and not _finite_and_not_negative(factor):
-                raise InputError("negative-weight", f"{name} is negative or not finite somewhere.")
+                raise InputError(
+                    "parameter-out-of-bounds", f"{name} is negative or not finite somewhere."
+                )
 
     @property
     def cells(self) -> int:

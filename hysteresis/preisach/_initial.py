@@ -22,7 +22,7 @@ def check_initial(initial: Initial, low: float, high: float) -> None:
     if isinstance(initial, str):
         if initial not in WORDS:
             raise InputError(
-                "unknown-initial",
+                "bad-option",
                 f"no initial state {initial!r}.",
                 fix=f"give one of {', '.join(WORDS)}, or a tuple of inputs.",
             )
@@ -30,7 +30,7 @@ def check_initial(initial: Initial, low: float, high: float) -> None:
     for u in initial:
         if not low <= u <= high:
             raise InputError(
-                "initial-outside",
+                "out-of-range",
                 f"an input that leads to the initial state is {u:g}, outside [{low:g}, {high:g}].",
                 fix="clip it: beyond the bounds all relays are down, or all up.",
             )

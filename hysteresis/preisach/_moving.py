@@ -80,7 +80,7 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
         saturated = self.inner.initial in ("negative", "positive") and self.inner.up is None
         if not saturated or self.inner.dead_band:
             raise InputError(
-                "inner-model",
+                "bad-state",
                 "the inner model of a moving one starts saturated, and without a dead band.",
                 cause="how far another state reaches in the applied input depends on the parameters.",
                 fix='use initial="negative" or "positive", and apply the inputs that lead on from there.',

@@ -57,7 +57,7 @@ class NetworkDensity(AbstractGridDensity):
         needed = sum((inputs + 1) * outputs for inputs, outputs in _layers(self.hidden))
         if self.network.shape != (needed,):
             raise InputError(
-                "network-length",
+                "length-mismatch",
                 f"the network's weights have shape {self.network.shape}, not ({needed},).",
                 fix="start from NetworkDensity.random.",
             )

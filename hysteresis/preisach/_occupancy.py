@@ -70,7 +70,7 @@ def occupancy_table(up: Float[Array, "cells cells"]) -> Float[Array, "nodes node
 def check_up(up: Any, weights: Any) -> None:
     """Raises `InputError` unless 0 <= up <= weights in every cell, but for a billionth of the largest."""
     if up.shape != weights.shape:
-        raise InputError("up-shape", f"`up` has shape {up.shape}, the weights {weights.shape}.")
+        raise InputError("wrong-shape", f"`up` has shape {up.shape}, the weights {weights.shape}.")
     if not (is_concrete(up) and is_concrete(weights)):
         return
     up, weights = np.tril(np.asarray(up)), np.tril(np.asarray(weights))
@@ -79,7 +79,7 @@ def check_up(up: Any, weights: Any) -> None:
     if wrong.any():
         i, j = np.argwhere(wrong)[0]
         raise InputError(
-            "up-not-in-cell",
+            "bad-state",
             f"in cell ({i}, {j}) a mass of {up[i, j]:g} is up, of {weights[i, j]:g}.",
             fix="give masses between 0 and the cell's weight.",
         )

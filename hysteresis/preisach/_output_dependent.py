@@ -45,7 +45,7 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
     def __check_init__(self) -> None:
         if self.increments.ndim != 1 or not len(self.increments):
             raise InputError(
-                "increments-shape",
+                "wrong-shape",
                 f"the increments have shape {self.increments.shape}.",
                 fix="give a row of them, one for each cell of the inner model's range.",
             )

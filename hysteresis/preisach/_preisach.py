@@ -134,11 +134,11 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         self._check_up()
         if self.capacity < 3:
             raise InputError(
-                "no-capacity", f"{self.capacity} reversals hold no loop.", fix="give 3 or more."
+                "bad-option", f"{self.capacity} reversals hold no loop.", fix="give 3 or more."
             )
         if not 0 <= self.dead_band < float("inf"):
             raise InputError(
-                "dead-band",
+                "bad-option",
                 f"half a dead band is {self.dead_band:g} wide.",
                 fix="give 0, or three times input_noise(u).",
             )
@@ -149,19 +149,21 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         grid = self.density
         if isinstance(grid, AbstractCellDensity) and len(self.reversible) != grid.cells:
             raise InputError(
-                "reversible-length",
+                "length-mismatch",
                 f"{len(self.reversible)} increments for {grid.cells} cells.",
                 fix="give the reversible part one increment per cell of the grid.",
             )
         if not (np.asarray(self.reversible) >= 0).all():
-            raise InputError("reversible-decreases", "the reversible part has negative increments.")
+            raise InputError(
+                "parameter-out-of-bounds", "the reversible part has negative increments."
+            )
 
     def _check_up(self) -> None:
         if self.up is None:
             return
         if self.initial != "negative" or not isinstance(self.density, AbstractGridDensity):
             raise InputError(
-                "up-not-from-negative",
+                "bad-state",
                 "relays that are up before the first sample are counted from all down, on a grid.",
                 fix='give initial="negative" and a GridDensity, or leave out `up`.',
             )

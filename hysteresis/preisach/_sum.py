@@ -32,9 +32,7 @@ class SumDensity(AbstractDensity[tuple[Any, ...], tuple[Any, ...]]):
 
     def __check_init__(self) -> None:
         if not self.parts:
-            raise InputError(
-                "no-density", "there is no density to add up.", fix="give one or more."
-            )
+            raise InputError("bad-parts", "there is no density to add up.", fix="give one or more.")
 
     @property
     def low(self) -> float:

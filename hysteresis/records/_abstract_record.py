@@ -56,9 +56,9 @@ class AbstractRecord:
         )
         starts = self.starts
         if len(starts) != len(self.labels) or starts[:1].tolist() != [0]:
-            raise InputError("bad-sequences", "Each sequence needs a first row and a label.")
+            raise InputError("length-mismatch", "Each sequence needs a first row and a label.")
         if np.any(np.diff(starts) <= 0) or starts[-1] >= max(len(self), 1):
-            raise InputError("bad-sequences", f"Sequences start at {starts} of {len(self)} rows.")
+            raise InputError("length-mismatch", f"Sequences start at {starts} of {len(self)} rows.")
         self._check_finite()
         self._check_clock()
 
@@ -69,7 +69,7 @@ class AbstractRecord:
         wanted.append(("output", self.output_name, self.output, self.mask))
         for role, name, x, where in wanted:
             if (bad := np.isinf(x)).any():
-                raise self._fault("infinite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+                raise self._fault("not-finite", f"{bad.sum()} infinite in {role} {name!r}", bad)
             if not (bad := np.isnan(x) & where).any():
                 continue
             fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'

@@ -53,7 +53,7 @@ class Table:
         """A column, or those `rows` (n,) of it, as float64, NaN where missing.
 
         Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
-        none: `decimal-comma`, `thousands-separator`, `text-cell`, `infinite`, `too-large`.
+        none: `decimal-comma`, `thousands-separator`, `text-cell`, `not-finite`, `too-large`.
         """
         x, text, line = _column(self, name), self.text[name], self.line
         if rows is not None:
@@ -65,7 +65,7 @@ class Table:
             bad = np.flatnonzero(np.abs(x) > 1e150)
             if not bad.size:
                 return x
-            code = "infinite" if np.isinf(x[bad[0]]) else "too-large"
+            code = "not-finite" if np.isinf(x[bad[0]]) else "too-large"
             cause, fix = "a division by zero, or a marker for overload.", ""
         else:
             unique, first = np.unique(text, return_index=True)
@@ -122,8 +122,8 @@ def read_table(
     - `na_values`: texts that mean a missing value, besides the empty cell and NaN.
 
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
-    `binary-file`, `no-data`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,
-    `bad-units-row`, `bad-option`, `needs-extra`, `bad-labview`, `bad-tdms`.
+    `binary-file`, `no-rows`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,
+    `bad-units-row`, `bad-option`, `missing-extra`, `damaged-file`.
     """
     path = Path(path)
     if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
@@ -175,7 +175,7 @@ def read_table(
         body, line = body[:full], line[: full + 1]
         notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
     if not body:
-        raise fault("no-data", path, "a header and no rows.")
+        raise fault("no-rows", path, "a header and no rows.")
     line = np.array(line[1:])
     _square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
@@ -239,8 +239,8 @@ def read_csv(
     - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
 
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
-    `text-cell`, `decimal-comma`, `thousands-separator`, `infinite`, `too-large`,
-    `unknown-unit`, `mass-unit`, `bad-option`.
+    `text-cell`, `decimal-comma`, `thousands-separator`, `not-finite`, `too-large`,
+    `unknown-unit`, `wrong-unit`, `bad-option`.
     """
     if isinstance(path, Table):
         table = path
@@ -258,7 +258,7 @@ def read_csv(
     if not inputs or len(set(inputs)) < len(inputs):
         twice = ", ".join(sorted({repr(name) for name in inputs if inputs.count(name) > 1}))
         problem = f"Input {twice} is given twice." if inputs else "No input is given."
-        raise InputError("duplicate-input", problem, fix="give each channel once (--input COL).")
+        raise InputError("given-twice", problem, fix="give each channel once (--input COL).")
     given = [("input", name, input_unit) for name in inputs] + [("output", output, output_unit)]
     if time is not None:
         given.append(("time", time, time_unit))

@@ -15,7 +15,7 @@ from ._data_warnings import clipped, loop_direction, suspicions
 def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) -> list[Note]:
     """Can these rows tell a model's parameters? Returns warnings, each with its `code`, in which it ends.
 
-    **Raises:** `InputError` `too-short`, `constant-input`, `constant-output`, `no-excitation`.
+    **Raises:** `InputError` `too-few-rows`, `constant-input`, `constant-output`, `no-excitation`.
     """
     u, unit, place = record.input, record.input_unit, record.source
     rows, needed = int(record.mask.sum()), n_parameters or 2
@@ -24,7 +24,9 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
     if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
         asked = f"{n_parameters} parameters, " if n_parameters else ""
         problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
-        raise InputError("too-short", problem, place=place, fix="use more rows, or fix parameters.")
+        raise InputError(
+            "too-few-rows", problem, place=place, fix="use more rows, or fix parameters."
+        )
     if span == 0:
         problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
         mend = "choose another column (--input COL), or drive the rig."

@@ -41,8 +41,8 @@ class Record(AbstractRecord):
 
     Every method returns a new record.
 
-    **Raises:** `InputError` `length-mismatch`, `bad-sequences`, `nan-input`, `nan-output`,
-    `infinite`, `nan-time`, `time-repeated`, `time-backwards`.
+    **Raises:** `InputError` `length-mismatch`, `nan-input`, `nan-output`,
+    `not-finite`, `nan-time`, `time-repeated`, `time-backwards`.
     """
 
     @classmethod
@@ -178,7 +178,7 @@ class Record(AbstractRecord):
         if branch is not None:
             signs = {"loading": 1, "unloading": -1}
             if branch not in signs:
-                raise InputError("bad-selection", f"No branch {branch!r}; have {list(signs)}.")
+                raise InputError("bad-condition", f"No branch {branch!r}; have {list(signs)}.")
             keep &= self.branch == signs[branch]
             said.append(f"the {branch} branch")
         if range is not None:
@@ -239,7 +239,7 @@ class Record(AbstractRecord):
         """`(train, test)`: the last `fraction` of the rows of each sequence is held out."""
         if not 0 < fraction < 1:
             raise InputError(
-                "bad-fraction",
+                "bad-option",
                 f"A tail of {fraction:g} of the rows cannot be held out.",
                 fix="a fraction between 0 and 1 (--test-tail 0.2).",
             )
@@ -249,11 +249,11 @@ class Record(AbstractRecord):
         return self._split(~test, test, f"the last {fraction:.3g} of each sequence")
 
     def take_sequences(self, labels: Collection[str]) -> "Record":
-        """Only these sequences, in the record's order. Raises `no-sequence`."""
+        """Only these sequences, in the record's order. Raises `bad-condition`."""
         for label in labels:
             if label not in self.labels:
                 near = get_close_matches(label, self.labels, 5, 0.0)
-                raise InputError("no-sequence", f"No sequence {label!r}; have {', '.join(near)}.")
+                raise InputError("bad-condition", f"No sequence {label!r}; have {', '.join(near)}.")
         kept = [(x, s) for x, s in self.sequences() if x in labels]
         if not kept:
             raise InputError("no-rows", "No sequence is left.", place=self.source)
@@ -277,7 +277,7 @@ class Record(AbstractRecord):
         """
         if self.time is None or not dt > 0:
             why = "there is no time column" if self.time is None else f"the step is {dt:g}"
-            raise InputError("no-clock", f"Cannot resample: {why}.", fix="give time= or dt=.")
+            raise InputError("no-time", f"Cannot resample: {why}.", fix="give time= or dt=.")
         y, clock, rows = [], [], []
         inputs = {"": self.input} | {name: self.columns[name] for name in self.channels}
         moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}

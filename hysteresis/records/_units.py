@@ -67,7 +67,7 @@ def column_unit(
 ) -> tuple[str, list[Note]]:
     """The unit of a column, see `named_unit`, and what is to be noted about it.
 
-    Raises `unknown-unit`, `mass-unit`; the message names `path` and the option of the `role`.
+    Raises `unknown-unit`, `wrong-unit`; the message names `path` and the option of the `role`.
     """
     unit, notes = named_unit(name, given, in_row), []
     if unit is None:
@@ -79,7 +79,7 @@ def column_unit(
     if unit in ("g", "kg", "mg") and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
-        raise InputError("mass-unit", problem, place=place, fix=mend)
+        raise InputError("wrong-unit", problem, place=place, fix=mend)
     return unit, notes
 
 

@@ -5,7 +5,7 @@ from .._errors import InputError
 
 def fault(rig: str, problem: str, fix: str) -> InputError:
     """The error to raise, with the rig's name as its place."""
-    return InputError("rig_argument", problem, place=rig, fix=fix)
+    return InputError("bad-option", problem, place=rig, fix=fix)
 
 
 def require(rig: str, holds: bool, problem: str, fix: str) -> None:

@@ -105,6 +105,6 @@ def _check(readout: ResistiveReadout | CapacitiveReadout) -> None:
         wrong.append(f"low = {readout.low}, high = {readout.high}")
     if wrong:
         raise InputError(
-            "rig_argument", f"{wrong[0]} is out of range.", place=type(readout).__name__,
+            "bad-option", f"{wrong[0]} is out of range.", place=type(readout).__name__,
             fix="Give finite numbers above 0 (noise: 0 or more), low below high.",
         )  # fmt: skip

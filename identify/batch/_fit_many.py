@@ -191,7 +191,7 @@ class _Run:
         most: dict[Any, int] = {}
         for name, item in items:
             if name in self.digests:
-                item = InputError("two-of-a-name", f"{name} is the name of several records.")
+                item = InputError("given-twice", f"{name} is the name of several records.")
             self.order.append(name)
             self.digests[name] = ""
             if isinstance(item, InputError):

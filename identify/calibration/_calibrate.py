@@ -175,7 +175,7 @@ def calibrate(
     found = _search(residuals, prior, start, steps)
     if not found.starts:
         raise InputError(
-            "residuals-not-finite",
+            "not-finite",
             "the residuals of the system as it is given are not all finite.",
             cause="a reading that is no number, or a start outside of what the system can be.",
             fix="leave such readings out; start from values that give numbers.",

@@ -50,7 +50,7 @@ def choose(
     Raises `InputError` where `count` is less than one, and as `calibrate` for the deviations.
     """
     if count < 1:
-        raise InputError("too-few", f"{count} measurements to choose.", fix="one or more.")
+        raise InputError("bad-option", f"{count} measurements to choose.", fix="one or more.")
     prior = prior_of(system, deviations)
     start = jnp.zeros(len(prior.names))
 

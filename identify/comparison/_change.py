@@ -96,8 +96,8 @@ def change(
     - `margin`: what counts as a change, as a part of the value before.
     - `posteriors`: of each fit, or None; by default those in the folders.
 
-    Raises `InputError` where the fits share no parameter with an error (`nothing-shared`), or are of the
-    same rows (`same-data`).
+    Raises `InputError` where the fits share no parameter with an error (`not-comparable`), or are of the
+    same rows (`given-twice`).
 
     Source: Wald, Trans. AMS 54 (1943); Holm, Scandinavian Journal of Statistics 6 (1979).
     """
@@ -109,7 +109,7 @@ def change(
     records = [fit.train for fit in fits]
     if records[0].digest() == records[1].digest():
         raise InputError(
-            "same-data",
+            "given-twice",
             "both fits are of the same rows, so nothing can have changed between them.",
             fix="compare their models (hysid compare DIR DIR), or name a fit of another record.",
         )

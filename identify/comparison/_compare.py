@@ -155,8 +155,8 @@ def compare(
     - `fits`: fits or their folders, by name or in a row; of either orientation, of one output.
     - `posteriors`: of each fit, or None; by default those in the folders.
 
-    Raises `InputError` for fits of other data or of another output (`other-data`), and for fits that held
-    out other rows and share no test record (`other-held-out`).
+    Raises `InputError` `not-comparable` for fits of other data or of another output, and for fits that held
+    out other rows and share no test record.
     """
     named = fits if isinstance(fits, Mapping) else dict(zip(_names(fits), fits, strict=True))
     loaded, found = opened([*named.values()], posteriors)
@@ -276,7 +276,7 @@ def _ranked(models: list[Compared], same_test: bool) -> tuple[list[Compared], st
     if same_test:
         return sorted(models, key=lambda model: model.test or 0.0), "test"
     raise InputError(
-        "other-held-out",
+        "not-comparable",
         "the fits were held out from in different ways, or not at all, and share no test record.",
         cause="one left first cycles out or had a test part that another did not.",
         fix="fit with the same --test-cycles, --test-tail or --test-where.",
@@ -330,7 +330,7 @@ def _check_same_data(fits: Mapping[str, FitResult]) -> None:
         else:
             continue
         raise InputError(
-            "other-data",
+            "not-comparable",
             f"{what}: their errors do not compare.",
             fix="fit both to the same rows; of one model on different data, see what changed (--change).",
         )

@@ -91,7 +91,7 @@ def in_common(
 ) -> tuple[list[Estimate], dict[str, str]]:
     """The parameters that every fit knows, and why the others are left out.
 
-    Raises `InputError` `nothing-shared` where there is none, `unknown-parameter` for a name that is no
+    Raises `InputError` `not-comparable` where there is none, `unknown-parameter` for a name that is no
     fit's.
     """
     every = dict.fromkeys(n for e in estimates for n in (*e.bounds.names, *e.left_out))
@@ -110,7 +110,7 @@ def in_common(
     if not shared:
         said = ", ".join(f"{name}: {why}" for name, why in left_out.items())
         raise InputError(
-            "nothing-shared",
+            "not-comparable",
             f"no parameter is known in every fit ({said}).",
             fix="fit the same model to each record.",
         )

@@ -93,7 +93,7 @@ def profiles(
     for name in asked:
         if name not in aim.names:
             raise InputError(
-                "not-free",
+                "unknown-parameter",
                 f"the fit has no free parameter {name!r}; have {', '.join(aim.names)}.",
             )
     maxima = _maxima(fit, aim, bound_of(level))

@@ -133,7 +133,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
             raise InputError("file-not-found", f"{name} is missing.", place=str(folder))
         if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
             raise InputError(
-                "changed-checksum",
+                "wrong-checksum",
                 f"{name} is not the file that was saved.",
                 place=str(folder),
                 cause="it was cut off or edited.",
@@ -198,7 +198,7 @@ def read_document(folder: str | Path) -> dict[str, Any]:
     file = Path(folder) / "fit.json"
     if not file.is_file():
         raise InputError(
-            "no-fit",
+            "file-not-found",
             "there is no fit.json.",
             place=str(folder),
             fix="make one: hysid fit --out DIR.",

@@ -43,7 +43,7 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     place, t = record.source, record.time
     if len(record.labels) > 1:
         raise InputError(
-            "several-sequences",
+            "not-a-step",
             f"{len(record.labels)} sequences, and a step has one.",
             place=place,
             fix="choose one (--where COL=VALUE), or fit one for each value (--each COL).",
@@ -57,14 +57,14 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
         )
     if not len(record) or np.ptp(record.input) > 0 or record.input[0] == 0:
         raise InputError(
-            "no-step",
+            "not-a-step",
             "the input of a step is one constant other than 0.",
             place=place,
             fix="give the constant force or displacement (--step VALUE).",
         )
     if t[0] < 0:
         raise InputError(
-            "before-the-step",
+            "not-a-step",
             f"time begins at {t[0]:g}, before the step at 0.",
             place=place,
             fix="leave those rows out (--where), or count time from the step.",
@@ -103,13 +103,13 @@ def kind_of(record: Record) -> Kind:
     y = record.output[rows] / record.input[rows]
     if len(y) < 8:
         raise InputError(
-            "too-few-samples",
+            "too-few-rows",
             f"{len(y)} rows count: a spectrum needs at least 8.",
             place=record.source,
         )
     if np.median(y) <= 0:
         raise InputError(
-            "wrong-sign",
+            "not-a-step",
             f"{record.output_name} is on the other side of 0 than the step.",
             place=record.source,
             cause="the sign convention of one of them.",
@@ -162,7 +162,7 @@ def fit_step(
     say = progress or (lambda _: None)
     require_double(allow_float32)
     if test is not None and test_tail is not None:
-        raise InputError("two-hold-outs", "Give one of test and test_tail.")
+        raise InputError("conflicting-options", "Give one of test and test_tail.")
     record = stepped(record)
     if test_tail is not None:
         record, test = record.split_tail(test_tail)

@@ -104,7 +104,7 @@ def fit(
     say = progress or (lambda _: None)
     require_double(allow_float32)
     if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
-        raise InputError("two-hold-outs", "Give one of test, test_cycles and test_tail.")
+        raise InputError("conflicting-options", "Give one of test, test_cycles and test_tail.")
     if test_cycles is not None:
         record, test = record.split_cycles(test_cycles)
     elif test_tail is not None:
@@ -116,7 +116,7 @@ def fit(
         len(asked) > 1 or any(one.has_weights and one.template is None for one in asked)
     ):
         raise InputError(
-            "which-model",
+            "unknown-parameter",
             f"{', '.join(parameters)}: parameters of which model?",
             fix="name one model of few parameters.",
         )

@@ -37,7 +37,7 @@ def forc_curves(record: Record) -> tuple[Forc, ...]:
     there is of a sequence: then the sequence is taken to start in positive saturation, or on the
     descent from it.
 
-    Rows outside the mask are left out. Raises `InputError` `no-curves` where there is no curve.
+    Rows outside the mask are left out. Raises `InputError` `too-few-curves` where there is no curve.
     """
     top = float(record.input.max() - np.ptp(record.input) / 100)
     found = []
@@ -56,7 +56,7 @@ def forc_curves(record: Record) -> tuple[Forc, ...]:
                 found.append(Forc(float(u[rise[0]]), u[rise], y[rise]))
     if not found:
         raise InputError(
-            "no-curves",
+            "too-few-curves",
             "the record has no first-order reversal curve.",
             place=record.source,
             cause="the input never rises again after a descent from its top.",
@@ -76,7 +76,7 @@ def check_curves(curves: tuple[Forc, ...], least: int) -> None:
         )
     if (k := next((k for k, (a, b) in enumerate(pairwise(reversals)) if b <= a), None)) is not None:
         raise InputError(
-            "reversals-not-rising",
+            "not-increasing",
             f"the reversals of curves {k} and {k + 1} are {reversals[k]:g} and {reversals[k + 1]:g}.",
             cause="a curve measured twice, or curves that are not sorted.",
             fix="keep one of them, and give the curves with the lowest reversal first.",

@@ -51,18 +51,18 @@ def forc_diagram(curves: tuple[Forc, ...], smoothing: int = 3) -> ForcDiagram:
     - `curves`: from `forc_curves`.
     - `smoothing`: the smoothing factor SF, 1 or more.
 
-    Raises `InputError` `bad-smoothing`, `too-few-curves`, `too-short-curves`, `reversals-not-rising`.
+    Raises `InputError` `bad-option`, `too-few-curves`, `too-few-rows`, `not-increasing`.
 
     Source: Pike, Roberts, Verosub, Characterizing interactions in fine magnetic particle systems
     using first order reversal curves, J. Appl. Phys. 85 (1999).
     """
     if smoothing < 1:
-        raise InputError("bad-smoothing", f"a smoothing of {smoothing}.", fix="give 1 or more.")
+        raise InputError("bad-option", f"a smoothing of {smoothing}.", fix="give 1 or more.")
     width = 2 * smoothing + 1
     check_curves(curves, width)
     if max(len(curve.input) for curve in curves) < width:
         raise InputError(
-            "too-short-curves",
+            "too-few-rows",
             f"no curve has the {width} samples that a smoothing of {smoothing} needs.",
             fix="smooth less, or measure more samples a curve.",
         )

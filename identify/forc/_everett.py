@@ -54,7 +54,7 @@ def everett_surface(curves: tuple[Forc, ...], cells: int = 400) -> EverettSurfac
     - `cells`: about as many at most, but at least one between two reversals. Up to there the gaps
       between reversals are divided as finely as the curves are sampled.
 
-    Raises `InputError` `too-few-curves`, `reversals-not-rising`.
+    Raises `InputError` `too-few-curves`, `not-increasing`.
     """
     check_curves(curves, 2)
     nodes, first = _nodes(curves, cells)

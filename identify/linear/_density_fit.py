@@ -95,17 +95,17 @@ def _check(
 ) -> None:
     if u.min() < low or u.max() > high:
         raise InputError(
-            "support-too-small",
+            "out-of-range",
             f"the density reaches from {low:g} to {high:g}, the input from {u.min():g} to {u.max():g}.",
             fix="give low and high that enclose the input, or leave them out.",
         )
     if not (np.ptp(u) > 0 and np.ptp(y) > 0):
         raise InputError("zero-range", "the input or the output never changes.")
     if cells < 1:
-        raise InputError("no-cells", f"a grid of {cells} cells.", fix="give 1 or more.")
+        raise InputError("bad-option", f"a grid of {cells} cells.", fix="give 1 or more.")
     if cells > DENSE and (leading or initial == "fit"):
         raise InputError(
-            "grid-too-fine",
+            "bad-option",
             f"a leading model, or a fitted first state, on {cells} x {cells} cells.",
             fix=f"give at most {DENSE} cells.",
         )

@@ -76,12 +76,12 @@ def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
     words = [word.strip() for word in noise.split("+")]
     if odd := [word for word in words if word not in meaning]:
         raise InputError(
-            "unknown-noise",
+            "bad-option",
             f"no noise {odd[0]!r}; have auto, or {', '.join(meaning)} with + between.",
         )
     if {"misfit", "student-t"} <= set(words):
         raise InputError(
-            "unknown-noise", "a misfit goes with Gaussian noise only.", fix="leave out student-t."
+            "bad-option", "a misfit goes with Gaussian noise only.", fix="leave out student-t."
         )
     return (("sigma", *dict.fromkeys(part for word in words for part in meaning[word])),)
 

@@ -9,7 +9,7 @@ def require_double(allow_float32: bool) -> None:
     """Raise `InputError` where JAX's double precision is off, unless that is allowed."""
     if not jax.config.jax_enable_x64 and not allow_float32:  # type: ignore[attr-defined]
         raise InputError(
-            "float32",
+            "single-precision",
             "JAX runs in single precision, in which fits stop early and errors come out wrong.",
             fix='jax.config.update("jax_enable_x64", True) before any array is made, or'
             " allow_float32=True (--allow-float32).",

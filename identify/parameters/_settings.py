@@ -187,7 +187,7 @@ def _said(
         and not np.isfinite(float(belief.penalty(jnp.asarray(value))))
     ):
         raise InputError(
-            "prior-excludes-start",
+            "start-out-of-bounds",
             f"{name} starts at {value:g}, where its prior {belief} has no density.",
             fix="start where the prior has some, or widen the prior.",
         )
@@ -201,7 +201,7 @@ def _number(name: str, said: Any) -> float:
     try:
         return float(said)
     except (TypeError, ValueError):
-        raise InputError("bad-number", f"{said!r} is no number for {name}.") from None
+        raise InputError("not-numbers", f"{said!r} is no number for {name}.") from None
 
 
 def _bounds(name: str, said: Any) -> tuple[float, float]:

@@ -105,7 +105,7 @@ def target(fit: FitResult) -> Target:
     """
     if {"linear", "composition", "spectrum"} & set(fit.internals):
         raise InputError(
-            "no-target", f"{fit.name} was fitted by linear weights, not by parameters."
+            "no-posterior", f"{fit.name} was fitted by linear weights, not by parameters."
         )
     record, used, noise = fit.train, fit.internals["used"], fit.noise_model
     bounds = transform_for(fit.model, record, fit.settings)

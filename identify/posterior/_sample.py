@@ -154,14 +154,14 @@ def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str)
     longest = most if steps is None else steps
     if ensembles < 2 or longest < 20:
         raise InputError(
-            "too-few-draws",
+            "bad-option",
             f"{longest} steps in {ensembles} ensembles say nothing about convergence.",
             fix="take at least 20 steps and 2 ensembles.",
         )
     if seed < 0:
-        raise InputError("bad-seed", f"the seed is {seed}.", fix="take a whole number from 0 on.")
+        raise InputError("bad-option", f"the seed is {seed}.", fix="take a whole number from 0 on.")
     if method not in ("emcee", "nuts"):
-        raise InputError("unknown-method", f"there is no sampler {method!r}.", fix="emcee or nuts.")
+        raise InputError("bad-option", f"there is no sampler {method!r}.", fix="emcee or nuts.")
 
 
 def walkers_for(walkers: int | None, parameters: int) -> int:
@@ -169,7 +169,7 @@ def walkers_for(walkers: int | None, parameters: int) -> int:
         return max(4 * parameters, 16)
     if walkers < 2 * parameters or walkers % 2:
         raise InputError(
-            "too-few-walkers",
+            "bad-option",
             f"{walkers} walkers for {parameters} parameters.",
             cause="the two halves of an ensemble move by each other's differences, which have to span all"
             " parameters.",

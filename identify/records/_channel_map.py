@@ -58,7 +58,7 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
         )
     if rows < len(moving):
         raise InputError(
-            "too-short",
+            "too-few-rows",
             f"{rows} rows for {len(moving)} channels.",
             place=record.source,
             fix="use more rows, or fewer channels.",
@@ -111,10 +111,10 @@ def combine(record: Record, channels: ChannelMap | None) -> Record:
         problem = (
             f"Fitted to {len(names)} channels, of which the record lacks {', '.join(lacking)}."
         )
-        raise InputError("other-channels", problem, fix="give the channels it was fitted to.")
+        raise InputError("wrong-channels", problem, fix="give the channels it was fitted to.")
     if channels is None:
         problem = f"Fitted to one input, and the record has {len(record.channels)} channels."
-        raise InputError("other-channels", problem, fix="give the input it was fitted to.")
+        raise InputError("wrong-channels", problem, fix="give the input it was fitted to.")
     return replace(
         record,
         input=np.asarray(channels(_columns(record, channels))),

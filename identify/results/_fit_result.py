@@ -110,7 +110,7 @@ class FitResult:
 
         Beyond the inputs of the fit relays go on as play operators, see `extended`; `beyond` tells where.
 
-        Raises `InputError` `unit-clash` where its input is in another unit than the fit's.
+        Raises `InputError` `wrong-unit` where its input is in another unit than the fit's.
         """
         if not record.channels:
             check_unit(record.input_name, record.input_unit, self.train.input_unit)
@@ -121,7 +121,7 @@ class FitResult:
     def combined(self, record: Record) -> Record:
         """The record with its channels combined as in the fit; as it is where it has one input.
 
-        Raises `InputError` `other-channels` where its inputs are not those of the fit.
+        Raises `InputError` `wrong-channels` where its inputs are not those of the fit.
         """
         return combine(record, self.channels)
 
@@ -141,7 +141,7 @@ def check_unit(name: str, unit: str, fitted: str) -> None:
     """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
     if unit != fitted and "1" not in (unit, fitted):
         raise InputError(
-            "unit-clash",
+            "wrong-unit",
             f"{name} is in {unit}; the model was fitted to {fitted}.",
             cause="another quantity, or the same in another unit.",
             fix=f"give the column in {fitted}, and say so in its header.",

@@ -127,7 +127,7 @@ def spectrum(
         rows = "row" if left_out.sum() == 1 else "rows"
         notes.append(f"Left out: {left_out.sum()} {rows} not positive or at the step itself.")
     if len(t) < 8:
-        raise InputError("too-few-samples", f"{len(t)} rows: a spectrum needs at least 8.")
+        raise InputError("too-few-rows", f"{len(t)} rows: a spectrum needs at least 8.")
     weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
     problem = Problem(Input(kind, t if u is None else t - t[0], u), y, weights)
     step, span = resolved(problem.input)
@@ -241,7 +241,7 @@ def _checked(t: np.ndarray, y: np.ndarray, u: np.ndarray | None, kind: str) -> K
         )
     if u is not None and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         raise InputError(
-            "float32",
+            "single-precision",
             "JAX's double precision is off.",
             fix='jax.config.update("jax_enable_x64", True) before anything else.',
         )

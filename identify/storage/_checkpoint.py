@@ -98,7 +98,7 @@ class Checkpoint:
         except OSError as error:
             new.unlink(missing_ok=True)
             raise InputError(
-                "checkpoint-not-written",
+                "cannot-write",
                 f"the chains cannot be written: {error.strerror or error}. {self._safe:,} steps of every"
                 f" ensemble are safe, of {_steps(history):,}.",
                 place=str(self.file),
@@ -132,7 +132,7 @@ class Checkpoint:
             return history
         if there:
             raise InputError(
-                "damaged-checkpoint",
+                "damaged-file",
                 f"no checkpoint can be read. {'; '.join(faults)}.",
                 place=str(self.file),
                 cause="the files were cut off or changed, or another version wrote them.",

@@ -74,7 +74,7 @@ class TrainingFile:
         except OSError as error:
             new.unlink(missing_ok=True)
             raise InputError(
-                "checkpoint-not-written",
+                "cannot-write",
                 f"the training cannot be kept: {error.strerror or error}.",
                 place=str(self.file),
                 cause="the disk or a quota is full, or the folder may not be written to.",
@@ -100,7 +100,7 @@ class TrainingFile:
                 raise ValueError("its checksum does not agree")
         except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
             raise InputError(
-                "damaged-checkpoint",
+                "damaged-file",
                 f"the checkpoint cannot be read: {error}.",
                 place=str(self.file),
                 cause="it was cut off or changed, or another version wrote it.",

@@ -122,7 +122,7 @@ def train(
     precision = jnp.float32 if float32 else None
     weights, rest = eqx.partition(module, eqx.is_inexact_array)
     if not jax.tree.leaves(weights):
-        raise InputError("no-weights", f"{type(module).__name__} has no floating array to train.")
+        raise InputError("nothing-free", f"{type(module).__name__} has no floating array to train.")
     start, template = ravel_pytree(_cast(weights, precision))[0], _cast(weights, precision)
     data, held_out = _split(data, validation, count, seed)
     data, held_out = _cast(data, precision), _cast(held_out, precision)
@@ -261,7 +261,7 @@ def _with_room(run: _Run, epochs: int) -> _Run:
     done = int(run.epoch)
     if done > epochs:
         raise InputError(
-            "more-epochs-kept",
+            "more-steps-kept",
             f"{done:,} epochs were kept already, and {epochs:,} are asked for.",
             fix=f"ask for at least {done:,}, or train without resume.",
         )
@@ -273,10 +273,10 @@ def _split(data: Any, validation: Any, count: int, seed: int) -> tuple[Any, Any]
     if not isinstance(validation, int | float):
         _rows(validation, "validation")
         if jax.tree.structure(validation) != jax.tree.structure(data):
-            raise InputError("other-validation", "validation is not made of the parts data is.")
+            raise InputError("wrong-shape", "validation is not made of the parts data is.")
         return data, validation
     if not 0 <= validation < 1:
-        raise InputError("validation", f"validation = {validation:g} is no part of the rows.")
+        raise InputError("bad-option", f"validation = {validation:g} is no part of the rows.")
     held = round(validation * count)
     if not held:
         return data, None
@@ -306,7 +306,7 @@ def _rows(data: Any, name: str) -> int:
     lengths = {np.shape(leaf)[0] if np.ndim(leaf) else 0 for leaf in leaves}
     if len(lengths) != 1 or 0 in lengths:
         raise InputError(
-            "unlike-rows",
+            "length-mismatch",
             f"{name} is made of arrays of {sorted(lengths)} rows.",
             fix="give arrays of one length, at least 1.",
         )
@@ -325,6 +325,6 @@ def _check_settings(batch: int, epochs: int, patience: int | None, learning_rate
     least = {"batch": batch, "epochs": epochs, "patience": 1 if patience is None else patience}
     for name, value in least.items():
         if value < 1:
-            raise InputError(name, f"{name} = {value} is less than 1.")
+            raise InputError("bad-option", f"{name} = {value} is less than 1.")
     if not 0 < learning_rate < float("inf"):
-        raise InputError("learning-rate", f"learning_rate = {learning_rate:g} is not above 0.")
+        raise InputError("bad-option", f"learning_rate = {learning_rate:g} is not above 0.")

@@ -322,19 +322,19 @@ def refused(code: str):
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
-    with refused("not-a-name"):
+    with refused("bad-name"):
         export_c(model, tmp_path / "3 d.h", y)
-    with refused("unknown-precision"):
+    with refused("bad-option"):
         export_c(model, tmp_path / "it.h", y, real="half")
-    with refused("no-readings"):
+    with refused("no-rows"):
         export_c(model, tmp_path / "it.h", [np.nan, 1.0])
     with refused("no-time"):
         export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y)
-    with refused("stack-too-small"):
+    with refused("bad-option"):
         demagnetised = Preisach(model.density, initial="demagnetised")
         export_c(demagnetised, tmp_path / "it.h", y, depth=8)
     for name in NOT_EXPORTED:
         (problem,) = (p for p in PROBLEMS if p.name == name)
-        with refused("no-element"):
+        with refused("not-exportable"):
             export_c(problem.model(), tmp_path / "it.h", y)
     assert not list(tmp_path.iterdir())

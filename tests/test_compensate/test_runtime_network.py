@@ -190,10 +190,10 @@ def test_a_compensator_is_still_one(tmp_path: Path):
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     one, file = case("network"), tmp_path / "force.json"
     faults = {
-        "no-readings": (one.estimator, ONE[:1], T[:1], one.channels),
+        "no-rows": (one.estimator, ONE[:1], T[:1], one.channels),
         "no-time": (one.estimator, ONE, None, one.channels),
-        "other-channels": (one.estimator, ONE, T, one.channels * 2),
-        "no-element": (ForceEstimator(Sum([network(ONE)]), 0.1, HIGH), ONE, T, one.channels),
+        "wrong-channels": (one.estimator, ONE, T, one.channels * 2),
+        "not-exportable": (ForceEstimator(Sum([network(ONE)]), 0.1, HIGH), ONE, T, one.channels),
     }
     for code, (estimator, readings, times, channels) in faults.items():
         with pytest.raises(InputError) as refused:

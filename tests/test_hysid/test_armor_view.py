@@ -119,11 +119,11 @@ def test_damaged_records_are_refused(folder, change, words):
     document = json.loads(file.read_text())
     change(document)
     file.write_text(json.dumps(document))
-    refused(run("armor", "view", folder), words, "[damaged-touches]")
+    refused(run("armor", "view", folder), words, "[damaged-file]")
     assert not (folder / "armor.html").exists()
 
 
 def test_no_record_is_said(tmp_path):
-    refused(run("armor", "view", tmp_path), "[no-touches]", "touches.json")
+    refused(run("armor", "view", tmp_path), "[file-not-found]", "touches.json")
     (tmp_path / "touches.json").write_text("{")
-    refused(run("armor", "view", tmp_path), "[damaged-touches]")
+    refused(run("armor", "view", tmp_path), "[damaged-file]")

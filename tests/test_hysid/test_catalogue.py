@@ -187,7 +187,7 @@ def test_other_bytes_than_listed_are_refused(address: str, options):
     assert listed in done.err
     done = fetch(entry(address, "1,2\n3,4\n", sha256="", bytes=7), *options)
     assert done.code == 2
-    assert "wrong-size" in done.err
+    assert "wrong-checksum" in done.err
     assert not Path("got").exists()
 
 
@@ -236,7 +236,7 @@ def test_blanks_quotes_and_missing_readings(address: str):
 def test_other_layouts_than_listed_are_refused(address: str, text: str, words: str):
     done = fetch(entry(address, text))
     assert done.code == 2
-    assert "not-as-listed" in done.err
+    assert "wrong-checksum" in done.err
     assert words in done.err
 
 
@@ -251,15 +251,15 @@ def test_other_layouts_than_listed_are_refused(address: str, text: str, words: s
 def test_what_is_no_catalogue_is_said(tmp_path: Path, text: str, words: str):
     file = tmp_path / "own.toml"
     file.write_text(text)
-    refused(run("datasets", "list", "--catalogue", file), "bad-catalogue", words, "own.toml")
-    refused(run("datasets", "list", "--catalogue", tmp_path / "no.toml"), "no-catalogue")
+    refused(run("datasets", "list", "--catalogue", file), "damaged-file", words, "own.toml")
+    refused(run("datasets", "list", "--catalogue", tmp_path / "no.toml"), "unreadable-file")
 
 
 def test_columns_have_to_be_in_the_line(address: str):
     file = entry(address, "1,2\n", columns=[{"name": "y", "cell": 2}])
-    refused(run("datasets", "list", "--catalogue", file), "bad-catalogue", "cell 2 of 2")
+    refused(run("datasets", "list", "--catalogue", file), "damaged-file", "cell 2 of 2")
     file = entry(address, "1,2\n", columns=[{"name": "y", "cell": 1, "scale": "x"}])
-    refused(run("datasets", "list", "--catalogue", file), "bad-catalogue", "text")
+    refused(run("datasets", "list", "--catalogue", file), "damaged-file", "text")
 
 
 def test_an_unknown_name_finds_the_nearest():

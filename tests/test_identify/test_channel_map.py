@@ -142,7 +142,7 @@ def test_what_cannot_be_fitted_is_refused():
     few = np.arange(n) < 2
     for record, code in (
         (rig(names=("a", "b"), more=still), "constant-input"),
-        (replace(rig(), mask=few), "too-short"),
+        (replace(rig(), mask=few), "too-few-rows"),
     ):
         with pytest.raises(InputError) as caught:
             fit_channel_map(record)
@@ -191,7 +191,7 @@ def test_other_inputs_than_those_of_the_fit_are_refused():
     ):
         with pytest.raises(InputError) as caught:
             found.predict(wrong)
-        assert caught.value.code == "other-channels"
+        assert caught.value.code == "wrong-channels"
 
 
 def test_a_channel_beyond_its_range_is_flagged():

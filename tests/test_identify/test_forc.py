@@ -61,7 +61,7 @@ def test_every_curve_found_is_one(history: np.ndarray):
     record = Record.from_arrays(u, y)
     descent = u[np.argmax(u < HIGH) :]
     if HIGH not in descent and u[-1] == u.min():  # one descent that ends where it is lowest
-        with pytest.raises(InputError, match="no-curves"):
+        with pytest.raises(InputError, match="too-few-curves"):
             forc_curves(record)
         return
     curves = forc_curves(record)
@@ -208,16 +208,16 @@ def with_ties() -> tuple[Forc, ...]:
 @pytest.mark.parametrize(
     ("code", "call"),
     [
-        ("bad-smoothing", lambda: forc_diagram(curves_of(0), 0)),
+        ("bad-option", lambda: forc_diagram(curves_of(0), 0)),
         ("too-few-curves", lambda: forc_diagram(curves_of(0), 5)),
         ("too-few-curves", lambda: everett_surface(curves_of(0)[:1])),
-        ("reversals-not-rising", lambda: forc_diagram(with_ties(), 3)),
-        ("reversals-not-rising", lambda: everett_surface(curves_of(0)[::-1])),
+        ("not-increasing", lambda: forc_diagram(with_ties(), 3)),
+        ("not-increasing", lambda: everett_surface(curves_of(0)[::-1])),
         (
-            "too-short-curves",
+            "too-few-rows",
             lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0))),
         ),
-        ("no-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
+        ("too-few-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
     ],
 )  # fmt: skip
 def test_bad_input_is_answered(code: str, call):

@@ -131,7 +131,7 @@ def test_a_parameter_at_its_bound_has_no_error() -> None:
         ({"E1": {"bounds": 3}}, "bad-bounds"),
         ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds"),
         ({"E1": {"start": -1}}, "start-out-of-bounds"),
-        ({"E1": {"prior": "uniform(3, 4)"}}, "prior-excludes-start"),
+        ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds"),
         ({"E1": {"tied": "E9"}}, "bad-tie"),
         ({"E1": {"tied": "E1"}}, "bad-tie"),
         ({"E1": {"tied": "E2 + 1"}}, "bad-tie"),
@@ -152,10 +152,10 @@ def test_nothing_free_and_no_model() -> None:
     assert caught.value.code == "nothing-free"
     with pytest.raises(InputError) as caught:
         fit(record(), "auto", parameters=said)
-    assert caught.value.code == "which-model"
+    assert caught.value.code == "unknown-parameter"
     with pytest.raises(InputError) as caught:
         fit(record(), "Burgers", noise="pink")
-    assert caught.value.code == "unknown-noise"
+    assert caught.value.code == "bad-option"
 
 
 def test_settings_survive_words() -> None:

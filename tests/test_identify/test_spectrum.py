@@ -166,7 +166,7 @@ def test_rows_that_are_not_positive():
 @pytest.mark.parametrize(
     ("t", "y", "options", "code"),
     [
-        ([0.0, 1.0], [1.0, 1.0], {}, "too-few-samples"),
+        ([0.0, 1.0], [1.0, 1.0], {}, "too-few-rows"),
         ([0.0, 1.0], [1.0], {}, "length-mismatch"),
         ([1.0, 0.0], [1.0, 1.0], {}, "time-backwards"),
         ([-1.0, 0.0], [1.0, 1.0], {}, "time-backwards"),

@@ -41,7 +41,7 @@ def choose(
 ) -> Choice:
     """What drives and what follows among columns that move; `still` are those that do not.
 
-    Raises `InputError` `one-column`, `cannot-decide`, `no-column`.
+    Raises `InputError` `cannot-decide`, `no-column`.
     """
     place = table.path
     inputs: list[str] = list(given.get("input") or ())
@@ -167,7 +167,7 @@ def _step(
     if time is None or not found:
         numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
         raise InputError(
-            "one-column",
+            "cannot-decide",
             f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. Of these"
             f" {len(found) or 'none'} could drive or follow, and a loop takes two that move.",
             place=table.path,

@@ -68,7 +68,7 @@ class Guess:
 def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     """Options for `hysid fit` from the file alone, beside those `given`, which are not doubted.
 
-    Raises `InputError` as reading does, and `no-header`, `one-column`, `cannot-decide` where the file does
+    Raises `InputError` as reading does, and `no-header`, `cannot-decide` where the file does
     not say what drives and what follows; the message says what to give.
     """
     given = {key: value for key, value in (given or {}).items() if value}

@@ -20,7 +20,7 @@ def workbook(path: Path, data: bytes) -> Sheet | None:
     Sheets with the same header are put under one another and told apart by the column "sheet"; of others
     the one with most rows is meant. Values are those that Excel last computed.
 
-    Raises `InputError` `needs-extra` without openpyxl, `binary-file` for other ZIP files, `no-data`.
+    Raises `InputError` `missing-extra` without openpyxl, `binary-file` for other ZIP files, `no-rows`.
     """
     if data[:4] != MARK or not zipfile.is_zipfile(io.BytesIO(data)):
         return None
@@ -31,7 +31,7 @@ def workbook(path: Path, data: bytes) -> Sheet | None:
         from openpyxl import load_workbook
     except ImportError:
         raise fault(
-            "needs-extra", path, "workbooks are read by openpyxl, which is not installed.",
+            "missing-extra", path, "workbooks are read by openpyxl, which is not installed.",
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         ) from None  # fmt: skip
     try:
@@ -50,7 +50,7 @@ def workbook(path: Path, data: bytes) -> Sheet | None:
                   for k, b in enumerate(pieces, 1)]  # fmt: skip
     sheet = sheet_of(found, OTHER._replace(name="a workbook", column="sheet"))
     if sheet is None:
-        raise fault("no-data", path, "no sheet holds a table: a header and rows of numbers.")
+        raise fault("no-rows", path, "no sheet holds a table: a header and rows of numbers.")
     return sheet
 
 

@@ -25,7 +25,7 @@ _KEYS = ("Channels", "Samples", "Date", "Time", "X_Dimension", "X0", "Delta_X", 
 def labview(path: Path, text: str) -> Sheet | None:
     """The table of a LabVIEW measurement file, or None where it is none.
 
-    Raises `InputError` `bad-labview` where its headers do not end, `no-data` without a row.
+    Raises `InputError` `damaged-file` where its headers do not end, `no-rows` without a row.
     """
     if not text.startswith(MARK):
         return None
@@ -35,7 +35,7 @@ def labview(path: Path, text: str) -> Sheet | None:
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     ends = [k for k, row in enumerate(rows) if row[0] == _END]
     if not ends:
-        raise fault("bad-labview", path, f"{_END} is missing.", "export the file again.")
+        raise fault("damaged-file", path, f"{_END} is missing.", "export the file again.")
     said = {row[0]: row[1] for row in rows[: ends[0]] if len(row) > 1}
     decimal = "," if said.get("Decimal_Separator") == "," else "."
     parts: list[dict[str, list[str]]] = []
@@ -57,7 +57,7 @@ def labview(path: Path, text: str) -> Sheet | None:
         numbers.append([k for k, _ in body])
         units |= said_units
     if not parts:
-        raise fault("no-data", path, "headers and no rows.")
+        raise fault("no-rows", path, "headers and no rows.")
     names = list(parts[0])
     same = [k for k, part in enumerate(parts) if list(part) == names]
     notes = [Note("format", "Read as a LabVIEW measurement file.")]

@@ -22,7 +22,7 @@ def tdms(path: Path, data: bytes) -> Sheet | None:
     the same channels are put under one another. Channels of another length than most are left out, and
     named.
 
-    Raises `InputError` `needs-extra` without npTDMS, `bad-tdms`, `no-data`.
+    Raises `InputError` `missing-extra` without npTDMS, `damaged-file`, `no-rows`.
     """
     if data[:4] != MARK:
         return None
@@ -31,7 +31,7 @@ def tdms(path: Path, data: bytes) -> Sheet | None:
         from nptdms.log import log_manager
     except ImportError:
         raise fault(
-            "needs-extra", path, "TDMS files are read by npTDMS, which is not installed.",
+            "missing-extra", path, "TDMS files are read by npTDMS, which is not installed.",
             "pip install 'hysid[rigs]', or export the file as text (.lvm, .csv).",
         ) from None  # fmt: skip
     log_manager.set_level(logging.ERROR)  # a damaged file is said in our own words
@@ -40,11 +40,11 @@ def tdms(path: Path, data: bytes) -> Sheet | None:
             group.name: group.channels() for group in TdmsFile.read(io.BytesIO(data)).groups()
         }
     except Exception as error:  # npTDMS raises what it meets: ValueError, KeyError, struct.error
-        raise fault("bad-tdms", path, f"this TDMS file is damaged: {error}.") from None
+        raise fault("damaged-file", path, f"this TDMS file is damaged: {error}.") from None
     tables = {name: _columns(channels) for name, channels in groups.items()}
     tables = {name: found for name, found in tables.items() if found[0]}
     if not tables:
-        raise fault("no-data", path, "no channel holds numbers.")
+        raise fault("no-rows", path, "no channel holds numbers.")
     families: dict[tuple, list[str]] = {}
     for name, (columns, _, _) in tables.items():
         families.setdefault(tuple(columns), []).append(name)

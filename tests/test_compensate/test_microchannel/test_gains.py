@@ -70,26 +70,26 @@ def test_lost_readings_are_left_out():
 
 
 def test_places_never_pressed_alone_are_refused():
-    with pytest.raises(InputError, match="never-alone"):
+    with pytest.raises(InputError, match="no-excitation"):
         gains_in_use(read(signals(0, alone=False)), KNOWN)
 
 
 def test_one_place_alone_is_refused():
     s = signals(0)
     s[:, 1] = 0.0
-    with pytest.raises(InputError, match="never-alone"):
+    with pytest.raises(InputError, match="no-excitation"):
         gains_in_use(read(s), KNOWN)
 
 
 @pytest.mark.parametrize(
     ("readings", "known", "options", "code"),
     [
-        (np.ones((300, 3)), KNOWN, {}, "other-gains"),
-        (np.ones((300, 2)), np.ones((2, 3)), {}, "other-gains"),
-        (np.ones((300, 2)), -KNOWN, {}, "not-positive"),
-        (np.ones((300, 2)), KNOWN, {"blur": 1.0}, "gains-range"),
-        (np.ones((300, 2)), KNOWN, {"pressed": 0.0}, "gains-range"),
-        (np.zeros((300, 2)), KNOWN, {}, "too-few-readings"),
+        (np.ones((300, 3)), KNOWN, {}, "wrong-channels"),
+        (np.ones((300, 2)), np.ones((2, 3)), {}, "wrong-channels"),
+        (np.ones((300, 2)), -KNOWN, {}, "parameter-out-of-bounds"),
+        (np.ones((300, 2)), KNOWN, {"blur": 1.0}, "bad-option"),
+        (np.ones((300, 2)), KNOWN, {"pressed": 0.0}, "bad-option"),
+        (np.zeros((300, 2)), KNOWN, {}, "too-few-rows"),
     ],
 )
 def test_bad_arguments_are_refused(readings, known, options, code):

@@ -183,13 +183,13 @@ def test_confusion_prints_as_table_ii():
 @pytest.mark.parametrize(
     ("code", "settings"),
     [
-        ("class-missing", {"names": "ABCDEF"}),
+        ("too-few-presses", {"names": "ABCDEF"}),
         ("unknown-place", {"names": "ABCD"}),
-        ("localizer-argument", {"method": "forest"}),
-        ("localizer-argument", {"priors": "even"}),
-        ("localizer-argument", {"priors": [1, 1]}),
-        ("localizer-argument", {"reject": 1.5}),
-        ("localizer-argument", {"neighbours": 0, "method": "neighbours"}),
+        ("bad-option", {"method": "forest"}),
+        ("bad-option", {"priors": "even"}),
+        ("bad-option", {"priors": [1, 1]}),
+        ("bad-option", {"reject": 1.5}),
+        ("bad-option", {"neighbours": 0, "method": "neighbours"}),
     ],
 )
 def test_bad_settings_are_refused(code, settings):
@@ -199,14 +199,14 @@ def test_bad_settings_are_refused(code, settings):
 
 def test_bad_training_data_are_refused():
     reading, place = KNOWN.reading, KNOWN.location
-    with pytest.raises(InputError, match=r"1 training presses at 4.*\[class-too-small\]"):
+    with pytest.raises(InputError, match=r"1 training presses at 4.*\[too-few-presses\]"):
         Localizer.train(reading[: -423], place[:-423])  # fmt: skip
     broken = reading.copy()
     broken[7, 1] = np.nan
     for wrong, labels in [(broken, place), (reading[:, :1], place), (reading, place[:-1])]:
-        with pytest.raises(InputError, match=r"\[localizer-argument\]"):
+        with pytest.raises(InputError, match=r"\[bad-option\]"):
             Localizer.train(wrong, labels)
-    with pytest.raises(InputError, match=r"\[localizer-argument\]"):
+    with pytest.raises(InputError, match=r"\[bad-option\]"):
         GAUSSIAN.locate(reading[0])
 
 

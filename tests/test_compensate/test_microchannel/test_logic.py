@@ -194,5 +194,5 @@ def test_readings_of_nothing_and_of_no_combination():
     ],
 )
 def test_bad_arguments_are_refused(call):
-    with pytest.raises(InputError, match=r"\[logic-argument\]"):
+    with pytest.raises(InputError, match=r"\[bad-option\]"):
         call()

@@ -129,9 +129,9 @@ def refused(code: str):
 def test_what_is_no_deviation_is_refused():
     each, models = stacked(burgers)
     for sigma in (-1.0, np.nan, np.ones(DRAWS + 1)):
-        with refused("output-sigma"):
+        with refused("bad-deviation"):
             invert(models, output_sigma=sigma)
-    with refused("one-model"):
+    with refused("not-invertible"):
         invert(each[0], output_sigma=0.1)
 
 

@@ -165,12 +165,12 @@ def test_filters_of_draws_run_side_by_side():
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
 def test_deviations_that_are_none_are_refused(value: float):
-    with pytest.raises(InputError, match="not-positive"):
+    with pytest.raises(InputError, match="parameter-out-of-bounds"):
         FilteredCompensator(GRID, value, 0.1)
-    with pytest.raises(InputError, match="not-positive"):
+    with pytest.raises(InputError, match="parameter-out-of-bounds"):
         FilteredCompensator(GRID, 0.1, value)
     if value:
-        with pytest.raises(InputError, match="dead-band"):
+        with pytest.raises(InputError, match="bad-option"):
             DeadBandCompensator(invert(GRID), value)
 
 

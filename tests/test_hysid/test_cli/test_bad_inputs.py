@@ -110,7 +110,7 @@ BAD = {
         OVERLOAD, "text-cell", ("line 14", f"{F!r}", "'OVLD'", "sensor overload?", "--na-values OVLD")
     ),
     "words": Bad(cell(F, "see notes"), "text-cell", ("line 14", "'see notes'", "text among")),
-    "infinite": Bad(cell(F, "inf"), "infinite", ("line 14", "'inf'", "division by zero")),
+    "not-finite": Bad(cell(F, "inf"), "not-finite", ("line 14", "'inf'", "division by zero")),
     "NaN in the output": Bad(
         NO_OUTPUT,
         "nan-output",
@@ -130,7 +130,7 @@ BAD = {
         line(51, LINES[50].strip().replace(",", ";")), "ragged-line", ("line 51", "separator")
     ),
     "an open quote": Bad(cell(F, '"5'), "ragged-line", ("line 14", "open quote")),
-    "too short": Bad(text(ROWS[:9]), "too-short", ("9 samples, 0.5 cycle", "at least one loop")),
+    "too short": Bad(text(ROWS[:9]), "too-few-rows", ("9 samples, 0.5 cycle", "at least one loop")),
     "a held input": Bad(
         column(F, ["7"] * len(ROWS)), "constant-input", (f"{F!r}", "7 N in every row", "--input")
     ),
@@ -140,8 +140,8 @@ BAD = {
     "two runs": Bad(RESET, "time-backwards", ("line 103", "--segments auto", "--group")),
     "an empty file": Bad("", "empty-file", ("empty",)),
     "comments only": Bad("# rig 7\n\n", "empty-file", ("nothing but blank or comment lines",)),
-    "a header only": Bad(LINES[0], "no-data", ("a header and no rows",)),
-    "a header and empty rows": Bad(f"{LINES[0]},,,\n,,,\n", "no-data", ("a header and no rows",)),
+    "a header only": Bad(LINES[0], "no-rows", ("a header and no rows",)),
+    "a header and empty rows": Bad(f"{LINES[0]},,,\n,,,\n", "no-rows", ("a header and no rows",)),
     "binary": Bad(bytes(range(256)), "binary-file", ("binary", "export it as text")),
     "a spreadsheet": Bad(b"PK\3\4workbook", "binary-file", ("export the sheet as CSV",)),
     "a column twice": Bad(
@@ -155,12 +155,13 @@ BAD = {
         CLEAN, "too-few-cycles", ("5 complete cycles", "--test-tail"), (*COLUMNS, "--test-cycles", "5")
     ),
     "the whole tail": Bad(
-        CLEAN, "bad-fraction", ("1.5", "--test-tail 0.2"), (*COLUMNS, "--test-tail", "1.5")
+        CLEAN, "bad-option", ("1.5", "--test-tail 0.2"), (*COLUMNS, "--test-tail", "1.5")
     ),
     "two hold-outs": Bad(
-        CLEAN, "two-hold-outs", ("--test-where",), (*COLUMNS, "--test-tail", "0.2", "--test-cycles", "1")
+        CLEAN, "conflicting-options", ("--test-where",),
+        (*COLUMNS, "--test-tail", "0.2", "--test-cycles", "1"),
     ),
-    "two clocks": Bad(CLEAN, "two-clocks", ("--dt",), (*COLUMNS, "--dt", "1")),
+    "two clocks": Bad(CLEAN, "conflicting-options", ("--dt",), (*COLUMNS, "--dt", "1")),
     "a specimen without a name": Bad(
         SPECIMENS.replace("A\n", "\n", 1), "no-value", ("line 2", "block"), (*COLUMNS, "--each", "block")
     ),
@@ -359,7 +360,7 @@ def test_single_precision_is_refused_by_the_fit():
     record = Record.from_arrays(force, displacement)
     with pytest.raises(InputError) as caught:
         identify.fit(record, "LinearSponge")
-    assert caught.value.code == "float32"
+    assert caught.value.code == "single-precision"
     assert "jax_enable_x64" in str(caught.value)
     assert "allow_float32=True" in str(caught.value)
     put(CLEAN)

@@ -60,11 +60,11 @@ TABLE = {
         CLEAN, "no-column", ("'t'", f"{T!r}"), (*COLUMNS[:4], "--time", "t")
     ),
     "4: one column twice": Bad(
-        CLEAN, "same-column", (f"{F!r}", "as input and as output", "--output COL"),
+        CLEAN, "given-twice", (f"{F!r}", "as input and as output", "--output COL"),
         ("--input", F, "--output", F),
     ),
     "4: the clock for an output": Bad(
-        CLEAN, "same-column", (f"{T!r}", "as time and as output"),
+        CLEAN, "given-twice", (f"{T!r}", "as time and as output"),
         ("--input", F, "--output", T, "--time", T),
     ),
     "7: a clock with a hole": Bad(
@@ -75,10 +75,10 @@ TABLE = {
     ),
     "9: arbitrary units": named("force (a.u.)")("unknown-unit", "'a.u.'", "--input-unit UNIT"),
     "10: force in grams": named("force (g)")(
-        "mass-unit", "column 'force (g)'", "g is mass", "gf", "0.00981 N", "--input-unit UNIT"
+        "wrong-unit", "column 'force (g)'", "g is mass", "gf", "0.00981 N", "--input-unit UNIT"
     ),
     "10: load in kilograms": Bad(
-        text(ROWS, (T, F, "load (kg)", "cycle")), "mass-unit",
+        text(ROWS, (T, F, "load (kg)", "cycle")), "wrong-unit",
         ("kg is mass", "kgf", "--output-unit UNIT"), ("--input", F, "--output", "load (kg)"),
     ),
     "12: a time twice": Bad(
@@ -104,8 +104,8 @@ TABLE = {
         cell(F, "-3e301"), "too-large", ("line 14", "'-3e301'", "--na-values -3e301")
     ),
     "29: a large number": Bad(cell(X, "1e200"), "too-large", ("line 14", f"{X!r}", "'1e200'")),
-    "29: more than a number holds": Bad(cell(F, "1e999"), "infinite", ("line 14", "--na-values")),
-    "29: infinity below": Bad(cell(X, "-Infinity"), "infinite", ("line 14", "'-Infinity'")),
+    "29: more than a number holds": Bad(cell(F, "1e999"), "not-finite", ("line 14", "--na-values")),
+    "29: infinity below": Bad(cell(X, "-Infinity"), "not-finite", ("line 14", "'-Infinity'")),
     **{
         f"29: thousands as {word}": Bad(
             cell(F, word), "thousands-separator", ("line 14", "export without thousands")
@@ -175,7 +175,7 @@ def test_of_a_hundred_specimens_the_bad_one_is_named():
     assert list(found["failed"]) == ["s57", "alone"]
     assert "line 2344" in found["failed"]["s57"]
     assert "[text-cell]" in found["failed"]["s57"]
-    assert "[too-short]" in found["failed"]["alone"]
+    assert "[too-few-rows]" in found["failed"]["alone"]
 
 
 def test_the_others_are_fitted_where_one_reading_is_a_word():
@@ -189,7 +189,7 @@ def test_the_others_are_fitted_where_one_reading_is_a_word():
 
 def test_specimens_of_one_sample_are_too_short():
     put(blocks(ROWS[:1], ROWS[:1]))
-    words = ("1 samples", "at least one loop", "[too-short]\n")
+    words = ("1 samples", "at least one loop", "[too-few-rows]\n")
     refused(run("check", "run.csv", *COLUMNS, "--each", "block"), *words)
     said = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT)
     assert (said.code, said.out) == (2, "")
@@ -306,10 +306,10 @@ FOLDERS = {
     "32: no text": Spoilt(
         no_text, "damaged-file", ("fit.json", "make it again"),
     ),
-    "32: cut arrays": Spoilt(cut("model.npz"), "changed-checksum", ("model.npz", "fit again")),
+    "32: cut arrays": Spoilt(cut("model.npz"), "wrong-checksum", ("model.npz", "fit again")),
     "32: another checksum": Spoilt(
         lambda folder: edited(files=document(folder)["files"] | {"data.npz": "0"})(folder),
-        "changed-checksum", ("data.npz", "not the file that was saved", "fit again"),
+        "wrong-checksum", ("data.npz", "not the file that was saved", "fit again"),
     ),
     "32: a pickle in an array": Spoilt(pickled_array, "damaged-file", ("out: ", "fit again")),
     "32: a pickle for arrays": Spoilt(
@@ -334,7 +334,7 @@ FOLDERS = {
     ),
     "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "fit again")),
     "32: no fit": Spoilt(
-        lambda folder: (folder / "fit.json").unlink(), "no-fit", ("out: ", "hysid fit --out DIR")
+        lambda folder: (folder / "fit.json").unlink(), "file-not-found", ("out: ", "hysid fit --out DIR")
     ),
     "24: another seed": Spoilt(
         lambda folder: None, "other-checkpoint",
@@ -346,7 +346,7 @@ FOLDERS = {
         (*SAMPLE, "--steps", 30),
     ),
     "33: both cut": Spoilt(
-        both_cut, "damaged-checkpoint",
+        both_cut, "damaged-file",
         ("chains.h5: ", "chains.previous.h5: ", "cut off", "without --resume"),
         (*SAMPLE, "--steps", 60),
     ),
@@ -414,7 +414,7 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
         "no-finite-start", ("the data are finite; the model is not", "start", "give a model to start from"),
     ),
     "11: another dimension": (
-        lambda: identify.results._fit_result.check_unit("force", "V", "N"), "unit-clash",  # type: ignore[attr-defined]
+        lambda: identify.results._fit_result.check_unit("force", "V", "N"), "wrong-unit",  # type: ignore[attr-defined]
         ("force is in V", "fitted to N", "say so in its header"),
     ),
     "15: lengths": (

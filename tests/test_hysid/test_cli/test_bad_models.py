@@ -99,7 +99,7 @@ def test_uneven_time_is_said_and_used():
 def test_moduli_that_are_not_positive_are_refused(make, value):
     with pytest.raises(InputError) as caught:
         make(value)
-    assert caught.value.code == "not-positive"
+    assert caught.value.code == "parameter-out-of-bounds"
     assert caught.value.cause
     assert "give E" in caught.value.fix
 
@@ -114,7 +114,7 @@ def test_a_saved_model_with_a_negative_modulus_is_refused(line):
     document = read_document("out") | {"structure": structure}
     document["files"]["model.npz"] = digest
     Path("out/fit.json").write_text(json.dumps(document))
-    words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[not-positive]")
+    words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[parameter-out-of-bounds]")
     refused(run("predict", "out", "run.csv"), *words)
 
 
@@ -124,7 +124,7 @@ def test_a_column_in_another_unit_than_the_fits_is_refused(line):
         (["s", "N", "m", "1"], ("--inverse",), ("displacement is in m;", "fitted to mm")),
     ):
         put(text([other, *sponge()], NAMES), "other.csv")
-        refused(run("predict", line / "out", "other.csv", *inverse), *words, "[unit-clash]")
+        refused(run("predict", line / "out", "other.csv", *inverse), *words, "[wrong-unit]")
 
 
 def test_what_is_known_of_parameters_is_said_on_the_command_line():

@@ -135,11 +135,11 @@ def test_a_configuration_that_is_wrong(said, words):
 
 
 def test_a_pattern_or_a_configuration_that_is_not_there():
-    refused(batch(pattern="nothing/*.csv"), "nothing/*.csv", "no-files")
+    refused(batch(pattern="nothing/*.csv"), "nothing/*.csv", "file-not-found")
     Path("batch.toml").unlink()
-    refused(batch(), "batch.toml", "no-config")
+    refused(batch(), "batch.toml", "unreadable-file")
     one = ("fit", "data/a.csv", *COLUMNS, "--out", "out", "--config", "none.toml")
-    refused(run(*one), "none.toml", "no-config")
+    refused(run(*one), "none.toml", "unreadable-file")
 
 
 def test_nothing_that_can_be_fitted():

@@ -107,14 +107,14 @@ def test_three_records_in_time_have_a_trend(folder):
 @pytest.mark.parametrize(
     ("names", "options", "words"),
     [
-        (("new", "aged"), (), ("errors do not compare", "--change", "[other-data]")),
+        (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
         (("new", "new"), (), ("named twice",)),
         (("new",), (), ("too-few-fits",)),
         (("new",), ("--change",), ("a change is between two",)),
         (("new", "aged"), ("--change", "--times", "0,x"), ("--times 0,x", "[bad-option]")),
         (("new", "aged"), ("--change", "--times", "0,1"), ("no trend beyond scatter",)),
-        (("new", "too soft"), ("--change",), ("same rows", "[same-data]")),
-        (("new", "nowhere"), (), ("there is no fit.json", "[no-fit]")),
+        (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
+        (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
     ],
 )
 def test_what_cannot_be_compared_is_said_in_a_line(folder, names, options, words):

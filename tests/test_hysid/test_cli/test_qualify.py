@@ -142,12 +142,12 @@ OTHER_HEADER = (T, F, "displacement", "cycle")
         (text(ROWS, OTHER_HEADER), (f"No column {X!r}",)),
         (text([*ROWS[:9], [ROWS[9][0], "OVLD", "1", "1"], *ROWS[10:]]), ("OVLD",)),
         (text([*ROWS[:9], [ROWS[9][0], "1", "", "1"], *ROWS[10:]]), ("NaN", X)),
-        (text([*ROWS[:9], [ROWS[9][0], "1", "inf", "1"], *ROWS[10:]]), ("infinite", X)),
+        (text([*ROWS[:9], [ROWS[9][0], "1", "inf", "1"], *ROWS[10:]]), ("not-finite", X)),
         (text([]), ()),
         ("", ()),
     ],
     ids=["repeated time", "time backwards", "no output", "no input", "other name", "text", "NaN",
-         "infinite", "header only", "empty"],
+         "not-finite", "header only", "empty"],
 )  # fmt: skip
 def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
     (tmp_path / "bad.csv").write_text(content)
@@ -170,7 +170,7 @@ def test_other_units_are_refused(tmp_path, units, words):
     out = (*LINE, "--out", tmp_path / "out")
     assert run("fit", tmp_path / "run.csv", *columns, *out).code == 0
     (tmp_path / "other.csv").write_text(text([[*units], *ROWS], header))
-    refused(run("qualify", tmp_path / "out", tmp_path / "other.csv"), *words, "[unit-clash]")
+    refused(run("qualify", tmp_path / "out", tmp_path / "other.csv"), *words, "[wrong-unit]")
 
 
 def test_no_file_no_fit_and_no_value_are_refused(folder, tmp_path):

@@ -82,7 +82,7 @@ def test_cycles_are_no_hold():
     ("options", "code"),
     [
         (("--step", 5, "--output", F, "--time", T, "--hold"), "no-hold"),
-        ((*SELECTED, "--step", 5), "input-or-step"),
+        ((*SELECTED, "--step", 5), "conflicting-options"),
         ((*SELECTED, "--input", T), "no-hold"),
     ],
 )

@@ -80,7 +80,7 @@ def test_what_was_seen_is_said_with_how_sure_and_why():
 
 def test_a_configuration_that_is_there_is_kept():
     put("mine", "run.toml")
-    refused(run("init", put(CLEAN)), "run.toml", "--overwrite", "[exists]")
+    refused(run("init", put(CLEAN)), "run.toml", "--overwrite", "[would-overwrite]")
     assert Path("run.toml").read_text() == "mine"
     assert run("init", "run.csv", "--out", "new/other.toml").code == 0
     assert Path("new/other.toml").exists()

@@ -71,7 +71,7 @@ def test_no_output_tells_several_inputs_apart(folder, fitted):
     refused = run("predict", folder / "out", folder / "run.csv", "--inverse")
     assert refused.code == 2
     assert "2 inputs" in refused.err
-    assert "[no-inverse]" in refused.err
+    assert "[not-invertible]" in refused.err
 
 
 def test_a_report_shows_each_curve(folder, fitted):
@@ -106,7 +106,7 @@ def test_a_still_channel_is_left_out_and_said(folder):
 @pytest.mark.parametrize(
     ("inputs", "code", "words"),
     [
-        ((A, A), "duplicate-input", f"'{A}'"),
+        ((A, A), "given-twice", f"'{A}'"),
         ((A, "nearer"), "no-column", "'nearer'"),
     ],
 )

@@ -195,7 +195,7 @@ def test_hostile_names_are_only_text(tmp_path: Path):
 
 
 def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
-    with pytest.raises(InputError, match="no-fit"):
+    with pytest.raises(InputError, match="file-not-found"):
         write_report(tmp_path)
     broken = shutil.copytree(preisach, tmp_path / "broken")
     document = json.loads((broken / "fit.json").read_text())
@@ -220,7 +220,7 @@ def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path:
     assert "1 PASS" in page.text
     assert "LinearSponge" in page.text
     assert file.stat().st_size < 150_000
-    with pytest.raises(InputError, match="no-fit"):
+    with pytest.raises(InputError, match="file-not-found"):
         write_many({"gone": tmp_path / "gone"}, file)
 
 

@@ -114,7 +114,7 @@ def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path:
     empty.mkdir()
     refused = run("report", empty)
     assert refused.code == 2
-    assert "no-fit" in refused.err
+    assert "file-not-found" in refused.err
 
 
 @settings(max_examples=30, deadline=None)

@@ -71,7 +71,7 @@ def test_the_seed_is_all_the_chance_there_is():
 
 def test_rows_without_a_force_still_drive_the_memory():
     sparse = [ForceRecord(t, y, np.where(np.arange(len(F)) % 2, np.nan, F)) for t, y, F in RECORDS]
-    with pytest.raises(InputError, match="nan-force"):
+    with pytest.raises(InputError, match="not-finite"):
         train_force(sparse, **FAST)
     found = train_force(sparse, nan="omit", **FAST)
     assert np.isfinite(found.held_out).sum() == sum(len(r.force) for r in RECORDS) // 2
@@ -138,23 +138,23 @@ T, Y, F = RECORDS[0]
 @pytest.mark.parametrize(
     ("code", "records", "options"),
     [
-        ("no-records", [], {}),
+        ("no-rows", [], {}),
         ("too-few-rows", [sensor(0, count=30)], {}),
         ("too-few-presses", [sensor(0, count=200)], {}),
-        ("nan-reading", changed(reading=np.where(np.arange(80) == 7, np.nan, Y)), {}),
-        ("nan-force", changed(force=np.where(np.arange(80) == 7, np.nan, F)), {}),
+        ("not-finite", changed(reading=np.where(np.arange(80) == 7, np.nan, Y)), {}),
+        ("not-finite", changed(force=np.where(np.arange(80) == 7, np.nan, F)), {}),
         ("length-mismatch", changed(force=F[1:]), {}),
         ("time-backwards", changed(time=T[::-1]), {}),
-        ("channels-differ", [sensor(0, 2), *RECORDS[1:]], {}),
-        ("constant-channel", [r._replace(reading=0 * r.reading + 1) for r in RECORDS], {}),
-        ("no-press", [r._replace(force=-r.force) for r in RECORDS], {}),
-        ("unknown-kind", RECORDS, {"kind": "tree"}),
-        ("members", RECORDS, {"members": 1}),
-        ("skip", RECORDS, {"skip": 1.0}),
-        ("nan", RECORDS, {"nan": "interpolate"}),
-        ("groups", RECORDS, {"groups": ["one"] * 6}),
-        ("several-channels", [sensor(k, 2) for k in range(6)], {"kind": "everett"}),
-        ("several-channels", [sensor(k, 2) for k in range(6)], {"kind": "structured"}),
+        ("wrong-channels", [sensor(0, 2), *RECORDS[1:]], {}),
+        ("constant-input", [r._replace(reading=0 * r.reading + 1) for r in RECORDS], {}),
+        ("no-excitation", [r._replace(force=-r.force) for r in RECORDS], {}),
+        ("bad-option", RECORDS, {"kind": "tree"}),
+        ("bad-option", RECORDS, {"members": 1}),
+        ("bad-option", RECORDS, {"skip": 1.0}),
+        ("bad-option", RECORDS, {"nan": "interpolate"}),
+        ("length-mismatch", RECORDS, {"groups": ["one"] * 6}),
+        ("wrong-channels", [sensor(k, 2) for k in range(6)], {"kind": "everett"}),
+        ("wrong-channels", [sensor(k, 2) for k in range(6)], {"kind": "structured"}),
     ],
 )
 def test_bad_records_are_answered(code, records, options):

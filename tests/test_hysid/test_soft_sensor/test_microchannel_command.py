@@ -144,7 +144,7 @@ def test_a_channel_that_is_not_there(trained: Trained):
     rows = [row[:2] + row[3:] for row in presses("AC")]
     file = put(trained.folder / "lost.csv", rows, HEADER[:2] + HEADER[3:])
     done = run("microchannel", "estimate", trained.out, file)
-    refused(done, f"{TWO!r}", "trained with", "[channel-missing]")
+    refused(done, f"{TWO!r}", "trained with", "[wrong-channels]")
 
 
 def test_a_stream_goes_on_behind_bad_samples(trained: Trained):
@@ -217,7 +217,7 @@ def test_places_that_are_missing_or_rare_are_named(tmp_path: Path):
     assert any(note.startswith("second.csv has no row") for note in found["notes"])
     assert any("no row to learn from is at 'E'" in note for note in found["notes"])
     assert found["metrics"]["test"]["place"]["confusion"]["places"] == ["A", "C", "E"]
-    answered(places(tmp_path, presses("AAA"), "--overwrite"), "1 place", "[localizer-argument]")
+    answered(places(tmp_path, presses("AAA"), "--overwrite"), "1 place", "[bad-option]")
     answered(places(tmp_path, presses("AC"), "--places", "A", "--overwrite"), "'C'", "--places")
 
 
@@ -281,7 +281,7 @@ def test_what_cannot_be_learnt_is_said(tmp_path: Path):
     refused(answer("--place", PLACE, "--test-file", session), "twice")
     refused(answer("--place", PLACE, "--range", 2, 1), "LOW HIGH")
     still = put(tmp_path / "still.csv", [[*row[:2], "0.5", *row[3:]] for row in rows])
-    refused(answer("--place", PLACE, file=still), f"{TWO!r} reads 0.5", "[constant-channel]")
+    refused(answer("--place", PLACE, file=still), f"{TWO!r} reads 0.5", "[constant-input]")
     header = tuple(name.replace("(V)", "(mV)") for name in HEADER)
     unlike = put(tmp_path / "unlike.csv", rows, header)
     refused(answer("--place", PLACE, "--test-file", unlike), "no-column")

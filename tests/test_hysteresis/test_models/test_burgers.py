@@ -223,7 +223,7 @@ def test_steps_too_small_to_divide_by_are_exact(decade: float, p: Element):
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_moduli_that_are_refused(name: str, value: float):
     good = {"E1": 1.0, "eta1": 1.0, "E2": 1.0, "eta2": 1.0}
-    with pytest.raises(InputError, match=rf"{name} = .*\[not-positive\]"):
+    with pytest.raises(InputError, match=rf"{name} = .*\[parameter-out-of-bounds\]"):
         Burgers(**(good | {name: value}))
 
 

@@ -76,9 +76,9 @@ def test_gradients_reach_values_and_channels():
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
-        ({"values": np.zeros((3, 4))}, "lengths-differ"),
-        ({"names": ("a", "b")}, "lengths-differ"),
-        ({"nodes": np.zeros((3, 1)), "values": np.zeros((3, 1))}, "lengths-differ"),
+        ({"values": np.zeros((3, 4))}, "length-mismatch"),
+        ({"names": ("a", "b")}, "length-mismatch"),
+        ({"nodes": np.zeros((3, 1)), "values": np.zeros((3, 1))}, "length-mismatch"),
         ({"nodes": np.zeros((3, 5))}, "parameter-out-of-bounds"),
     ],
 )

@@ -132,11 +132,11 @@ def test_curves_keep_the_contract(model: AbstractCurve):
 @pytest.mark.parametrize(
     ("make", "code", "words"),
     [
-        (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "lengths-differ", "(2,) and (2,)"),
-        (lambda: MonotoneCurve([0.0], []), "lengths-differ", "(1,) and (0,)"),
+        (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "length-mismatch", "(2,) and (2,)"),
+        (lambda: MonotoneCurve([0.0], []), "length-mismatch", "(1,) and (0,)"),
         (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
         (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
-        (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "lengths-differ", "as many nodes"),
+        (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "length-mismatch", "as many nodes"),
         (lambda: MonotoneSpline([0.0, 1.0], [1.0, -1.0]), "parameter-out-of-bounds", "slopes"),
         (lambda: PolynomialCurve([1.0], 2.0, 2.0), "parameter-out-of-bounds", "below high"),
         (lambda: PolynomialCurve([]), "parameter-out-of-bounds", "coefficients"),

@@ -317,12 +317,12 @@ def test_states_that_a_burgers_element_names():
 @pytest.mark.parametrize(
     ("make", "code"),
     [
-        (lambda: StandardLinearSolid(1.0, 0.0, 1.0), "not-positive"),
-        (lambda: GeneralizedKelvinVoigt(1.0, [1.0, -1.0], [1.0, 1.0]), "not-positive"),
-        (lambda: GeneralizedKelvinVoigt(1.0, [1.0], [1.0], 0.0), "not-positive"),
+        (lambda: StandardLinearSolid(1.0, 0.0, 1.0), "parameter-out-of-bounds"),
+        (lambda: GeneralizedKelvinVoigt(1.0, [1.0, -1.0], [1.0, 1.0]), "parameter-out-of-bounds"),
+        (lambda: GeneralizedKelvinVoigt(1.0, [1.0], [1.0], 0.0), "parameter-out-of-bounds"),
         (lambda: GeneralizedKelvinVoigt(np.inf, [1.0], [1.0], leading=True), "not-invertible"),
-        (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "not-positive"),
-        (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "not-positive"),
+        (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "parameter-out-of-bounds"),
+        (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "parameter-out-of-bounds"),
         (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
     ],
 )

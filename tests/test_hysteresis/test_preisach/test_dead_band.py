@@ -102,8 +102,8 @@ def test_input_noise_of_a_smooth_path(seed: int, sigma: float):
 
 
 def test_what_is_refused():
-    with pytest.raises(InputError, match="too-short"):
+    with pytest.raises(InputError, match="too-few-rows"):
         input_noise(np.array([1.0, 2.0]))
     for wrong in (-0.1, np.nan, np.inf):
-        with pytest.raises(InputError, match="dead-band"):
+        with pytest.raises(InputError, match="bad-option"):
             model(0, wrong)

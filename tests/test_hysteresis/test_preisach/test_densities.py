@@ -276,28 +276,28 @@ def refused(code: str, *words: str):
 
 def test_densities_that_are_refused():
     w = np.ones((2, 2))
-    with refused("nodes-length", "2 nodes for 2 cells"):
+    with refused("length-mismatch", "2 nodes for 2 cells"):
         GridDensity(0.0, 1.0, w, nodes=(0.0, 1.0))
-    with refused("nodes-not-in-range", "from 0 to 2"):
+    with refused("out-of-range", "from 0 to 2"):
         GridDensity(0.0, 1.0, w, nodes=(0.0, 0.5, 2.0))
-    with refused("nodes-not-increasing"):
+    with refused("not-increasing"):
         GridDensity(0.0, 1.0, w, nodes=(0.0, 0.0, 1.0))
-    with refused("factors-length"):
+    with refused("length-mismatch"):
         FactorisedDensity(0.0, 1.0, np.ones(3), np.ones(2))
-    with refused("negative-weight", "falling"):
+    with refused("parameter-out-of-bounds", "falling"):
         FactorisedDensity(0.0, 1.0, np.ones(2), np.array([1.0, -1.0]))
-    with refused("negative-weight"):
+    with refused("parameter-out-of-bounds"):
         RidgeDensity(0.0, 1.0, -w)
-    with refused("network-length", r"\(7,\), not \(13,\)", "random"):
+    with refused("length-mismatch", r"\(7,\), not \(13,\)", "random"):
         NetworkDensity(0.0, 1.0, 1.0, np.zeros(7), hidden=(3,))
-    with refused("not-positive", "bias_width is 0"):
+    with refused("parameter-out-of-bounds", "bias_width is 0"):
         GaussianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.0)
-    with refused("not-positive", "order"):
+    with refused("parameter-out-of-bounds", "order"):
         LorentzianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1, order=0)
     with refused("zero-range"):
         LogNormalDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
-    with refused("no-density"):
+    with refused("bad-parts"):
         SumDensity(())
     for u in ([], [1.0, 1.0], [0.0, np.nan]):
-        with refused("no-quantiles"):
+        with refused("zero-range"):
             quantile_nodes(u, 3)

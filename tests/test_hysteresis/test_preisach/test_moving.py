@@ -168,12 +168,12 @@ def test_a_feedback_that_gives_an_input_two_outputs_is_refused():
 def test_an_inner_model_that_does_not_start_saturated_is_refused():
     density = inner(0).density
     for options in ({"initial": "demagnetised"}, {"dead_band": 0.1}):
-        with refused("inner-model", "starts saturated"):
+        with refused("bad-state", "starts saturated"):
             MovingPreisach(Preisach(density, **options), 0.0)
 
 
 def test_increments_that_are_refused():
     with refused("output-falls", "-1"):
         OutputDependentPreisach(inner(0), [1.0, -1.0])
-    with refused("increments-shape"):
+    with refused("wrong-shape"):
         OutputDependentPreisach(inner(0), np.ones((2, 2)))

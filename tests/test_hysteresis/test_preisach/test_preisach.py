@@ -316,14 +316,14 @@ def test_all_relays_up_at_first_is_positive_saturation(seed: int, u: np.ndarray)
 def test_relays_that_cannot_be_up_at_first():
     w = weights(np.random.default_rng(0))
     density = GridDensity(LOW, HIGH, w)
-    with refused("up-not-from-negative"):
+    with refused("bad-state"):
         Preisach(density, up=w, initial="positive")
-    with refused("up-shape", r"\(2, 2\)", r"\(7, 7\)"):
+    with refused("wrong-shape", r"\(2, 2\)", r"\(7, 7\)"):
         Preisach(density, up=np.ones((2, 2)))
     for factor in (1.5, -0.5):
         wrong = w.copy()
         wrong[5, 1] *= factor
-        with refused("up-not-in-cell", r"cell \(5, 1\)"):
+        with refused("bad-state", r"cell \(5, 1\)"):
             Preisach(density, up=wrong)
 
 
@@ -340,12 +340,12 @@ def test_a_staircase_is_a_past(seed: int, past: np.ndarray, u: np.ndarray):
 def test_initial_states_that_are_refused():
     density = uniform(4)
     assert Preisach(density, initial=[1, 0.5]).initial == (1.0, 0.5)  # as a file gives it
-    with refused("unknown-initial", "'virgin'", "demagnetised"):
+    with refused("bad-option", "'virgin'", "demagnetised"):
         Preisach(density, initial="virgin")
     for u in (1.5, np.nan):
-        with refused("initial-outside", str(u)):
+        with refused("out-of-range", str(u)):
             Preisach(density, initial=(0.5, u))
-    with refused("no-capacity"):
+    with refused("bad-option"):
         Preisach(density, capacity=2)
 
 
@@ -398,14 +398,16 @@ def test_densities_that_are_refused():
     w = weights(np.random.default_rng(0))
     wrong = w.copy()
     wrong[4, 2] = -0.25
-    with refused("negative-weight", r"cell \(4, 2\) is -0.25", "leading=True", "signed=True"):
+    with refused(
+        "parameter-out-of-bounds", r"cell \(4, 2\) is -0.25", "leading=True", "signed=True"
+    ):
         GridDensity(LOW, HIGH, wrong)
     assert GridDensity(LOW, HIGH, wrong, signed=True).cells == len(w)
     with refused("zero-range"):
         GridDensity(1.0, 1.0, w)
-    with refused("weights-not-square"):
+    with refused("wrong-shape"):
         GridDensity(LOW, HIGH, w[:3])
-    with refused("weights-not-finite"):
+    with refused("not-finite"):
         GridDensity(LOW, HIGH, np.where(w > 0.9, np.nan, w))
     # What is above the diagonal is no cell.
     assert GridDensity(LOW, HIGH, w - 1 + np.tril(np.ones_like(w))).cells == len(w)
@@ -413,9 +415,9 @@ def test_densities_that_are_refused():
 
 def test_reversible_parts_that_are_refused():
     density = uniform(4)
-    with refused("reversible-length", "3 increments for 4 cells"):
+    with refused("length-mismatch", "3 increments for 4 cells"):
         Preisach(density, np.ones(3))
-    with refused("reversible-decreases"):
+    with refused("parameter-out-of-bounds"):
         Preisach(density, np.array([1.0, -0.1, 1.0, 1.0]))
 
 

@@ -77,8 +77,8 @@ def test_26_files_without_data(read, tmp_path, monkeypatch):
     refused("empty-file", lambda: read(""), "run.csv: the file is empty")
     refused("empty-file", lambda: read(" \n\n"), "empty")
     refused("empty-file", lambda: read("# a\n# b\n"), "comment")
-    refused("no-data", lambda: read(f"{T},{X},{F}\n"), "no rows")
-    refused("no-data", lambda: read(f"{T},{X},{F}\ns,mm,N\n"), "no rows")
+    refused("no-rows", lambda: read(f"{T},{X},{F}\n"), "no rows")
+    refused("no-rows", lambda: read(f"{T},{X},{F}\ns,mm,N\n"), "no rows")
     refused("binary-file", lambda: read(b"\x00\x01\x02"), "binary")
     refused("binary-file", lambda: read(b"PK\x03\x04abc"), "CSV")
     refused("is-directory", lambda: read_csv(tmp_path, X, F), "folder")
@@ -141,7 +141,7 @@ def test_05_text_cell(read):
 
 
 def test_29_numbers_that_are_none(read):
-    refused("infinite", lambda: read(with_cell(4, "0.2,1,inf")), "line 4", "'inf'", "--na-values")
+    refused("not-finite", lambda: read(with_cell(4, "0.2,1,inf")), "line 4", "'inf'", "--na-values")
     refused("too-large", lambda: read(with_cell(4, "0.2,-2e305,1")), "line 4", X)
     thousands = with_cell(4, '0.2,1,"1,234"')
     refused("thousands-separator", lambda: read(thousands), "line 4", "'1,234'", "--decimal ,")
@@ -220,7 +220,7 @@ def test_09_unknown_unit(read):
 
 def test_10_force_in_grams(read):
     text = table(header=f"{T},{X},Force (g)")
-    refused("mass-unit", lambda: read(text, output="Force (g)"), "mass", "gf", "0.00981")
+    refused("wrong-unit", lambda: read(text, output="Force (g)"), "mass", "gf", "0.00981")
 
 
 # 15, 27, 28: shapes and dialects

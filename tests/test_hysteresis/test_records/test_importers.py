@@ -188,8 +188,8 @@ def test_labview_segments_are_told_apart(table):
 @pytest.mark.parametrize(
     ("content", "code"),
     [
-        ("LabVIEW Measurement\t\nSeparator\tTab\n", "bad-labview"),
-        (lvm("One", SEGMENT), "no-data"),
+        ("LabVIEW Measurement\t\nSeparator\tTab\n", "damaged-file"),
+        (lvm("One", SEGMENT), "no-rows"),
         (b"PK\x03\x04workbook", "binary-file"),
         (b"\xd0\xcf\x11\xe0" + bytes(64), "binary-file"),
         (b"\x89PNG\r\n\x1a\n" + bytes(64), "binary-file"),
@@ -208,7 +208,7 @@ def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, hea
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=r"pip install 'hysid\[rigs\]'") as caught:
         table(content)
-    assert caught.value.code == "needs-extra"
+    assert caught.value.code == "missing-extra"
 
 
 def _empty_workbook() -> bytes:
@@ -262,7 +262,7 @@ def test_tdms(table):
     for damaged in (whole[:4] + b"\xff" * 40, whole[:60]):
         with pytest.raises(InputError) as caught:
             table(damaged, "cut.tdms")
-        assert caught.value.code in ("bad-tdms", "no-data")
+        assert caught.value.code in ("damaged-file", "no-rows")
 
 
 def test_plain_files_are_read_as_before(table):

@@ -73,7 +73,7 @@ def test_clock_faults_name_their_lines():
 
 
 def test_infinite_values_are_refused():
-    refused("infinite", lambda: Record.from_arrays([0, np.inf], [0, 1]), "row 2")
+    refused("not-finite", lambda: Record.from_arrays([0, np.inf], [0, 1]), "row 2")
 
 
 def test_arrays_are_frozen_and_the_callers_are_not():
@@ -135,7 +135,7 @@ def test_split_groups_and_take_sequences():
     assert test.time is not None
     assert test.time.tolist() == [3, 4, 5]
     assert record.split_groups(lambda x: x == "b")[1].digest() == test.digest()
-    refused("no-sequence", lambda: record.take_sequences(["d"]), "'d'")
+    refused("bad-condition", lambda: record.take_sequences(["d"]), "'d'")
     refused("no-rows", lambda: record.split_groups(["a", "b", "c"]))
 
 
@@ -167,8 +167,8 @@ def test_resample_is_linear_within_each_sequence():
     assert np.allclose(even.output, -even.input)
     assert even.mask.tolist() == [True, False] + [True] * 8
     assert "Resampled 7 rows to a step of 0.25 s" in even.history[-1]
-    refused("no-clock", lambda: Record.from_arrays(u, u).resample(0.1))
-    refused("no-clock", lambda: record.resample(0.0))
+    refused("no-time", lambda: Record.from_arrays(u, u).resample(0.1))
+    refused("no-time", lambda: record.resample(0.0))
 
 
 @pytest.mark.parametrize("lag", [0.3, -0.3])
@@ -225,8 +225,8 @@ def test_too_short():
     u = np.linspace(0, 1, 37)
     record = Record.from_arrays(u, u)
     words = ("37 samples, 5 parameters, 0.5 cycle", "at least one loop")
-    refused("too-short", lambda: check_identifiable(record, 5), *words)
-    refused("too-short", lambda: check_identifiable(Record.from_arrays([0.0], [0.0])))
+    refused("too-few-rows", lambda: check_identifiable(record, 5), *words)
+    refused("too-few-rows", lambda: check_identifiable(Record.from_arrays([0.0], [0.0])))
 
 
 def test_no_excitation_and_constant_input():

@@ -262,4 +262,4 @@ def test_bad_arguments_are_refused_with_a_remedy(bad):
     with pytest.raises(InputError) as caught:
         bad()
     assert caught.value.fix
-    assert caught.value.code == "rig_argument"
+    assert caught.value.code == "bad-option"

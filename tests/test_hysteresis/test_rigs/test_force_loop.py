@@ -98,5 +98,5 @@ def test_the_object_sways_and_its_stiffness_is_its_own():
     ],
 )
 def test_bad_arguments_are_refused(call):
-    with pytest.raises(InputError, match="rig_argument"):
+    with pytest.raises(InputError, match="bad-option"):
         call()

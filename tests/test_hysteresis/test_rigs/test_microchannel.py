@@ -231,7 +231,7 @@ def test_counts_are_the_nearest_and_end_where_the_range_does(readout):
     ],
 )  # fmt: skip
 def test_parameters_out_of_range_are_refused(wrong):
-    with pytest.raises(InputError, match="rig_argument"):
+    with pytest.raises(InputError, match="bad-option"):
         MicrochannelRig(**wrong)
 
 
@@ -253,5 +253,5 @@ def test_parameters_out_of_range_are_refused(wrong):
     ],
 )
 def test_bad_arguments_are_refused(call):
-    with pytest.raises(InputError, match="rig_argument"):
+    with pytest.raises(InputError, match="bad-option"):
         call()

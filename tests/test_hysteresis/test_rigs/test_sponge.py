@@ -159,7 +159,7 @@ def test_bad_arguments_are_refused_with_a_remedy(bad):
     with pytest.raises(_errors.InputError) as caught:
         bad()
     assert caught.value.fix
-    assert caught.value.code == "rig_argument"
+    assert caught.value.code == "bad-option"
 
 
 def test_data_sets_are_byte_for_byte_what_the_rig_writes():

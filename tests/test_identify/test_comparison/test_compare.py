@@ -141,7 +141,7 @@ def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
     other = line(*pressed(1.3, 6.0, seed=1))
     with pytest.raises(InputError, match="do not compare") as error:
         compare({"one": free, "two": other})
-    assert error.value.code == "other-data"
+    assert error.value.code == "not-comparable"
     renamed = replace(free, train=replace(free.train, output_name="height"))
     with pytest.raises(InputError, match="one predicts displacement, two height"):
         compare({"one": free, "two": renamed})
@@ -155,7 +155,7 @@ def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
     assert "other training rows" in found.notes[0]
     with pytest.raises(InputError, match="share no test record") as error:
         compare({"one": free, "two": replace(fewer, test=None)})
-    assert error.value.code == "other-held-out"
+    assert error.value.code == "not-comparable"
 
 
 def test_criteria_are_those_of_the_likelihood() -> None:

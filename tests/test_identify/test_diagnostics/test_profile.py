@@ -37,7 +37,7 @@ def test_the_profile_of_a_line_is_the_analytic_one() -> None:
 
 def test_a_parameter_that_is_not_free_has_no_profile() -> None:
     fitted = line(*pressed(1.5, 2.0, 0))
-    with pytest.raises(InputError, match="not-free"):
+    with pytest.raises(InputError, match="unknown-parameter"):
         profile(fitted, "threshold")
 
 

@@ -153,7 +153,7 @@ def test_a_useless_fit_fails() -> None:
     [
         ("Presiach", {}, "unknown-model"),
         ("Burgers", {}, "no-time"),
-        ("auto", {"test_cycles": 1, "test_tail": 0.1}, "two-hold-outs"),
+        ("auto", {"test_cycles": 1, "test_tail": 0.1}, "conflicting-options"),
         ("Preisach", {"initial": "demagnetized"}, "bad-option"),
         ("Preisach", {"conditioning": "drop"}, "bad-option"),
         ("LinearSponge", {"starts": 0}, "bad-option"),
@@ -170,7 +170,7 @@ def test_a_few_rows_of_half_a_cycle_are_too_few_for_burgers() -> None:
     t = np.arange(20) * 0.1
     with pytest.raises(InputError) as error:
         fit(Record.from_arrays(t, 2 * t, t), "Burgers")
-    assert error.value.code == "too-short"
+    assert error.value.code == "too-few-rows"
     assert "5 parameters" in str(error.value)
 
 
@@ -230,11 +230,11 @@ def _foreign(folder) -> None:
 @pytest.mark.parametrize(
     ("spoil", "code"),
     [
-        (_cut, "changed-checksum"),
+        (_cut, "wrong-checksum"),
         (_newer, "newer-schema"),
         (_foreign, "unknown-model"),
         (lambda folder: (folder / "fit.json").write_text("{"), "damaged-file"),
-        (lambda folder: (folder / "fit.json").unlink(), "no-fit"),
+        (lambda folder: (folder / "fit.json").unlink(), "file-not-found"),
         (lambda folder: (folder / "data.npz").unlink(), "file-not-found"),
     ],
 )

@@ -142,11 +142,11 @@ def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:
 @pytest.mark.parametrize(
     ("code", "keywords"),
     [
-        ("support-too-small", {"low": 0.2}),
-        ("support-too-small", {"high": 0.9}),
-        ("no-cells", {"cells": 0}),
-        ("grid-too-fine", {"cells": 100, "leading": True}),
-        ("grid-too-fine", {"cells": 100, "initial": "fit"}),
+        ("out-of-range", {"low": 0.2}),
+        ("out-of-range", {"high": 0.9}),
+        ("bad-option", {"cells": 0}),
+        ("bad-option", {"cells": 100, "leading": True}),
+        ("bad-option", {"cells": 100, "initial": "fit"}),
     ],
 )
 def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:

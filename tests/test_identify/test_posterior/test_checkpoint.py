@@ -142,7 +142,7 @@ def test_where_both_are_damaged_nothing_is_made_up(file) -> None:
         file.with_name(name).write_bytes(b"cut off")
     with pytest.raises(InputError, match=r"chains.h5: .*chains.previous.h5: ") as error:
         drawn(file, resume=True)
-    assert error.value.code == "damaged-checkpoint"
+    assert error.value.code == "damaged-file"
     assert (error.value.place, bool(error.value.fix)) == (str(file), True)
 
 
@@ -184,7 +184,7 @@ def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
             drawn(file, resume=True, every=0.0)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert error.value.code == "checkpoint-not-written"
+    assert error.value.code == "cannot-write"
     assert "--resume" in error.value.fix
     assert sorted(os.listdir(file.parent)) == ["chains.h5", "chains.previous.h5"]
     same(drawn(file, resume=True), whole)
