@@ -1,4 +1,4 @@
-"""The blocks of a page that are run: Python as cells of one notebook, commands with their output.
+"""The blocks of a page that are run: Python as cells of one notebook, and commands with their output.
 
 The build turns them into cells (`as_notebook`), the tests run the same blocks in their own process
 (`blocks`, `run`).
@@ -40,7 +40,7 @@ from cells import console
 
 
 class Block(NamedTuple):
-    """What stands between two fences, and the line it begins on."""
+    """The text between two fences, and the line on which it begins."""
 
     kind: str
     code: str
@@ -72,9 +72,10 @@ def _cell(found: re.Match[str]) -> str:
 def console(commands: str) -> None:
     """Run the commands that begin with `$`, and print them and their output as a terminal does.
 
-    A backslash at the end of a line goes on with the next. All of a page run in one folder, which holds
-    `datasets` and goes when the page has been run.
-    Raises `subprocess.CalledProcessError` where one ends with an error.
+    A backslash at the end of a line continues it on the next. All commands of a page run in one folder,
+    which holds `datasets` and is removed when the page has been run.
+
+    Raises `subprocess.CalledProcessError` if a command ends with an error.
     """
     beside = str(Path(sys.executable).parent)
     environment = os.environ | {"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}

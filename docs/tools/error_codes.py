@@ -1,4 +1,4 @@
-"""Every answer to a fault of the user's, read off the source: code, problem, cause, fix."""
+"""Every `InputError` of the source: code, problem, cause, fix."""
 
 import ast
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import NamedTuple
 MARK = "<!-- error codes -->"
 PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 HOLE = "…"
-"""What stands for a part of a message that is known only when it is printed."""
+"""Marks a part of a message that is known only when it is printed."""
 
 
 class Fault(NamedTuple):
@@ -26,7 +26,7 @@ _SHOWN = ("problem", "cause", "fix")
 
 
 def faults(root: Path) -> list[Fault]:
-    """All that the packages below `root` raise, by code; what is raised alike in several places once."""
+    """All errors of the packages below `root`, by code; an error that several places raise, once."""
     sources = [
         Source(".".join(file.relative_to(root).with_suffix("").parts), file.read_text("utf-8"))
         for package in PACKAGES
@@ -58,7 +58,7 @@ def _cell(text: str) -> str:
 
 
 class Source:
-    """A module: its calls by what is called, and the names by which it knows functions of others."""
+    """A module: its calls by the function called, and the names of functions it imports."""
 
     def __init__(self, module: str, text: str):
         self.module = module
@@ -112,7 +112,7 @@ def _given(call: ast.Call, order: Sequence[str], first: Sequence[ast.expr] = ())
 def _passed(
     source: Source, function: ast.FunctionDef, sources: Sequence[Source]
 ) -> list[dict[str, ast.expr]]:
-    """What its callers hand to a function that makes errors for them; one empty answer without callers."""
+    """The arguments that callers pass to a function that makes errors; one empty answer without callers."""
     arguments = [*function.args.posonlyargs, *function.args.args]
     order = [a.arg for a in arguments if a.arg not in ("self", "cls")]
     rest = arguments[len(arguments) - len(function.args.defaults) :]
@@ -126,7 +126,7 @@ def _passed(
 
 
 def _assigned(function: ast.FunctionDef, line: int) -> dict[str, ast.expr]:
-    """What each name of a function was given last above a line."""
+    """The last value assigned to each name of a function above a line."""
     found: dict[str, ast.expr] = {}
     made = (n for n in ast.walk(function) if isinstance(n, ast.Assign) and n.lineno < line)
     for node in sorted(made, key=lambda n: n.lineno):
@@ -146,7 +146,7 @@ def _codes(node: ast.expr | None, names: Mapping[str, ast.expr]) -> list[str]:
 
 
 def _text(node: ast.expr | None, names: Mapping[str, ast.expr], depth: int = 0) -> str:
-    """What an expression says, with holes for what is known only when it runs."""
+    """The text of an expression, with holes for what is known only when it runs."""
     if isinstance(node, ast.Constant):
         return str(node.value)
     if isinstance(node, ast.JoinedStr):

@@ -1,4 +1,4 @@
-"""What is public: the names of every package, and the one place where each is documented."""
+"""The public names of every package, and the one page on which each is documented."""
 
 import importlib
 import inspect
