@@ -89,6 +89,20 @@ def random_histories(rng: np.random.Generator, low: float, high: float, shape: t
     return np.stack(walks)
 
 
+def without(hole: np.ndarray, t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and readings of a record that never had the samples of `hole`.
+
+    The last reading is repeated until the record is as long as before, so that no other program is compiled
+    for it: what comes later changes no estimate before it.
+    """
+    t, y = t[~hole], y[~hole]
+    count = int(hole.sum())
+    return (
+        np.append(t, t[-1] + 1e-3 * np.arange(1, count + 1)),
+        np.concatenate([y, np.repeat(y[-1:], count, axis=0)]),
+    )
+
+
 def weights(rng: np.random.Generator, sparse: bool = False) -> np.ndarray:
     """(n, n) positive masses; with `sparse` four fifths of them, and whole rows and columns, are 0."""
     w = np.tril(rng.uniform(0.1, 1.0, (CELLS, CELLS)))

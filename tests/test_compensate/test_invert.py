@@ -26,6 +26,7 @@ from tests.problems import (
     random_histories,
     tagged,
     weights,
+    without,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -161,8 +162,9 @@ def test_nan_holds_the_last_value_and_the_next_sample_is_right(problem: Problem)
         np.testing.assert_array_equal(steps.status, status)
     # The good samples are those of a record that never had the others.
     good = ~hole[5]
-    alone = compensator.simulate(t[good], y[5][good])
-    np.testing.assert_allclose(alone.value, value[5][good], rtol=0, atol=1e-9 * np.ptp(u))
+    t, y = without(hole[5], np.asarray(t), y[5])
+    alone = backward(compensator, jnp.asarray(t), jnp.tile(y, (HISTORIES, 1))).value[0]
+    np.testing.assert_allclose(alone[: good.sum()], value[5][good], rtol=0, atol=1e-9 * np.ptp(u))
 
 
 def preisach(reversible: float, sparse: bool = False, **options: Any) -> Preisach:
