@@ -166,7 +166,7 @@ def one_run(case: Case, number: int) -> Run:
     bounds = transform(truth, float(np.ptp(y)), float(np.ptp(case.u))).for_fit
     start = far_from(truth, bounds, rng)
     result = fit(record, start, seed=number)
-    used, prepared = result.internals["used"], prepare(truth, record)
+    used, prepared = result.used, prepare(truth, record)
 
     def objective(model: AbstractModel) -> float:
         return float(np.mean((np.asarray(evaluate(model, prepared)) - y)[used] ** 2))

@@ -38,6 +38,7 @@ from .posterior._posterior import Posterior
 from .posterior._predictive import LEVELS, Bands, predictive
 from .posterior._sample import sample
 from .records._run_model import predict
+from .results._detail import Composition, DiscreteSpectrum, GridWeights, Parametric
 from .results._fit_result import FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
 from .spectra._spectrum import Spectrum, spectrum
@@ -56,13 +57,16 @@ __all__ = [
     "Choice",
     "Compared",
     "Comparison",
+    "Composition",
     "DensityFit",
     "Design",
     "Difference",
+    "DiscreteSpectrum",
     "EverettSurface",
     "FitResult",
     "Forc",
     "ForcDiagram",
+    "GridWeights",
     "Identifiability",
     "Interval",
     "Loo",
@@ -72,6 +76,7 @@ __all__ = [
     "Parameter",
     "ParameterChange",
     "ParameterTrend",
+    "Parametric",
     "Pooled",
     "PooledParameter",
     "Posterior",

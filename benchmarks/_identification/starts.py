@@ -13,7 +13,12 @@ import numpy as np
 
 from hysteresis import Burgers, Record
 from identify.parameters._transform import transform_for
-from identify.parametric._multistart import _arguments, _objective, _solve, multi_start
+from identify.parametric._multistart import (
+    arguments_of,
+    levenberg_marquardt,
+    mean_squared_error,
+    multi_start,
+)
 from identify.records._run_model import prepare
 
 from .._measure import Row, interleaved, judged
@@ -32,7 +37,7 @@ def start_rows(quick: bool) -> list[Row]:
     about = bounds.to_free(truth)
     points = about + SPREAD * random.normal(size=(STARTS, len(about)))
     y, alone = record.output, [jnp.asarray(point) for point in points]
-    arguments = _arguments(truth, prepared, y, record.mask)
+    arguments = arguments_of(truth, prepared, y, record.mask)
 
     def side_by_side() -> float:
         found = multi_start(bounds, truth, prepared, y, record.mask, points)
@@ -40,8 +45,8 @@ def start_rows(quick: bool) -> list[Row]:
 
     @eqx.filter_jit
     def objective_from(arguments: Any, point: jax.Array) -> jax.Array:
-        end = _solve(bounds, arguments, point, STEPS, 1e-6).value
-        return _objective(bounds, end, arguments)
+        end = levenberg_marquardt(bounds, arguments, point, STEPS, 1e-6).value
+        return mean_squared_error(bounds, end, arguments)
 
     def one_after_another() -> float:
         return min(float(objective_from(arguments, point)) for point in alone)

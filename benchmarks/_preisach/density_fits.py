@@ -25,7 +25,7 @@ from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import everett_surface, fit, fit_density, forc_curves
 from identify.linear._preisach_problem import PreisachProblem
-from identify.linear._preisach_unknowns import Unknowns
+from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import Parts
 
 from .._measure import Row, judged, noted
@@ -213,7 +213,7 @@ def _problem(record: Record, cells: int) -> PreisachProblem:
     u, y = record.input, record.output
     low, high, scale = float(u.min()), float(u.max()), float(np.ptp(y))
     whole = Parts(np.zeros(len(u), int), (), None, "")
-    return PreisachProblem(record, whole, Unknowns(cells, low, high, False, "negative", scale))
+    return PreisachProblem(record, whole, GridUnknowns(cells, low, high, False, "negative", scale))
 
 
 def _objective(problem: PreisachProblem, H: np.ndarray, b: np.ndarray, x: np.ndarray) -> float:

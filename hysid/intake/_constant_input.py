@@ -155,13 +155,18 @@ def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:
 def later(fitted: identify.FitResult, record: Record) -> list[str]:
     """What to say about each row of a record: is it beyond the times that were fitted?"""
     assert record.time is not None
-    span = fitted.internals["spectrum"].span
+    span = _spectrum(fitted).span
     return [BEYOND if t > span else "OK" for t in record.time]
 
 
 def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
     """Of every row the time, the least and the largest output that the fitted record leaves open."""
     assert record.time is not None
-    _, low, high = fitted.internals["spectrum"].predict(record.time)
+    _, low, high = _spectrum(fitted).predict(record.time)
     ends = np.sort(np.stack([low, high], 1) * record.input[:, None], axis=1)
     return np.column_stack([record.time, ends])
+
+
+def _spectrum(fitted: identify.FitResult) -> identify.Spectrum:
+    assert isinstance(fitted.detail, identify.DiscreteSpectrum)
+    return fitted.detail.spectrum

@@ -16,7 +16,7 @@ def export(
 ) -> dict[str, Any]:  # fmt: skip
     """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit."""
     fitted = identify.load(folder)
-    if fitted.channels is not None or "spectrum" in fitted.internals:
+    if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
         raise InputError(
             "not-invertible",
             "one output does not give back several inputs, or a step.",

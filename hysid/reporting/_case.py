@@ -135,7 +135,7 @@ class Case:
         """Residuals of all rows that count."""
         records = [r for r in (self.fit.train, self.fit.test) if r is not None]
         masks = [r.mask for r in records]
-        used = self.fit.internals["used"]
+        used = self.fit.used
         return residual_rows(
             records[:1] if self.same_rows else records,
             [*self.predicted.values()],

@@ -64,11 +64,11 @@ def write_report(folder: str | Path) -> Path:
             cause="fit.json was edited, or written by another version.",
             fix="fit again.",
         ) from error
-    of_step = "spectrum" in case.fit.internals
+    of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
     sections = [
         make(case)
         for make in (STEP_SECTIONS if of_step else SECTIONS)
-        if (make is not density or "linear" in case.fit.internals)
+        if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
         and (make is not channels or case.fit.channels is not None)
     ]
     data = document["data"]
@@ -102,11 +102,11 @@ def facts(case: Case) -> list[tuple[str, str]]:
         (f"{word} error, of the range", quantity(judged.nrmse_percent, "%")),
     ]
     if metrics["test"] is not None:
-        fitted = case.fit.internals["used"]
+        fitted = case.fit.used
         rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
         share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
         facts.append(("fitted rows, of the range", quantity(share, "%")))
-    if "spectrum" in case.fit.internals:
+    if isinstance(case.fit.detail, identify.DiscreteSpectrum):
         return facts + _report_step.facts(case)
     if not isinstance(case.round_trip, InputError):
         facts.append(
@@ -126,7 +126,7 @@ PARTS_IN_WORDS = {
 
 def in_words(case: Case) -> str:
     model, (input_unit, output_unit) = case.fit.model, case.units
-    if "spectrum" in case.fit.internals:
+    if isinstance(case.fit.detail, identify.DiscreteSpectrum):
         return _report_step.in_words(case)
     if isinstance(model, LinearSponge):
         slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
@@ -139,7 +139,8 @@ def in_words(case: Case) -> str:
             "A Burgers element, a spring and a dashpot in series with a spring beside a dashpot:"
             f" its {case.output} creeps and depends on the rate."
         )
-    if (composed := case.fit.internals.get("composition")) is not None:
+    if isinstance(case.fit.detail, identify.Composition):
+        composed = case.fit.detail.linear
         said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
         text = f"A sum of {', '.join(said)}"
         if composed.meaning.first:
@@ -167,7 +168,7 @@ def next_command(case: Case) -> tuple[str, str]:
         for role, name in (*(("input", name) for name in inputs), ("output", fit.train.output_name))
     )
     source = shlex.quote(fit.train.source or "FILE")
-    if "spectrum" in fit.internals:
+    if isinstance(fit.detail, identify.DiscreteSpectrum):
         return _report_step.next_command(case, source)
     if not fit.trusted:
         return "Look at the data, then fit again", f"hysid check {source} {columns}"

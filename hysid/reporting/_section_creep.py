@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import GeneralizedKelvinVoigt, Record
-from identify import Spectrum
+from identify import DiscreteSpectrum, Spectrum
 
 from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Link, Section, Table, picture
@@ -185,7 +185,9 @@ def title(case: Case) -> str:
 
 
 def spectrum_of(case: Case) -> Spectrum:
-    return case.fit.internals["spectrum"]
+    detail = case.fit.detail
+    assert isinstance(detail, DiscreteSpectrum)
+    return detail.spectrum
 
 
 def step_of(case: Case) -> float:

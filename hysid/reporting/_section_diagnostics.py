@@ -68,7 +68,7 @@ def _noise(case: Case) -> Section:
         section.text.append(
             f"Residuals of {quantity(noise.sigma, unit)}, correlated over {number(noise.correlation_time)}"
             f" samples: {counts}, and errors are widened for it. No noise model explains them"
-            f"{'' if {'linear', 'composition'} & set(fit.internals) else ': they hold structure'}."
+            f"{'' if fit.detail.is_linear else ': they hold structure'}."
         )
         return section
     section.text.append(f"{model.words[:1].upper()}{model.words[1:]}: {counts}.")

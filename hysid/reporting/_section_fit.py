@@ -21,7 +21,7 @@ def loops(case: Case) -> Section:
         np.concatenate([r.input[mask] for r, mask in zip(records, masks, strict=True)]),
         np.concatenate([y[mask] for y, mask in zip(shown, 2 * masks, strict=True)]),
     )
-    dropped = fit.train.mask & ~fit.internals["used"]
+    dropped = fit.train.mask & ~fit.used
     for part, predicted in case.predicted.items():
         record = fit.train if part == "train" else fit.test
         assert record is not None
@@ -54,7 +54,7 @@ def residuals(case: Case) -> Section:
     from ..figures import _base as f
 
     fit, unit = case.fit, case.units[1]
-    used, train = fit.internals["used"], fit.train
+    used, train = fit.used, fit.train
     rows = case.rows
     y_label = label("predicted − measured", unit)
     rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
@@ -152,8 +152,8 @@ def parameters(case: Case) -> Section:
         )
     columns = ("Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %")
     section = Section("Parameters", tables=[Table("", columns, rows)])
-    if (linear := fit.internals.get("linear")) is not None:
-        meaning = linear.meaning
+    if isinstance(fit.detail, identify.GridWeights):
+        meaning = fit.detail.linear.meaning
         section.text.append(
             f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"
             f" density, and {meaning.cells} increments of the memoryless curve: too many to list, so"
@@ -193,7 +193,7 @@ def candidates(case: Case) -> Section:
         "Time",
     )
     said = "Errors in per cent of the measured range."
-    if (case.fit.train.mask & ~case.fit.internals["used"]).any():
+    if (case.fit.train.mask & ~case.fit.used).any():
         said += " The training error counts the first cycle too, which was left out of the fit."
     section = Section("Candidates", [
         "Ranked by the score, the error on parts of the training rows that were held out while"

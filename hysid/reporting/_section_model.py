@@ -77,7 +77,7 @@ def density(case: Case) -> Section:
     lower = np.tri(n, dtype=bool)
     weights = np.asarray(density.weights)
     area = width**2 * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
-    excited = excited_cells(model, fit.train, fit.internals["used"])
+    excited = excited_cells(model, fit.train, fit.used)
     labels = (
         label("switch-down threshold β", input_unit),
         label("switch-up threshold α", input_unit),

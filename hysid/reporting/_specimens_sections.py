@@ -185,7 +185,7 @@ def _ends(low: float, high: float) -> str:
 
 def _over_time(one: Specimen) -> bool:
     """A step's input is constant."""
-    return "spectrum" in one.fit.internals
+    return isinstance(one.fit.detail, identify.DiscreteSpectrum)
 
 
 def _href(one: Specimen, home: Path) -> str | None:

@@ -18,15 +18,8 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
     **Raises:** `InputError` `too-few-rows`, `constant-input`, `constant-output`, `no-excitation`.
     """
     u, unit, place = record.input, record.input_unit, record.source
-    rows, needed = int(record.mask.sum()), n_parameters or 2
+    turns = check_rows(record, n_parameters)
     span, noise = float(np.ptp(u)) if len(u) else 0.0, _spread(record, "input")["noise"]
-    turns = sum(_turns(u[s]) for _, s in record.sequences())
-    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
-        asked = f"{n_parameters} parameters, " if n_parameters else ""
-        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
-        raise InputError(
-            "too-few-rows", problem, place=place, fix="use more rows, or fix parameters."
-        )
     if span == 0:
         problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
         mend = "choose another column (--input COL), or drive the rig."
@@ -61,6 +54,22 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
         found.append(warning("short-sequence", said))
     return found
+
+
+def check_rows(record: AbstractRecord, n_parameters: int | None = None) -> float:
+    """Are there rows enough to tell so many parameters? Returns the number of cycles of the input.
+
+    **Raises:** `InputError` `too-few-rows`.
+    """
+    rows, needed = int(record.mask.sum()), n_parameters or 2
+    turns = sum(_turns(record.input[s]) for _, s in record.sequences())
+    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
+        asked = f"{n_parameters} parameters, " if n_parameters else ""
+        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
+        raise InputError(
+            "too-few-rows", problem, place=record.source, fix="use more rows, or fix parameters."
+        )
+    return turns
 
 
 def summary(record: AbstractRecord) -> dict[str, Any]:

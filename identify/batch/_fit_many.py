@@ -36,11 +36,11 @@ from ._folder import (
 from ._side_by_side import (
     Problem,
     Solved,
+    errors_and_statuses,
     fit_alike,
     kin,
     result,
     side_by_side,
-    statuses,
     structure,
     unfit,
 )
@@ -375,7 +375,7 @@ class _Chunk:
 
     @cached_property
     def told(self) -> tuple[np.ndarray, np.ndarray]:
-        return statuses(self.problems[0].bounds, self.solved)
+        return errors_and_statuses(self.problems[0].bounds, self.solved)
 
     def row(self, k: int) -> dict[str, Any]:
         solved, problem = self.solved, self.problems[k]

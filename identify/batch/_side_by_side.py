@@ -14,14 +14,21 @@ from jaxtyping import Array, Bool, Float, Int
 from hysteresis import AbstractModel, InputError, Record, check_identifiable
 
 from ..fitting._candidates import Candidate
-from ..fitting._parametric import REFINED, SPREADS, _covariance, _parameters, _scaled
 from ..fitting._verdict import judge
 from ..noise._model import NoiseModel, rows_of
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..parameters._transform import Transform, transform, transform_for
 from ..parametric._maximum_likelihood import skewness_at
-from ..parametric._multistart import _objective, _residuals, _solve, thinned_rows
+from ..parametric._multistart import (
+    REFINED,
+    SPREADS,
+    levenberg_marquardt,
+    mean_squared_error,
+    scaled_residuals,
+    thinned_rows,
+)
+from ..parametric._standard_errors import covariance_of, reported, rescaled, statuses
 from ..records._folds import Parts
 from ..records._run_model import predict, prepare
 from ..results._fit_result import FitResult, Starts
@@ -87,7 +94,7 @@ class Solved(NamedTuple):
         size = self.sigma(k) or 1.0
         scores = self.fourths[k] / size**4 - 2 * self.squares[k] / size**2 + self.rows[k]
         wider = np.cosh(2 / np.sqrt(1 + max(scores, 0.0)))
-        return _covariance(self.triangle[k], self.sigma(k) ** 2 * wider)
+        return covariance_of(self.triangle[k], self.sigma(k) ** 2 * wider)
 
 
 def kin(problem: Problem) -> Hashable:
@@ -187,8 +194,8 @@ def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
     fit = FitResult(
         name=type(model).__name__,
         model=model,
-        parameters=_parameters(model, bounds, solved.free[k], covariance, record, bent),
-        covariance=_scaled(covariance, solved.slope[k]),
+        parameters=reported(model, bounds, solved.free[k], covariance, record, bent),
+        covariance=rescaled(covariance, solved.slope[k]),
         residuals=left.residuals,
         metrics=left.metrics,
         success=bool(solved.converged[k]),
@@ -200,25 +207,18 @@ def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
         train=record,
         starts=Starts(solved.objective[k], away, solved.points[k]),
         notes=(*left.notes, SAID),
-        internals={"used": left.used},
+        used=left.used,
         seed=seed,
     )
     fit = replace(fit, verdict=judge(fit, tuple(check_identifiable(record))))
     return replace(fit, candidates=(fit,))
 
 
-def statuses(bounds: Transform, solved: Solved) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors, in the parameters' units, and statuses of all fits: those of `_parameters`."""
-    low, high = (np.isfinite(x) for x in (bounds.low, bounds.high))
+def errors_and_statuses(bounds: Transform, solved: Solved) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors, in the parameters' units, and statuses of all fits."""
     covariances = [np.diagonal(solved.covariance(k)) for k in range(len(solved.free))]
-    error, z = np.sqrt(covariances), solved.free
-    end = np.where(low, bounds.low, np.where(high, bounds.high, 0.0))
-    near = (low | high) & (end != 0) & (np.exp(z) < 1e-3 * np.abs(end))
-    lost = ~np.isfinite(error) | ((low | high) & (error > 2))
-    status = np.where(lost, "unidentified", "free")
-    return error * np.abs(solved.slope), np.where(
-        np.where(low & high, np.abs(z) > 7, near), "at bound", status
-    )
+    error = np.sqrt(covariances)
+    return error * np.abs(solved.slope), statuses(bounds, solved.free, error)
 
 
 class _Data(NamedTuple):
@@ -302,7 +302,7 @@ def _step(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def residuals(z: Array) -> Array:
-            return _residuals(own, z, arguments)
+            return scaled_residuals(own, z, arguments)
 
         r, J = residuals(z), jax.jacfwd(residuals)(z)
         straight = jnp.asarray(True)
@@ -325,8 +325,8 @@ def _search(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def from_(z: Array) -> tuple[Array, Array]:
-            end = _solve(own, arguments, z, 40, 1e-6).value
-            return end, _objective(own, end, arguments)
+            end = levenberg_marquardt(own, arguments, z, 40, 1e-6).value
+            return end, mean_squared_error(own, end, arguments)
 
         return jax.vmap(from_)(points)
 
@@ -343,13 +343,13 @@ def _refined(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def from_(z: Array) -> tuple[Array, Array, Array]:
-            end = _solve(own, arguments, z, 200, 1e-10)
-            objective = jnp.nan_to_num(_objective(own, end.value, arguments), nan=jnp.inf)
+            end = levenberg_marquardt(own, arguments, z, 200, 1e-10)
+            objective = jnp.nan_to_num(mean_squared_error(own, end.value, arguments), nan=jnp.inf)
             return end.value, objective, end.result == optimistix.RESULTS.successful
 
         ends, objective, converged = jax.vmap(from_)(points)
         best = jnp.argmin(objective)
-        last = _solve(own, arguments, ends[best], 200, 1e-10)
+        last = levenberg_marquardt(own, arguments, ends[best], 200, 1e-10)
         # Where the first search has converged the second may find no step that is better.
         arrived = converged[best] | (last.result == optimistix.RESULTS.successful)
         return arrived, *_end(own, arguments, last.value)
@@ -360,7 +360,7 @@ def _refined(
 def _arguments(
     bounds: Transform, rows: tuple[int, ...], model: Any, data: _Data, scale: Array
 ) -> tuple[Transform, Any]:
-    """What `_residuals` of one record asks for."""
+    """What `scaled_residuals` of one record asks for."""
     prepared = model.prepare(data.time, data.input, starts=rows)
     arguments = model, prepared, data.output, data.counted, data.size
     return bounds._replace(scale=scale), arguments
@@ -370,8 +370,10 @@ def _end(bounds: Transform, arguments: Any, z: Array) -> tuple[Array, ...]:
     """z; R of the residuals' Jacobian, in the output's unit; the values, their slopes; sums of powers."""
     *_, counted, size = arguments
     unit = size * jnp.sqrt(counted.sum())
-    J = unit * jax.jacfwd(lambda z: _residuals(bounds, z, arguments))(z)
-    squares, fourths = (jnp.sum((unit * _residuals(bounds, z, arguments)) ** k) for k in (2, 4))
+    J = unit * jax.jacfwd(lambda z: scaled_residuals(bounds, z, arguments))(z)
+    squares, fourths = (
+        jnp.sum((unit * scaled_residuals(bounds, z, arguments)) ** k) for k in (2, 4)
+    )
     values, slope = jax.jvp(bounds.to_values, (z,), (jnp.ones_like(z),))
     return z, _triangle(J), values, slope, squares, fourths
 

@@ -174,7 +174,7 @@ def compare(
         notes.append("They held out other training rows, so only the test record compares them.")
         models = [model._replace(held_out=None, blocks=None) for model in models]
     models, ranked_on = _ranked(models, same_test)
-    if not _alike([_counted(fit.train, fit.internals["used"]) for fit in loaded]):
+    if not _alike([_counted(fit.train, fit.used) for fit in loaded]):
         notes.append("Fitted to other training rows: criteria and evidence say nothing.")
         return Comparison(tuple(models), ranked_on, tuple(notes))
     models = with_criteria(models, {name: summary(fit) for name, fit in by_name.items()})

@@ -80,7 +80,7 @@ def _bounds(fit: FitResult, names: tuple[str, ...]) -> Transform:
     """The model's own bounds; sums over a grid have none, the numbers of a spectrum are positive."""
     whole = transform(fit.model, 1.0)
     inside = dict(zip(whole.names, zip(whole.low, whole.high, strict=True), strict=True))
-    other = (0.0 if "spectrum" in fit.internals else -np.inf, np.inf)
+    other = (fit.detail.least_parameter, np.inf)
     limits = [inside.get(name, other) for name in names]
     low, high = (tuple(float(limit[k]) for limit in limits) for k in (0, 1))
     return Transform(names, low, high, 1.0)

@@ -74,7 +74,7 @@ def is_coloured(fit: FitResult) -> bool:
 
 def leave_one_out(fit: FitResult, posterior: Posterior) -> Loo | None:
     """`loo` of the counted rows, each given those before it; None where they are too many."""
-    used = fit.internals["used"]
+    used = fit.used
     total = posterior.draws.shape[0] * posterior.draws.shape[1]
     count = min(total, DRAWS, TERMS // int(used.sum()))
     if count < 100:

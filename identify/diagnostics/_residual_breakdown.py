@@ -61,7 +61,7 @@ def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
     **Arguments:** `record`, as the model sees it, `fit.test` for instance; the fitted rows unless given.
     """
     if record is None:
-        record, used = fit.train, fit.internals["used"]
+        record, used = fit.train, fit.used
         residuals = fit.residuals
     else:
         used = record.mask

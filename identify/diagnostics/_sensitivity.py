@@ -81,7 +81,7 @@ def sensitivity(fit: FitResult) -> Sensitivity:
     Rows left out are not scored, but still drive the model and the noise. Each case is sought from the
     optimum by Newton's method; that takes a few steps.
     """
-    aim, used = target(fit), fit.internals["used"]
+    aim, used = target(fit), fit.used
     names = tuple(p.name for p in fit.parameters if p.name in aim.names)
     at = [aim.names.index(name) for name in names]
     error = np.array([p.stderr or np.nan for p in fit.parameters if p.name in aim.names], float)
@@ -104,7 +104,7 @@ def sensitivity(fit: FitResult) -> Sensitivity:
 
 def _cases(fit: FitResult) -> Iterator[tuple[str, np.ndarray]]:
     """What is left out, and those rows."""
-    record, used = fit.train, fit.internals["used"]
+    record, used = fit.train, fit.used
     several = len(record.labels) > 1
     kind = "sequence" if several else "cycle"
     lengths = np.diff([*record.starts, len(record)])

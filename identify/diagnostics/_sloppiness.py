@@ -104,7 +104,7 @@ def sloppiness(fit: FitResult) -> Sloppiness:
 def without_effect(fit: FitResult, names: list[str]) -> list[str]:
     """A sentence for each of these parameters whose doubling changes the output by less than a millionth of
     its range."""
-    model, used = fit.model, fit.internals["used"]
+    model, used = fit.model, fit.used
     bounds = transform_for(model, fit.train, fit.settings)
     infos, said = _infos(model), []
     flows = any("time" in info.unit.split() for info in infos.values())

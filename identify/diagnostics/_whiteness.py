@@ -85,7 +85,7 @@ def whiteness(fit: FitResult) -> Whiteness:
     Source: Ljung, Box, On a measure of lack of fit in time series models, Biometrika 65 (1978); Ljung,
     System Identification, 2nd ed., section 16.6.
     """
-    train, used = fit.train, fit.internals["used"]
+    train, used = fit.train, fit.used
     r, noise = innovations(fit), fit.noise_model
     most = lags_of(fit.noise.correlation_time, train, used)
     products, pairs = _products(r, r, used, train.starts, np.arange(most + 1))
@@ -118,7 +118,7 @@ def innovations(
 ) -> Float[np.ndarray, " rows"]:
     """The residuals, or another signal, through the filter that makes the noise white and of unit size;
     without a noise model it only divides. 0 where a row was not fitted."""
-    record, used, noise = fit.train, fit.internals["used"], fit.noise_model
+    record, used, noise = fit.train, fit.used, fit.noise_model
     residuals = np.where(used, fit.residuals, 0.0)
     x = residuals if signal is None else np.where(used, signal, 0.0)
     if noise is None:

@@ -18,20 +18,16 @@ from hysteresis._format import plain
 from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
-from ..linear._composition import Composition
-from ..linear._composition_fit import CompositionFit
-from ..linear._preisach_fit import LinearFit
-from ..linear._preisach_unknowns import Unknowns
 from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
+from ..results._detail import detail_of
 from ..results._fit_result import FitResult, Parameter, Starts
 from ..results._metrics import Metrics
 from ..storage._json import check_free, read_json, write_json
 from ..storage._provenance import versions
-from ._spectrum import rebuild_spectrum, spectrum_arrays, spectrum_words
 
 SCHEMA = 1
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
@@ -85,13 +81,7 @@ def save(
             },
         }
     )
-    if "composition" in fit.internals:
-        document["composition"] = fit.internals["composition"].meaning._asdict()
-    if "linear" in fit.internals:
-        document["unknowns"] = fit.internals["linear"].meaning.words()
-    if "spectrum" in fit.internals:
-        document["spectrum"] = spectrum_words(fit.internals["spectrum"])
-    write_json(folder / "fit.json", document | (extra or {}))
+    write_json(folder / "fit.json", document | fit.detail.words() | (extra or {}))
     return folder
 
 
@@ -147,23 +137,8 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         )
         for part, words in document["records"].items()
     }
-    internals: dict[str, Any] = {"used": extra["used"]}
-    if "unknowns" in document:
-        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
-        meaning = Unknowns(**document["unknowns"], block=extra["block"])
-        scalars = {"rows": int(extra["used"].sum()), "strength": 0.0, "dropped": False}
-        internals["linear"] = LinearFit(meaning=meaning, **own, **scalars)
-    if "composition" in document:
-        own = {k: extra[k] for k in ("at", "H", "b", "blocks")}
-        words: Any = document["composition"]
-        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
-        internals["composition"] = CompositionFit(
-            meaning=Composition(**words), rows=int(extra["rows"]), strength=0.0, **own
-        )
     arrays = _read_arrays(folder / "model.npz")
     model = rebuilt(document["structure"], arrays)
-    if "spectrum" in document:
-        internals["spectrum"] = rebuild_spectrum(document["spectrum"], extra, model)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
         name=document["model"],
@@ -183,7 +158,8 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
         test=records.get("test"),
         notes=tuple(document["notes"]),
         starts=Starts(**starts) if starts else None,
-        internals=internals,
+        used=extra["used"],
+        detail=detail_of(document, extra, model),
         verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
@@ -266,18 +242,11 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
     arrays = {
         "residuals": fit.residuals,
         "covariance": fit.covariance,
-        "used": fit.internals["used"],
+        "used": fit.used,
     }
     if fit.starts is not None:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
-    if (spectrum := fit.internals.get("spectrum")) is not None:
-        arrays |= spectrum_arrays(spectrum)
-    if (linear := fit.internals.get("linear")) is not None:
-        arrays |= {k: getattr(linear, k) for k in ("at", "H", "b", "blocks")}
-        arrays["block"] = linear.meaning.block
-    if (composition := fit.internals.get("composition")) is not None:
-        arrays |= {k: getattr(composition, k) for k in ("at", "H", "b", "rows", "blocks")}
-    return arrays
+    return arrays | fit.detail.arrays()
 
 
 def _noise_words(noise: NoiseModel | None) -> dict[str, Any] | None:

@@ -12,6 +12,7 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import estimate_noise
 from ..parameters._precision import require_double
+from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
@@ -153,7 +154,7 @@ def fit_step(
     - `progress`: called with a line of text now and then.
 
     The result's candidates are the orders tried, best first; their `score` is the relative error in per
-    cent, raised by what the evidence charges for parameters. `internals["spectrum"]` is the `Spectrum`
+    cent, raised by what the evidence charges for parameters. `detail.spectrum` is the `Spectrum`
     of output / input, whose `predict` has the range that the record leaves open.
 
     Raises `InputError` where the record is no answer to a step, or double precision is off.
@@ -178,7 +179,7 @@ def fit_step(
         for row, answer in zip(found.table, found.answers, strict=True)
     ]
     chosen = fits.pop(found.order)
-    chosen = replace(chosen, notes=found.notes, internals=chosen.internals | {"spectrum": found})
+    chosen = replace(chosen, notes=found.notes, detail=DiscreteSpectrum(found))
     verdict = judge(chosen, found.notes)
     if (covered := _coverage(found, test)) is not None:
         share, said = covered
@@ -210,7 +211,7 @@ def _result(
         noise=estimate_noise([residuals[rows]], row.parameters),
         train=record,
         test=test,
-        internals={"used": rows},
+        used=rows,
         seed=seed,
     )
 

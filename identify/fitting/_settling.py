@@ -6,9 +6,8 @@ from hysteresis import Record
 
 from ..linear._composition import CURVE, RELAYS
 from ..linear._composition_fit import Problem
-from ..records._folds import Fold, as_good
+from ..records._folds import Fold, best_of, simplest
 from ..records._folds import parts as parts_of
-from ..records._orientation import orientations, output_falls
 
 FEWEST = 6
 """Cycles that a record needs; the last three are always kept."""
@@ -20,15 +19,16 @@ PRIOR = 1e-4
 """Strength of the prior of the model that judges."""
 
 
-def settled(record: Record) -> Record:
+def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     """The record without its first cycles, where one cycle is repeated until the sample has settled.
 
-    A curve with relays, fitted to all cycles, to the last half or to the last three, predicts the last one.
-    As many are left out as cost nothing: how a sample settled is no news of another run, before which it
-    may have settled already. Only a single sequence of cycles that are alike is judged so.
+    A curve with relays, of each orientation in `leadings`, is fitted to all cycles, to the last half and
+    to the last three, and predicts the last one. The fit leaves out as many cycles as cost nothing, because
+    how a sample settled does not inform about another run, before which it may have settled already. Only a
+    single sequence of cycles that are alike is judged so.
     """
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
-    if len(record.labels) > 1 or len(numbers) < FEWEST or output_falls(record):
+    if len(record.labels) > 1 or len(numbers) < FEWEST:
         return record
     ranges = [np.ptp(record.input[record.cycle == number]) for number in numbers]
     cut = parts_of(record)
@@ -37,13 +37,12 @@ def settled(record: Record) -> Record:
     (fold,) = cut.folds
     counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
     choices = []
-    for leading in orientations(record):
+    for leading in leadings:
         problem = Problem(record, cut, leading, "negative", None, (CURVE, RELAYS))
         folds = [Fold(tuple(p for p in fold.train if p >= count), fold.test) for count in counts]
-        choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)).blocks for fold in folds])
-    errors = min(choices, key=lambda blocks: min(block.mean() for block in blocks))
-    best = min(errors, key=np.mean)
-    count = next(c for c, blocks in zip(counts, errors, strict=True) if as_good(blocks, best))
+        choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)) for fold in folds])
+    tried = min(choices, key=lambda trials: best_of(trials).blocks.mean())
+    count = counts[tried.index(simplest(tried))]
     if not count:
         return record
     first = record.cycle[cut.label == count][0]

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import (
     AbstractModel,
@@ -29,6 +29,7 @@ from hysteresis import (
 from hysteresis.curves import Clip
 from hysteresis.preisach import GridDensity, Initial
 
+from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace, design_rows
 
 CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
@@ -54,7 +55,7 @@ Samples = Float[np.ndarray, " samples"]
 Starts = Int[np.ndarray, " sequences"]
 
 
-class Composition(NamedTuple):
+class CompositionUnknowns(NamedTuple):
     """Which parts there are and what they are made of; unknowns in the order offset, then `parts`.
 
     - `low`, `high`: range of the input. `scale`: the unknowns are in this unit of the output.
@@ -88,6 +89,11 @@ class Composition(NamedTuple):
         return (1, *(of[part] for part in self.parts))
 
     @property
+    def name(self) -> str:
+        """What a composition of these parts is called."""
+        return " + ".join(self.parts) + (" of a mapped input" if self.first else "")
+
+    @property
     def count(self) -> int:
         """Number of unknowns."""
         return sum(self.sizes)
@@ -97,7 +103,7 @@ class Composition(NamedTuple):
         labels = np.repeat(["", *self.parts], self.sizes)
         return np.flatnonzero(np.isin(labels, ["", *parts]))
 
-    def of(self, *parts: str) -> "Composition":
+    def of(self, *parts: str) -> "CompositionUnknowns":
         """The same with some of the parts, in the same order."""
         return self._replace(parts=tuple(p for p in self.parts if p in parts))
 
@@ -133,9 +139,20 @@ class Composition(NamedTuple):
         found = [made[part](v, record.time, record.starts)[rows] for part in self.parts]
         return np.hstack([np.ones((len(rows), 1)), *found])
 
-    def model(self, x: Float[Array, " unknowns"] | np.ndarray) -> Sum | Series:
-        """The model of the unknowns."""
-        x = self.scale * jnp.asarray(x)
+    def minimum(
+        self,
+        H: Float[np.ndarray, "n n"],
+        b: Float[np.ndarray, " n"],
+        start: Bool[np.ndarray, " n"] | None = None,
+    ) -> Float[np.ndarray, " n"]:
+        """The minimum of x'Hx/2 - b'x with all unknowns but the offset, the first, not negative."""
+        return nonnegative_least_squares(H, b, np.arange(len(b)) == 0, start)
+
+    def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> Sum | Series:
+        """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""
+        if unknowns.ndim > 1:
+            return jax.vmap(self.model)(unknowns)
+        x = self.scale * jnp.asarray(unknowns)
         splits = np.cumsum(self.sizes)[:-1]
         offset, *found = jnp.split(x, splits)
         values = dict(zip(self.parts, found, strict=True))

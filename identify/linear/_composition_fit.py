@@ -1,22 +1,22 @@
 """Fitting a composition: which parts, how strong a prior, then all unknowns at once, exactly."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from hysteresis import Record, Series, Sum
+from hysteresis import Record
 from hysteresis.preisach import Initial
 
-from ..noise._residual_statistics import Noise
 from ..records._clocks import least_at, shifted
-from ..records._folds import Fold, Parts, as_good, block_errors
+from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest
 from ..records._folds import parts as parts_of
-from ._composition import CELLS, CURVE, MAXWELL, PARTS, STRENGTHS, Composition
-from ._nnls import nonnegative_least_squares
-from ._projected_draws import Tell, projected_draws, variance_of_unknowns
+from ._composition import CELLS, CURVE, MAXWELL, PARTS, STRENGTHS, CompositionUnknowns
+from ._cross_validation import ROWS, Choice, jittered, normal_equations_of, thinned, total
+from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
+from ._linear_fit import LinearFit
 
-STRENGTHS_OF_PRIOR = (1e-2, 1e-3, 1e-4)
+STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 """Prior strengths tried, the strongest first."""
 
 LAG_ROWS = 10_000
@@ -25,58 +25,16 @@ LAG_ROWS = 10_000
 LAG_PRIOR = 1e-5
 """Prior strength with which a lag is looked for."""
 
+WORTH = 0.2
+"""Share of the mean squared error that a lag must remove before the fit takes it into account."""
+
 SLACK = 0.02
 """Part of the output's range within which it lies on its floor."""
-
-ROWS = 8000
-"""Rows that are fitted: of a longer record every k-th, since neighbours say the same."""
-
-
-class CompositionFit(NamedTuple):
-    """A composition fitted, and what its posterior needs.
-
-    - `at`: the unknowns at the minimum, `meaning` what they stand for.
-    - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
-    - `strength`: of the prior.
-    - `blocks`: held-out mean squared errors, over scale^2.
-    """
-
-    at: Float[np.ndarray, " unknowns"]
-    meaning: Composition
-    H: Float[np.ndarray, "unknowns unknowns"]
-    b: Float[np.ndarray, " unknowns"]
-    rows: int
-    strength: float
-    blocks: Float[np.ndarray, " blocks"]
-
-    @property
-    def model(self) -> Sum | Series:
-        return self.meaning.model(self.at)
-
-    @property
-    def name(self) -> str:
-        mapped = " of a mapped input" if self.meaning.first else ""
-        return " + ".join(self.meaning.parts) + mapped
-
-    def draws(
-        self,
-        noise: Noise,
-        count: int,
-        random: np.random.Generator,
-        tell: Tell = lambda done: None,
-    ) -> Float[np.ndarray, "count unknowns"]:
-        """Draws from the projected Gaussian posterior, see `projected_draws`."""
-
-        def project(moved: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
-            return _minimum(self.H, moved, self.at != 0)
-
-        variance = variance_of_unknowns(noise, self.meaning.scale, self.rows)
-        return projected_draws(self.H, self.b, project, variance, count, random, tell)
 
 
 def fit_compositions(
     record: Record, parts: Parts, leadings: tuple[bool, ...], initial: Initial = "negative"
-) -> tuple[CompositionFit, ...]:
+) -> tuple[LinearFit[CompositionUnknowns], ...]:
     """Compositions from a curve alone to the best one, each with one part more.
 
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
@@ -93,6 +51,39 @@ def fit_compositions(
         if not as_good(path[-1].blocks, mapped.blocks):
             path.append(mapped)
     return tuple(choice.problem.fitted(choice) for choice in path)
+
+
+class Lagging(NamedTuple):
+    """Compositions fitted to an input that a lag between the clocks has moved.
+
+    - `record`: with the moved input. `lag`, `error`: the lag and its standard error.
+    """
+
+    path: tuple[LinearFit[CompositionUnknowns], ...]
+    record: Record
+    lag: float
+    error: float
+
+
+def fit_lagging(
+    path: tuple[LinearFit[CompositionUnknowns], ...],
+    record: Record,
+    parts: Parts,
+    initial: Initial,
+) -> Lagging | None:
+    """Compositions with the lag between the clocks taken out; None where `path`, without it, is as good.
+
+    The lag has to take away a fifth of the squared error, of held-out rows too, and by more than twice the
+    standard error of that gain: relaxation looks much like a lag.
+    """
+    found = find_lag(record, path[-1].meaning.floor)
+    if found.gain <= WORTH:
+        return None
+    moved = shifted(record, found.lag)
+    again = fit_compositions(moved, parts, (found.leading,), initial)
+    gain = path[-1].blocks - again[-1].blocks
+    least = max(2 * np.std(gain) / np.sqrt(len(gain)), WORTH * path[-1].blocks.mean())
+    return Lagging(again, moved, found.lag, found.error) if gain.mean() > least else None
 
 
 class Lag(NamedTuple):
@@ -125,9 +116,8 @@ def find_lag(record: Record, floor: float | None = None) -> Lag:
 
         def objective(lag: float, leading: bool = leading) -> float:
             problem = Problem(shifted(few, lag), cut, leading, "negative", floor, some)
-            H, b, _ = problem.objective(cut.all, some, LAG_PRIOR)
-            left = problem.A @ _minimum(H, b) - problem.y
-            return float(np.mean(left[problem.taut] ** 2))
+            residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
+            return float(np.mean(residuals[problem.taut] ** 2))
 
         lag, curvature = least_at(objective, step, 16 * step)
         found.append((objective(lag), lag, curvature, leading, objective(0.0)))
@@ -135,13 +125,6 @@ def find_lag(record: Record, floor: float | None = None) -> Lag:
     facts = min(ROWS, int(few.mask.sum()))
     error = float(np.sqrt(2 * least / max(curvature, 1e-300) / facts))
     return Lag(lag, error, leading, 1 - least / min(without for *_, without in found))
-
-
-class _Choice(NamedTuple):
-    problem: "Problem"
-    parts: tuple[str, ...]
-    strength: float
-    blocks: Float[np.ndarray, " blocks"]
 
 
 class Problem:
@@ -158,32 +141,31 @@ class Problem:
         first: tuple[float, ...] = (),
     ) -> None:
         counted = np.flatnonzero(parts.label >= 0)
-        rows = counted[:: -(-len(counted) // ROWS)]
+        rows = thinned(counted)
         u, y = record.input[counted], record.output[counted]
         scale = float(np.ptp(y))
         times = relaxation_times(record)
         some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
         low, high = float(u.min()), float(u.max())
         self.record, self.parts = record, parts
-        self.whole = Composition(some, low, high, scale, times, leading, initial, floor, first)
+        self.whole = CompositionUnknowns(
+            some, low, high, scale, times, leading, initial, floor, first
+        )
         self.floor = -np.inf if floor is None else floor / scale
         self.label, self.y = parts.label[rows], record.output[rows] / scale
         self.A = self.whole.columns(record, rows)
         self.taut = self.y > self.floor + (
             0 if floor is None else SLACK
         )  # below, y tells only a limit
-        self.products = {
-            p: (self.A[at].T @ self.A[at], self.A[at].T @ self.y[at], int(at.sum()))
-            for p in parts.all
-            for at in [(self.label == p) & self.taut]
-        }
+        of_part = {p: (self.label == p) & self.taut for p in parts.all}
+        self.normal = normal_equations_of(self.A, self.y, of_part)
 
-    def mapped(self, choice: "_Choice") -> "Problem":
+    def mapped(self, choice: "Tried") -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range.
 
         One curve, of all training rows, serves for every fold: 40 smooth increments tell little of them.
         """
-        meaning, increments = self.whole, self.fitted(choice).at[1 : 1 + CELLS[CURVE]]
+        meaning, increments = self.whole, self.fitted(choice).unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
         half = (even + increments / max(increments.sum(), 1e-12)) / 2
         first = tuple((meaning.high - meaning.low) * half / half.sum())
@@ -194,54 +176,60 @@ class Problem:
 
     def objective(
         self, which: tuple[int, ...], some: tuple[str, ...], strength: float
-    ) -> tuple[np.ndarray, np.ndarray, int]:
-        """H, b and the number of rows of the mean squared error over `which`, prior included."""
-        meaning = self.whole.of(*some)
-        at, products = self.whole.where(some), [self.products[p] for p in which]
-        rows = sum(n for *_, n in products)
-        H = np.sum([G[np.ix_(at, at)] for G, *_ in products], 0) / rows + meaning.prior(strength)
-        b = np.sum([v[at] for _, v, _ in products], 0) / rows
-        H[np.diag_indices(len(H))] += 1e-12 * np.trace(H) / len(H)
-        return H, b, rows
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """H and b of the mean squared error over `which`, prior included."""
+        columns = self.whole.where(some)
+        H, b = total(self.normal[p] for p in which).means
+        prior = self.whole.of(*some).prior(strength)
+        return jittered(H[np.ix_(columns, columns)] + prior), b[columns]
+
+    def solution(
+        self, which: tuple[int, ...], some: tuple[str, ...], strength: float
+    ) -> Float[np.ndarray, " unknowns"]:
+        """The unknowns at the minimum over `which`."""
+        return self.whole.minimum(*self.objective(which, some, strength))
 
     def tried(
         self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()
-    ) -> _Choice:
+    ) -> "Tried":
         """Held-out errors of some parts with a prior of some strength, over `parts`' folds or others."""
-        blocks, at = [], self.whole.where(some)
-        for fold in folds or self.parts.folds:
-            H, b, _ = self.objective(fold.train, some, strength)
-            x, test = _minimum(H, b), np.isin(self.label, fold.test)
-            predicted = np.maximum(self.A[np.ix_(test, at)] @ x, self.floor)
-            blocks += block_errors(predicted - self.y[test])
-        return _Choice(self, some, strength, np.array(blocks))
+        columns = self.whole.where(some)
 
-    def fitted(self, choice: _Choice) -> CompositionFit:
+        def error(x: np.ndarray, which: tuple[int, ...]) -> np.ndarray:
+            test = np.isin(self.label, which)
+            return np.maximum(self.A[np.ix_(test, columns)] @ x, self.floor) - self.y[test]
+
+        blocks = held_out_errors(
+            folds or self.parts.folds, lambda train: self.solution(train, some, strength), error
+        )
+        return Choice(self, strength, blocks, some)
+
+    def fitted(self, choice: "Tried") -> LinearFit[CompositionUnknowns]:
         """A choice, fitted to all the training parts."""
-        _, some, strength, blocks = choice
-        H, b, rows = self.objective(self.parts.all, some, strength)
-        meaning = self.whole.of(*some)
-        return CompositionFit(_minimum(H, b), meaning, H, b, rows, strength, blocks)
+        H, b = self.objective(self.parts.all, choice.parts, choice.strength)
+        meaning, rows = self.whole.of(*choice.parts), total(self.normal.values()).rows
+        return LinearFit(meaning.minimum(H, b), meaning, H, b, rows, choice.strength, choice.blocks)
 
 
-def _path(problem: Problem) -> list[_Choice]:
+Tried: TypeAlias = Choice[Problem]
+
+
+def _path(problem: Problem) -> list[Tried]:
     """From the curve alone, part by part, each with the best of a few prior strengths."""
     path = [_best(problem, (CURVE,))]
-    while left := [p for p in problem.whole.parts if p not in path[-1].parts]:
+    while remaining := [p for p in problem.whole.parts if p not in path[-1].parts]:
         now = path[-1]
-        grown = [_best(problem, (*now.parts, part)) for part in left]
-        better = min(grown, key=lambda c: c.blocks.mean())
+        better = best_of(_best(problem, (*now.parts, part)) for part in remaining)
         if as_good(now.blocks, better.blocks):
             break
         path.append(better)
     return path
 
 
-def _best(problem: Problem, some: tuple[str, ...]) -> _Choice:
+def _best(problem: Problem, some: tuple[str, ...]) -> Tried:
     """The strongest prior that is as good as the best one."""
     choices = [problem.tried(some, strength) for strength in STRENGTHS_OF_PRIOR]
-    least = min(choices, key=lambda c: c.blocks.mean())
-    return next(c for c in choices if as_good(c.blocks, least.blocks))
+    return simplest(choices)
 
 
 def relaxation_times(record: Record) -> tuple[float, ...]:
@@ -271,12 +259,3 @@ def slack(record: Record) -> tuple[float, ...]:
     least = np.quantile(y, 0.01)
     down = y[y < least + SLACK * np.ptp(y)]
     return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()
-
-
-def _minimum(
-    H: np.ndarray, b: np.ndarray, start: Bool[np.ndarray, " n"] | None = None
-) -> np.ndarray:
-    """The minimum with all unknowns but the offset, the first, not negative."""
-    free = np.zeros(len(b), bool)
-    free[0] = True
-    return nonnegative_least_squares(H, b, free, start)

@@ -11,8 +11,8 @@ from hysteresis.preisach import Initial
 from ..records._folds import Parts
 from ..records._run_model import predict, prepare
 from ._preisach_fine_grid import Coarse, solve_fine
-from ._preisach_problem import PreisachProblem, minimum
-from ._preisach_unknowns import Unknowns
+from ._preisach_problem import PreisachProblem
+from ._preisach_unknowns import GridUnknowns
 
 DENSE = 60
 """Cells up to which the normal matrix is formed; finer grids are solved by products."""
@@ -68,19 +68,19 @@ def fit_density(
 
     def problem(n: int) -> PreisachProblem:
         return PreisachProblem(
-            record, whole, Unknowns(n, low, high, leading, initial, scale, dead_band)
+            record, whole, GridUnknowns(n, low, high, leading, initial, scale, dead_band)
         )
 
     if cells <= DENSE:
         dense = problem(cells)
         strength = dense.strength_by_evidence() if strength is None else strength
         meaning = dense.meaning
-        unknowns = minimum(meaning, *dense.objective((0,), strength))
+        unknowns = meaning.minimum(*dense.objective((0,), strength))
     else:
         grids = [problem(max(cells // 4, 8)), problem(cells // 2 if cells // 2 <= DENSE else DENSE)]
         strength = grids[-1].strength_by_evidence() if strength is None else strength
         coarse = tuple(Coarse(p.meaning, *p.objective((0,), strength)) for p in grids)
-        meaning = Unknowns(cells, low, high, leading, initial, scale, dead_band)
+        meaning = GridUnknowns(cells, low, high, leading, initial, scale, dead_band)
         prepared = prepare(meaning.model(np.zeros(meaning.count)), record)
         unknowns = solve_fine(
             meaning, prepared, record.output[record.mask] / scale, record.mask, strength, coarse

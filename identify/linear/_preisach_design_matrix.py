@@ -14,26 +14,10 @@ from jaxtyping import Float
 
 from hysteresis.preisach import GridDensity, GridPairs, Preisach, PreisachInput
 
+from ._cross_validation import NormalEquations
+
 CHUNK = 1024
 """Columns of the normal matrix worked on at once: bounds the memory."""
-
-
-class Normal(NamedTuple):
-    """Normal equations of some rows: H = A'A, b = A'y, y'y, and how many rows."""
-
-    H: Float[np.ndarray, "unknowns unknowns"]
-    b: Float[np.ndarray, " unknowns"]
-    yy: float
-    rows: int
-
-    def __add__(self, other: "Normal") -> "Normal":  # type: ignore[override]
-        return Normal(
-            self.H + other.H, self.b + other.b, self.yy + other.yy, self.rows + other.rows
-        )
-
-    def squared_error(self, z: Float[np.ndarray, " unknowns"]) -> float:
-        """|A z - y|^2."""
-        return float(max(z @ self.H @ z - 2 * self.b @ z + self.yy, 0.0))
 
 
 class NodeSpace(NamedTuple):
@@ -164,7 +148,7 @@ def design_rows(model: Preisach, prepared: PreisachInput) -> sparse.csr_matrix:
 
 def normal_equations(
     space: NodeSpace, B: sparse.csr_matrix, y: Float[np.ndarray, " samples"], P: Any
-) -> Normal:
+) -> NormalEquations:
     """P'S'(B'B)S P, P'S'B'y and y'y."""
     turned = P.T.tocsr()
 
@@ -178,7 +162,7 @@ def normal_equations(
     half = np.zeros((space.columns, P.shape[1]))
     half[used] = gathered(gram[:, used]).T
     H = gathered(half)
-    return Normal((H + H.T) / 2, gathered((B.T @ y)[:, None])[:, 0], float(y @ y), len(y))
+    return NormalEquations((H + H.T) / 2, gathered((B.T @ y)[:, None])[:, 0], float(y @ y), len(y))
 
 
 def _dense(chunk: Any) -> np.ndarray:

@@ -22,7 +22,7 @@ from hysteresis.preisach import GridDensity, PreisachInput
 
 from ._nnls import nonnegative_least_squares
 from ._preisach_problem import smoothness
-from ._preisach_unknowns import Unknowns
+from ._preisach_unknowns import GridUnknowns
 
 Vector = Float[np.ndarray, " n"]
 
@@ -30,13 +30,13 @@ Vector = Float[np.ndarray, " n"]
 class Coarse(NamedTuple):
     """The problem on a coarse grid: objective x'Hx/2 - b'x of its own unknowns."""
 
-    meaning: Unknowns
+    meaning: GridUnknowns
     H: Float[np.ndarray, "n n"]
     b: Vector
 
 
 def solve_fine(
-    meaning: Unknowns,
+    meaning: GridUnknowns,
     prepared: PreisachInput,
     y: Float[np.ndarray, " samples"],
     counted: Bool[np.ndarray, " samples"],
@@ -109,7 +109,7 @@ def _pivot(
 
 
 def _operator(
-    meaning: Unknowns, prepared: PreisachInput, counted: Bool[np.ndarray, " samples"]
+    meaning: GridUnknowns, prepared: PreisachInput, counted: Bool[np.ndarray, " samples"]
 ) -> tuple[Callable[[Vector], Any], Callable[[Any], Any]]:
     """v -> A v and r -> A'r on the counted rows, compiled."""
     template = meaning.model(np.zeros(meaning.count))
@@ -138,7 +138,7 @@ def _transposed(template: Preisach, prepared: PreisachInput, rows: Any, r: Any, 
     return jax.linear_transpose(lambda v: _outputs(template, prepared, rows, v), like)(r)[0]
 
 
-def _spread(coarse: Unknowns, fine: Unknowns) -> Any:
+def _spread(coarse: GridUnknowns, fine: GridUnknowns) -> Any:
     """(fine, coarse), sparse: coarse increments and masses over the finer cells, by area."""
     m, n = coarse.cells, fine.cells
     i, j = np.tril_indices(n)

@@ -17,11 +17,12 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
-from ..records._folds import Parts, block_errors
+from ..records._folds import Parts, held_out_errors
 from ..records._run_model import prepare
-from ._nnls import constrained_least_squares, nonnegative_least_squares
-from ._preisach_design_matrix import Normal, design_rows, normal_equations
-from ._preisach_unknowns import Unknowns
+from ._cross_validation import JITTER, NormalEquations, total
+from ._nnls import nonnegative_least_squares
+from ._preisach_design_matrix import design_rows, normal_equations
+from ._preisach_unknowns import GridUnknowns
 
 COARSE = 20
 """Cells of the grid on which the prior's strength is counted, and the first one tried."""
@@ -33,7 +34,7 @@ class PreisachProblem:
     Built once; fits for any choice of rows and prior strength then cost a few Cholesky factors.
     """
 
-    def __init__(self, record: Record, parts: Parts, meaning: Unknowns):
+    def __init__(self, record: Record, parts: Parts, meaning: GridUnknowns):
         self.meaning, self.parts = meaning, parts
         self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
         template = meaning.model(np.zeros(meaning.count))
@@ -51,24 +52,28 @@ class PreisachProblem:
         self, which: tuple[int, ...], strength: float
     ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"]]:
         """H and b of x'Hx/2 - b'x over some parts."""
-        total = self.total(which)
-        H = total.H / total.rows + strength * self.prior
-        H[0, 0] *= 1 + 1e-12
-        return H, total.b / total.rows
+        H, b = self.total(which).means
+        H = H + strength * self.prior
+        H[0, 0] *= 1 + JITTER
+        return H, b
 
     def held_out_errors(self, strength: float, dropped: bool) -> Float[np.ndarray, " blocks"]:
         """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part."""
-        blocks, start = [], None
-        for fold in self.parts.folds:
-            train = self.parts.without_conditioning(fold.train, dropped)
+        meaning, start = self.meaning, None
+
+        def solve(train: tuple[int, ...]) -> np.ndarray:
+            nonlocal start
             # Without the slope constraints of a leading model: close enough to rank by.
-            H, b = self.objective(train, strength)
-            x = nonnegative_least_squares(H, b, self.meaning.free, start)
+            H, b = self.objective(self.parts.without_conditioning(train, dropped), strength)
+            x = nonnegative_least_squares(H, b, meaning.free, start)
             start = x != 0
-            rows = np.isin(self.parts.label, fold.test)
-            error = self.B[rows] @ self.meaning.space.from_unknowns(self.meaning.expansion @ x)
-            blocks += block_errors(error - self.y[rows])
-        return np.array(blocks)
+            return x
+
+        def error(x: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
+            rows = np.isin(self.parts.label, test)
+            return self.B[rows] @ meaning.space.from_unknowns(meaning.expansion @ x) - self.y[rows]
+
+        return held_out_errors(self.parts.folds, solve, error)
 
     def log_evidence(
         self, strength: float, start: Bool[np.ndarray, " n"] | None = None
@@ -82,14 +87,14 @@ class PreisachProblem:
 
         Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992).
         """
-        total = self.total(self.parts.all)
+        normal = self.total(self.parts.all)
         H, b = self.objective(self.parts.all, strength)
         x = nonnegative_least_squares(H, b, self.meaning.free, start)
         inside = np.flatnonzero(x)
         tied = inside[inside > 0]  # the offset has a flat prior
-        J = total.yy / total.rows - b @ x
+        J = normal.yy / normal.rows - b @ x
         told = _log_determinant(H, inside) - _log_determinant(strength * self.prior, tied)
-        return -0.5 * float(total.rows * np.log(max(J, 1e-300)) + told), x
+        return -0.5 * float(normal.rows * np.log(max(J, 1e-300)) + told), x
 
     def strength_by_evidence(self) -> float:
         """The prior strength of the greatest marginal likelihood, to a quarter of a decade."""
@@ -106,25 +111,12 @@ class PreisachProblem:
         )
         return float(10.0**found.x)
 
-    def total(self, which: tuple[int, ...]) -> Normal:
+    def total(self, which: tuple[int, ...]) -> NormalEquations:
         """The normal equations over some parts, without prior."""
-        first, *rest = (self.normal[p] for p in which)
-        return sum(rest, first)
+        return total(self.normal[p] for p in which)
 
 
-def minimum(
-    meaning: Unknowns,
-    H: Float[np.ndarray, "n n"],
-    b: Float[np.ndarray, " n"],
-    start: Bool[np.ndarray, " n"] | None = None,
-) -> Float[np.ndarray, " n"]:
-    """The unknowns that minimise x'Hx/2 - b'x among the models there can be."""
-    if len(meaning.constraints):
-        return constrained_least_squares(H, b, meaning.constraints, meaning.free, start)
-    return nonnegative_least_squares(H, b, meaning.free, start)
-
-
-def smoothness(meaning: Unknowns) -> sparse.csr_matrix:
+def smoothness(meaning: GridUnknowns) -> sparse.csr_matrix:
     """K, sparse, in the space of z: x'P'KPx is what the prior weighs with lambda.
 
     A trace of ridge makes it definite.

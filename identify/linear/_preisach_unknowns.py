@@ -12,13 +12,14 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis.preisach import GridDensity, Preisach
 
+from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
 
 TOTALS = ("offset", "reversible.rise", "density.mass")
 """The figures a grid model is summed up in: constant, rise of the memoryless part, relays' mass."""
 
 
-class Unknowns:
+class GridUnknowns:
     """A vector x of unknowns in units of `scale`: (offset, increments or slacks, masses of blocks).
 
     The grid has `cells` x `cells` cells; `block` (weights,) says which block each of its weights, row
@@ -113,12 +114,28 @@ class Unknowns:
         return constraints
 
     @property
+    def total_names(self) -> tuple[str, ...]:
+        """What the rows of `totals` are called."""
+        return TOTALS
+
+    @property
     def totals(self) -> Float[np.ndarray, "3 unknowns"]:
         """Rows that sum up the unknowns to `TOTALS`, over `scale`."""
         n, weights = self.cells, len(self.block)
         sums = np.zeros((3, self.expansion.shape[0]))
         sums[0, 0], sums[1, 1 : 1 + n], sums[2, 1 + n : 1 + n + weights] = 1.0, 1.0, 1.0
         return sums @ self.expansion
+
+    def minimum(
+        self,
+        H: Float[np.ndarray, "n n"],
+        b: Float[np.ndarray, " n"],
+        start: Bool[np.ndarray, " n"] | None = None,
+    ) -> Float[np.ndarray, " n"]:
+        """The unknowns that minimise x'Hx/2 - b'x among the models there can be."""
+        if len(self.constraints):
+            return constrained_least_squares(H, b, self.constraints, self.free, start)
+        return nonnegative_least_squares(H, b, self.free, start)
 
     def masses(self, unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " weights"]:
         """The mass of every cell, over `scale`."""

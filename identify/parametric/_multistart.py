@@ -14,6 +14,13 @@ from hysteresis import AbstractModel, Record
 from ..parameters._transform import Transform
 from ..results._fit_result import Starts
 
+SPREADS = (1.5, 3.0, 6.0)
+"""Standard deviation of the starts on the unconstrained scale: 1.5 is a factor of 4.5 for a positive one.
+Wider where no output was finite: a density far outside the record vanishes in floating point."""
+
+REFINED = 4
+"""Starts that are followed to their end: after few steps the best is not always first."""
+
 
 class Optimum(NamedTuple):
     """Free vector at the minimum, the objective (mean squared error) there, and whether it converged."""
@@ -34,7 +41,7 @@ def refine(
     steps: int = 200,
 ) -> Optimum:
     """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
-    arguments = _arguments(model, prepared, y, mask)
+    arguments = arguments_of(model, prepared, y, mask)
     z, objective, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
     objective = np.nan_to_num(objective, nan=np.inf)
     return Optimum(np.asarray(z), float(objective), bool(converged), int(taken))
@@ -55,7 +62,7 @@ def multi_start(
 
     The steps are capped, since under `vmap` the slowest lane sets the pace.
     """
-    arguments = _arguments(model, prepared, y, mask)
+    arguments = arguments_of(model, prepared, y, mask)
     z, objective = _sorted(*_run_all(transform, arguments, jnp.asarray(starts), few))
     for k in range(min(best, len(z))):
         end = refine(transform, model, prepared, y, mask, z[k])
@@ -114,26 +121,31 @@ def _missing(rows: int) -> int:
     return -rows % step
 
 
-def _arguments(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
+def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
+    """What `scaled_residuals` needs beside the free vector."""
     scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
     counted = np.where(mask, y, 0.0)
     return model, prepared, jnp.asarray(counted), jnp.asarray(mask), jnp.asarray(float(scale))
 
 
-def _residuals(transform: Transform, z: Array, arguments: Any) -> Array:
+def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> Array:
+    """Residuals over the output's range and the root of the number of rows; see `arguments_of`."""
     model, prepared, y, mask, scale = arguments
     predicted = transform.insert(model, transform.to_values(z)).evaluate(prepared)
     return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum()))
 
 
-def _objective(transform: Transform, z: Array, arguments: Any) -> Array:
-    """The mean squared error."""
-    return jnp.sum((arguments[-1] * _residuals(transform, z, arguments)) ** 2)
+def mean_squared_error(transform: Transform, z: Array, arguments: Any) -> Array:
+    """The mean squared error at z."""
+    return jnp.sum((arguments[-1] * scaled_residuals(transform, z, arguments)) ** 2)
 
 
-def _solve(transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float) -> Any:
+def levenberg_marquardt(
+    transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
+) -> Any:
+    """The solution from z, after at most so many steps."""
     return optimistix.least_squares(
-        lambda z, arguments: _residuals(transform, z, arguments),
+        lambda z, arguments: scaled_residuals(transform, z, arguments),
         optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
         z,
         args=arguments,
@@ -147,9 +159,14 @@ def _run(
     transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
 ) -> tuple[Array, Array, Array, Array]:
     """Minimum, objective, convergence, steps taken."""
-    solution = _solve(transform, arguments, z, steps, tolerance)
+    solution = levenberg_marquardt(transform, arguments, z, steps, tolerance)
     end, converged = solution.value, solution.result == optimistix.RESULTS.successful
-    return end, _objective(transform, end, arguments), converged, solution.stats["num_steps"]
+    return (
+        end,
+        mean_squared_error(transform, end, arguments),
+        converged,
+        solution.stats["num_steps"],
+    )
 
 
 @eqx.filter_jit
@@ -157,7 +174,7 @@ def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> tupl
     """Minimum and objective from every start."""
 
     def one(z: Array) -> tuple[Array, Array]:
-        end = _solve(transform, arguments, z, steps, 1e-6).value
-        return end, _objective(transform, end, arguments)
+        end = levenberg_marquardt(transform, arguments, z, steps, 1e-6).value
+        return end, mean_squared_error(transform, end, arguments)
 
     return jax.vmap(one)(z)

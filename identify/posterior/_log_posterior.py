@@ -14,6 +14,7 @@ from ..parameters._priors import Prior
 from ..parameters._settings import Setting
 from ..parameters._transform import Transform, Vector, transform, transform_for
 from ..records._run_model import prepare
+from ..results._detail import Parametric
 from ..results._fit_result import FitResult
 
 NOISE_PRIORS = {
@@ -103,11 +104,11 @@ def target(fit: FitResult) -> Target:
 
     Raises `InputError` for a fit by weights or a spectrum, and where no parameter is free.
     """
-    if {"linear", "composition", "spectrum"} & set(fit.internals):
+    if not isinstance(fit.detail, Parametric):
         raise InputError(
             "no-posterior", f"{fit.name} was fitted by linear weights, not by parameters."
         )
-    record, used, noise = fit.train, fit.internals["used"], fit.noise_model
+    record, used, noise = fit.train, fit.used, fit.noise_model
     bounds = transform_for(fit.model, record, fit.settings)
     if not bounds.names:
         raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")

@@ -75,7 +75,7 @@ def predictive(
     if record is None:
         record = fit.train if fit.test is None else fit.test
     held_out = record is not fit.train
-    if posterior is None and {"linear", "composition"} & set(fit.internals):
+    if posterior is None and fit.detail.is_linear:
         posterior = sample(fit, steps=DRAWS // 4, ensembles=4, seed=fit.seed)
     models, noise = _drawn(fit) if posterior is None else _chosen(posterior)
     counted = np.flatnonzero(record.mask)

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from hysteresis import InputError
 from hysteresis._serialisation import described
 
+from ..results._detail import Composition, DiscreteSpectrum, GridWeights
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, Identity, digest
 from ..storage._provenance import versions
@@ -76,7 +77,8 @@ def sample(
     checkpoint that belongs to something else, is damaged or cannot be written.
     """
     _check(steps, ensembles, seed, most, method)
-    if "spectrum" in fit.internals:
+    detail = fit.detail
+    if isinstance(detail, DiscreteSpectrum):
         raise InputError(
             "no-posterior",
             "a spectrum has no posterior to draw from.",
@@ -85,8 +87,8 @@ def sample(
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)
-    if "linear" in fit.internals or "composition" in fit.internals:
-        return sample_weights(fit, steps or MOST, ensembles, seed, tell, begin)
+    if isinstance(detail, GridWeights | Composition):
+        return sample_weights(detail.linear, fit.noise, steps or MOST, ensembles, seed, tell, begin)
     aim = target(fit)
     if method == "nuts":
         from ._nuts import sample_nuts
@@ -187,7 +189,7 @@ def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: i
     columns = (record.input, record.output, record.time, record.starts, record.mask)
     return Identity(
         model=of(aim.template),
-        data=digest(*columns, fit.internals["used"], np.asarray(aim.start)),
+        data=digest(*columns, fit.used, np.asarray(aim.start)),
         noise=digest(of(aim.noise_template), aim.weight),
         priors=digest(
             aim.bounds[:3], aim.bounds[4:], np.asarray(aim.bounds.scale), aim.noise_bounds.priors

@@ -1,6 +1,7 @@
 """Hold-outs inside the training part: whole sequences or whole cycles, never random samples."""
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -81,7 +82,51 @@ def block_errors(error: Float[np.ndarray, " rows"]) -> list[float]:
     return [float(np.mean(block**2)) for block in np.array_split(error, 10) if len(block)]
 
 
+def held_out_errors(
+    folds: Iterable[Fold],
+    solve: Callable[[tuple[int, ...]], Any],
+    error: Callable[[Any, tuple[int, ...]], Float[np.ndarray, " rows"]],
+) -> Float[np.ndarray, " blocks"]:
+    """Cross-validation: the mean squared errors, in blocks of rows, of every fold's held-out parts.
+
+    `solve(train)` fits the parts of a fold; `error(solution, test)` gives the errors on the others.
+    """
+    blocks: list[float] = []
+    for fold in folds:
+        blocks += block_errors(error(solve(fold.train), fold.test))
+    return np.array(blocks)
+
+
+@runtime_checkable
+class Trial(Protocol):
+    """Anything that was tried on held-out parts."""
+
+    @property
+    def blocks(self) -> Float[np.ndarray, " blocks"]: ...
+
+
+Tried = TypeVar("Tried", bound=Trial)
+
+
+def best_of(trials: Iterable[Tried]) -> Tried:
+    """The trial with the least held-out error, the first of several."""
+    return min(trials, key=lambda trial: trial.blocks.mean())
+
+
+def simplest(trials: Iterable[Tried], best: Tried | None = None) -> Tried:
+    """The one-standard-error rule: the first of `trials`, simplest first, that is as good as the best.
+
+    Source: Hastie, Tibshirani, Friedman, The Elements of Statistical Learning (2009), section 7.10.
+    """
+    trials = list(trials)
+    best = best_of(trials) if best is None else best
+    return next(trial for trial in trials if as_good(trial.blocks, best.blocks))
+
+
 def as_good(blocks: Float[np.ndarray, " blocks"], least: Float[np.ndarray, " blocks"]) -> bool:
-    """Whether held-out errors are above the least ones by no more than the difference's standard error."""
+    """Whether held-out errors exceed the least ones by no more than that difference's standard error.
+
+    Both are errors of the same blocks of rows, so the difference is taken in pairs.
+    """
     worse = blocks - least
     return bool(worse.mean() <= np.std(worse) / np.sqrt(len(worse)))

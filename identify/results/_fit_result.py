@@ -1,7 +1,7 @@
 """What a fit gives back."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,6 +15,7 @@ from ..parameters._settings import Settings
 from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
 from ..records._run_model import predict
+from ._detail import Detail, Parametric
 from ._metrics import Metrics
 
 Status = Literal["free", "fixed", "at bound", "unidentified"]
@@ -59,7 +60,9 @@ class FitResult:
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
       -log evidence of every kind tried over the best one's. `settings`: what was said of the parameters.
     - `starts`: every start's objective, for parametric models.
-    - `internals`: arrays the posterior of grid weights needs.
+    - `used`: rows that were fitted, (samples,).
+    - `detail`: what kind of fit it is, and what that kind holds: `Parametric`, `GridWeights`, `Composition`
+      or `DiscreteSpectrum`.
     - `candidates`: the other models tried, best first, this one included.
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.
@@ -71,6 +74,7 @@ class FitResult:
     parameters: tuple[Parameter, ...]
     covariance: Float[np.ndarray, "free free"]
     residuals: Float[np.ndarray, " samples"]
+    used: Bool[np.ndarray, " samples"]
     metrics: dict[str, Metrics | None]
     success: bool
     score: float
@@ -80,7 +84,7 @@ class FitResult:
     notes: tuple[str, ...] = ()
     blocks: Float[np.ndarray, " blocks"] | None = None
     starts: Starts | None = None
-    internals: dict[str, Any] = field(default_factory=dict)
+    detail: Detail = Parametric()  # noqa: RUF009 (frozen)
     verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
     candidates: tuple["FitResult", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
@@ -101,7 +105,7 @@ class FitResult:
     def parameter_count(self) -> int | None:
         """How many parameters were fitted, the noise's not counted; None for weights, which a prior holds
         together."""
-        if {"linear", "composition"} & set(self.internals):
+        if self.detail.is_linear:
             return None
         return sum(p.status in ("free", "at bound", "unidentified") for p in self.parameters)
 

@@ -59,7 +59,7 @@ def line(train: Record, test: Record, slope: float | None = None) -> FitResult:
         train=train,
         test=test,
         blocks=blocks,
-        internals={"used": train.mask},
+        used=train.mask,
         noise_model=NoiseModel(noise.sigma),
         settings={} if slope is None else {"K": Setting(fixed=True)},
     )

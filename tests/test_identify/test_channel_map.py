@@ -9,7 +9,8 @@ import pytest
 
 from hysteresis import InputError, Record
 from identify import fit, load, save
-from identify.records._channel_map import CELLS, RIDGE, _parts, _Problem, combine, fit_channel_map
+from identify.linear._channel_map_fit import CELLS, RIDGE, _parts, _Problem, fit_channel_map
+from identify.records._channel_map import combine
 from identify.records._folds import as_good
 
 CYCLES, SAMPLES = 6, 60
@@ -86,7 +87,7 @@ def test_the_unknowns_minimise_what_is_written_down():
     y = np.append(record.output / scale / np.sqrt(len(x)), np.zeros(len(prior)))
     expected = np.linalg.lstsq(np.vstack([A, prior]), y, rcond=None)[0]
     # Normal equations square the condition; a ridge of 1e-12 of their size is added to them.
-    np.testing.assert_allclose(problem.solve(strength), expected, atol=1e-6)
+    np.testing.assert_allclose(problem.solve(strength, problem.all_but(None)), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("runs", [1, 3])

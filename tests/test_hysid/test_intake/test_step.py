@@ -67,7 +67,7 @@ def test_fit_writes_what_every_fit_writes(creep: dict[str, Any], folder: Path):
     assert set(creep) > {"verdict", "seed", "versions", "selection"}
     loaded = hysid.load(folder / "out")
     assert isinstance(loaded.model, GeneralizedKelvinVoigt)
-    assert loaded.internals["spectrum"].order == 2
+    assert loaded.detail.spectrum.order == 2
 
 
 def test_relaxation_is_told_from_creep(folder: Path):

@@ -245,7 +245,7 @@ def test_posteriors_bring_leave_one_out_and_doubts(steep) -> None:
     found = compare({"free": steep[0], "given": steep[1]}, posteriors=posteriors)
     left = found.models[0].loo
     assert left is not None
-    used = steep[0].internals["used"]
+    used = steep[0].used
     terms = scipy.stats.norm.logpdf(
         steep[0].residuals[used], 0, steep[0].noise.sigma
     )  # two parameters and sigma cost about three halves

@@ -29,7 +29,7 @@ def with_residuals(r: np.ndarray, u: np.ndarray, noise: NoiseModel | None = None
     record = Record.from_arrays(u, -r, 0.1 * np.arange(len(u)), time_unit="s")
     plain = line(*pressed(1.0, 0.0, 0))
     return replace(
-        plain, train=record, residuals=r, internals={"used": record.mask}, noise_model=noise,
+        plain, train=record, residuals=r, used=record.mask, noise_model=noise,
         noise=estimate_noise([r]),
     )  # fmt: skip
 

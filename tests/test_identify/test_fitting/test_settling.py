@@ -7,9 +7,12 @@ import numpy as np
 from hysteresis import Record
 from identify import fit
 from identify.fitting._settling import settled
+from identify.fitting._training_data import training_data
 from identify.linear._composition_fit import relaxation_times
 
 CYCLES, SAMPLES = 10, 60
+BOTH = (False, True)
+"""Orientations to try."""
 
 
 def pressed(settling: float, turn: int = 1) -> Record:
@@ -27,7 +30,7 @@ def counted(record: Record) -> list[int]:
 
 def test_a_sample_that_settles_keeps_its_last_cycles():
     record = pressed(settling=0.2)
-    later = settled(record)
+    later = settled(record, BOTH)
     assert counted(later) == [8, 9, 10]
     assert "cycle 8" in later.history[-1]
     # Memory longer than a part of a cycle of 10 s cannot be told from what the first cycles left.
@@ -38,11 +41,15 @@ def test_a_sample_that_settles_keeps_its_last_cycles():
 def test_what_may_not_be_left_out_stays():
     record = pressed(settling=0.2)
     half = np.where(record.cycle > 5, 0.5 * record.input, record.input)
-    assert settled(replace(record, input=half)).mask.all()  # cycles that are not alike
+    assert settled(replace(record, input=half), BOTH).mask.all()  # cycles that are not alike
     few = replace(record, mask=record.cycle <= 5)
-    assert settled(few) is few
+    assert settled(few, BOTH) is few
     falling = pressed(settling=0.2, turn=-1)
-    assert settled(falling) is falling
+    prepared = training_data(
+        falling, None, keep_conditioning=False, keep_clocks=False, say=lambda text: None
+    )
+    assert prepared.falls
+    assert prepared.record.mask.all()
 
 
 def test_a_fit_says_so_and_may_be_told_otherwise():
@@ -60,4 +67,4 @@ def test_a_fit_says_so_and_may_be_told_otherwise():
 def test_no_cycles_no_settling():
     t = np.linspace(0, 1, 200)
     record = Record.from_arrays(t * 1.0, t**2, t)
-    assert settled(record) is record
+    assert settled(record, BOTH) is record

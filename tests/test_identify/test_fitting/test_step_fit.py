@@ -100,7 +100,7 @@ def test_the_end_held_out():
     assert fit.metrics["test"] is not None
     assert fit.test is not None
     assert any("held-out rows, up to" in reason for reason in fit.verdict.reasons)
-    found = fit.internals["spectrum"]
+    found = fit.detail.spectrum
     assert found.span < T[-1] / 3
     _, low, high = found.predict(T)
     y = np.asarray(CREEP.creep_compliance(T))
@@ -113,7 +113,7 @@ def test_elements_outside_the_record_are_a_spring_or_a_dashpot():
     noise = 1 + 1e-3 * np.random.default_rng(0).normal(size=len(t))
     fit = fit_step(record(t, FORCE * np.asarray(slow.creep_compliance(t)) * noise))
     assert [p.status for p in fit.parameters if p.name in ("E1", "eta1")] == ["free", "free"]
-    found = fit.internals["spectrum"]
+    found = fit.detail.spectrum
     tau = [float(e) for e in np.asarray(found.model.eta / found.model.E)]
     beyond = [k for k, x in enumerate(tau, 1) if x >= found.span]
     names = {p.name: p for p in fit.parameters}
@@ -131,7 +131,7 @@ def test_a_folder_keeps_it(tmp_path: Path):
     assert loaded.parameters == fit.parameters
     assert [note.code for note in loaded.train.history] == [n.code for n in fit.train.history]
     assert "step-before-first-row" in [note.code for note in loaded.train.history]
-    old, new = fit.internals["spectrum"], loaded.internals["spectrum"]
+    old, new = fit.detail.spectrum, loaded.detail.spectrum
     assert (new.table, new.order, new.kind, new.notes) == (
         old.table,
         old.order,

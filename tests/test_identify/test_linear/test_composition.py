@@ -10,7 +10,7 @@ import pytest
 from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import fit, load, sample, save
-from identify.linear._composition import PARTS, Composition
+from identify.linear._composition import PARTS, CompositionUnknowns
 from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
@@ -50,7 +50,9 @@ FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
 @pytest.mark.parametrize(("leading", "first"), [(False, ()), (True, FIRST)])
 def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float, ...]):
     data = record()
-    meaning = Composition(PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative", first=first)
+    meaning = CompositionUnknowns(
+        PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative", first=first
+    )
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     columns = meaning.columns(data, rows)
@@ -62,7 +64,7 @@ def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float,
 
 
 def test_all_parts_but_the_strengths_rise_with_the_input():
-    meaning = Composition(PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative").of(
+    meaning = CompositionUnknowns(PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative").of(
         *(p for p in PARTS if p != "strengths")
     )
     model = meaning.model(np.random.default_rng(1).uniform(0, 1, meaning.count))

@@ -10,8 +10,8 @@ import scipy.optimize
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import fit, fit_density, load, sample, save
-from identify.linear._preisach_problem import PreisachProblem, minimum
-from identify.linear._preisach_unknowns import Unknowns, refined
+from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_unknowns import GridUnknowns, refined
 from identify.records._folds import Parts
 
 
@@ -40,7 +40,7 @@ def problem_of(record: Record, cells: int, initial: str = "negative") -> Preisac
     scale = float(np.ptp(record.output))
     low, high = float(record.input.min()), float(record.input.max())
     whole = Parts(np.zeros(len(record), int), (), None, "")
-    return PreisachProblem(record, whole, Unknowns(cells, low, high, False, initial, scale))
+    return PreisachProblem(record, whole, GridUnknowns(cells, low, high, False, initial, scale))
 
 
 def test_the_objective_is_that_of_scipy() -> None:
@@ -115,7 +115,7 @@ def test_a_first_state_is_fitted() -> None:
 def test_refining_splits_what_is_heavy_and_keeps_the_mass() -> None:
     masses = bump(8)[np.tril_indices(8)]
     block = refined(np.arange(36), masses, share=0.02)
-    fine = Unknowns(16, 0.0, 1.0, False, "negative", 1.0, block=block)
+    fine = GridUnknowns(16, 0.0, 1.0, False, "negative", 1.0, block=block)
     heavy = int((masses > 0.02).sum())
     diagonal = int((np.diagonal(bump(8)) > 0.02).sum())
     assert block.max() + 1 == 36 + 3 * (heavy - diagonal) + 2 * diagonal
@@ -126,12 +126,12 @@ def test_refining_splits_what_is_heavy_and_keeps_the_mass() -> None:
 def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:
     """Splitting cells in four, each with its share by area, changes no output."""
     n, random = 5, np.random.default_rng(0)
-    coarse = Unknowns(n, 0.0, 1.0, False, "negative", 1.0)
+    coarse = GridUnknowns(n, 0.0, 1.0, False, "negative", 1.0)
     z = random.random(coarse.count)
     block = np.zeros((2 * n, 2 * n), int)
     i, j = np.tril_indices(2 * n)
     block = (i // 2) * (i // 2 + 1) // 2 + j // 2
-    fine = Unknowns(2 * n, 0.0, 1.0, False, "negative", 1.0, block=block)
+    fine = GridUnknowns(2 * n, 0.0, 1.0, False, "negative", 1.0, block=block)
     x = np.concatenate([z[:1], np.repeat(z[1 : 1 + n] / 2, 2), z[1 + n :]])
     u = walk(8, samples=200)
     np.testing.assert_allclose(
@@ -158,7 +158,7 @@ def test_the_minimum_of_many_draws_is_feasible() -> None:
     problem = problem_of(record_of(TRUTH, walk(6)), 10)
     H, b = problem.objective((0,), 1e-3)
     for seed in range(20):
-        x = minimum(problem.meaning, H, b + np.random.default_rng(seed).normal(0, 1e-2, len(b)))
+        x = problem.meaning.minimum(H, b + np.random.default_rng(seed).normal(0, 1e-2, len(b)))
         assert x[1:].min() >= 0
 
 

@@ -13,7 +13,7 @@ from hysteresis.preisach import GridDensity
 from identify.linear._preisach_design_matrix import NodeSpace, design_rows, normal_equations
 from identify.linear._preisach_fit import fit_preisach
 from identify.linear._preisach_problem import PreisachProblem
-from identify.linear._preisach_unknowns import Unknowns
+from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import parts
 
 
@@ -107,7 +107,7 @@ def test_orientation_and_initial_state_are_found_on_the_held_out_part() -> None:
 def test_slopes_are_those_of_the_model() -> None:
     """Slacks and constraints of the fit are least_slope's row and column sums."""
     n, random = 6, np.random.default_rng(4)
-    meaning = Unknowns(n, 0.0, 1.0, True, "negative", 1.0)
+    meaning = GridUnknowns(n, 0.0, 1.0, True, "negative", 1.0)
     z = random.uniform(size=meaning.count)
     plain = meaning.expansion @ z
     weights = np.zeros((n, n))
@@ -123,7 +123,7 @@ def test_the_minimum_does_not_depend_on_the_way_of_summing() -> None:
     u = history(5)
     record = Record.from_arrays(u, np.sin(3 * u), groups=np.arange(len(u)) // 120)
     cut = parts(record)
-    problem = PreisachProblem(record, cut, Unknowns(8, 0.0, 1.0, False, "negative", 1.0))
+    problem = PreisachProblem(record, cut, GridUnknowns(8, 0.0, 1.0, False, "negative", 1.0))
     H, _ = problem.objective(cut.all, 1e-3)
     one = parts(Record.from_arrays(u, np.sin(3 * u)))
     assert H.shape == (problem.meaning.count,) * 2

@@ -1,0 +1,145 @@
+"""Fits that are linear in their unknowns: the weights of a grid, and compositions of parts."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hysteresis import AbstractModel, InputError, Preisach, Record
+from hysteresis.preisach import AbstractGridDensity
+
+from ..linear._composition_fit import fit_compositions, fit_lagging
+from ..linear._linear_fit import LinearFit
+from ..linear._preisach_fit import GRIDS, fit_preisach
+from ..noise._residual_statistics import Noise
+from ..records._run_model import predict
+from ..results._detail import Composition, GridWeights
+from ..results._fit_result import FitResult, Parameter
+from ..results._goodness_of_fit import evidence
+from ._training_data import TrainingData
+
+DRAWS = 64
+"""Draws from which the errors of the totals are estimated."""
+
+
+def fit_grid(
+    name: str, template: AbstractModel | None, data: TrainingData, initial: str, seed: int
+) -> FitResult:
+    """A Preisach model on a grid, called `name`; `template` fixes its shape where one is given.
+
+    Raises `InputError` where the output falls as the input rises.
+    """
+    if data.falls:
+        raise _falls(data.record)
+    leadings, cells, dead_band = data.leadings, GRIDS, 0.0
+    initials: tuple[Any, ...] = data.initials if initial == "auto" else (initial,)
+    if isinstance(template, Preisach):
+        leadings, dead_band = (template.leading,), template.dead_band
+        initials = (template.initial if initial == "auto" else initial,)
+        if isinstance(template.density, AbstractGridDensity):
+            cells = (template.density.cells,)
+    linear = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band=dead_band)
+    note = (
+        f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
+        f" {linear.meaning.block.max() + 1} blocks, chosen on {data.parts.how}."
+    )
+    return _result(name, linear, GridWeights(linear), data, (note,), seed)
+
+
+def fit_composition(
+    data: TrainingData, initial: str, seed: int, say: Callable[[str], None]
+) -> list[FitResult]:
+    """Compositions from a curve alone to the best one; see `fit_compositions`.
+
+    Raises `InputError` where the output falls as the input rises.
+    """
+    if data.falls:
+        raise _falls(data.record)
+    state = "negative" if initial in ("auto", "fit") else initial
+    path = fit_compositions(data.record, data.parts, data.leadings, state)
+    if data.seeks_lag:
+        say(f"{path[-1].meaning.name}; is there a lag between the clocks?")
+        if (lagging := fit_lagging(path, data.record, data.parts, state)) is not None:
+            clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
+            path, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
+    results = []
+    for linear in path:
+        notes = [f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."]
+        if data.clocks.lag:
+            notes.append(_lag_in_words(data))
+        detail, name = Composition(linear), linear.meaning.name
+        results.append(_result(name, linear, detail, data, tuple(notes), seed))
+    return results
+
+
+def _result(
+    name: str,
+    linear: LinearFit,
+    detail: GridWeights | Composition,
+    data: TrainingData,
+    notes: tuple[str, ...],
+    seed: int,
+) -> FitResult:
+    model = linear.model
+    predicted = predict(model, data.record)
+    judged = evidence(data.record, data.parts, predicted, linear.dropped, linear.held_out)
+    totals, covariance = _totals(linear, judged.noise, data.record.output_unit, seed)
+    return FitResult(
+        name=name,
+        model=model,
+        parameters=totals,
+        covariance=covariance,
+        residuals=judged.residuals,
+        used=judged.used,
+        metrics=judged.metrics,
+        success=True,
+        score=judged.score,
+        blocks=linear.blocks * linear.meaning.scale**2,
+        noise=judged.noise,
+        train=data.record,
+        notes=(*notes, *judged.notes),
+        detail=detail,
+        clocks=data.clocks,
+        channels=data.channels,
+        seed=seed,
+    )
+
+
+def _totals(
+    linear: LinearFit, noise: Noise, unit: str, seed: int
+) -> tuple[tuple[Parameter, ...], np.ndarray]:
+    """The sums that tell what each part of a linear model does, with their errors.
+
+    The covariance is that of projected draws about the fit, not about their mean: where the data leave
+    much open the signs push the draws to one side, and the error has to reach there.
+    """
+    sums, scale = linear.meaning.totals, linear.meaning.scale
+    values = scale * sums @ linear.unknowns
+    draws = scale * linear.draws(noise, DRAWS, np.random.default_rng(seed)) @ sums.T
+    deviations = draws - values
+    covariance = deviations.T @ deviations / len(draws)
+    errors = np.sqrt(np.diagonal(covariance))
+    parameters = tuple(
+        Parameter(name, float(value), unit, float(error), "free")
+        for name, value, error in zip(linear.meaning.total_names, values, errors, strict=True)
+    )
+    return parameters, covariance
+
+
+def _lag_in_words(data: TrainingData) -> str:
+    record, clocks = data.record, data.clocks
+    return (
+        f"{record.output_name} lags {record.input_name} by {clocks.lag:.3g} +-"
+        f" {clocks.lag_error:.1g} {record.time_unit}: taken out before the fit (--clocks keep"
+        " leaves it in)."
+    )
+
+
+def _falls(record: Record) -> InputError:
+    return InputError(
+        "output-falls",
+        f"{record.output_name} falls as {record.input_name} rises. A model of rising parts cannot fall.",
+        cause="the sign convention of one column.",
+        fix="turn the sign of one column.",
+    )

@@ -1,0 +1,90 @@
+"""What a fit works on: the record as the models see it, prepared once, and what it shows of itself."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from hysteresis import ChannelMap, Note, Record, check_identifiable
+
+from ..linear._channel_map_fit import fit_channel_map
+from ..records._channel_map import combine
+from ..records._clocks import Clocks, is_held
+from ..records._folds import Parts, parts
+from ..records._orientation import initial_states, orientations, output_falls
+from ..results._fit_result import FitResult
+from ..results._metrics import metrics
+from ._settling import settled
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """A record made ready for every candidate of a fit.
+
+    - `record`: as the models see it: channels combined, clocks corrected, what settles masked.
+    - `test`: the record to judge on, its channels combined too; None where nothing is held out.
+    - `parts`: the training rows cut into parts, and the folds made of them.
+    - `falls`: whether the output falls, on the whole, as the input rises.
+    - `leadings`: orientations worth trying. `initials`: initial states worth trying.
+    - `clocks`: what was done to the input. `channels`: what combined several channels into it.
+    - `seeks_lag`: whether a constant lag between the clocks may be looked for.
+    - `warnings`: what is wrong with the data though a fit is possible.
+    """
+
+    record: Record
+    test: Record | None
+    parts: Parts
+    falls: bool
+    leadings: tuple[bool, ...]
+    initials: tuple[str, ...]
+    clocks: Clocks
+    channels: ChannelMap | None
+    seeks_lag: bool
+    warnings: tuple[Note, ...]
+
+    def tested(self, fit: FitResult) -> FitResult:
+        """The fit with its figures on the test record, if there is one."""
+        if self.test is None:
+            return fit
+        judged = replace(fit, test=fit.clocks.applied(self.test))
+        held_out = metrics(self.test.output, judged.predict(self.test), self.test.mask)
+        return replace(judged, metrics={**fit.metrics, "test": held_out})
+
+
+def training_data(
+    record: Record,
+    test: Record | None,
+    *,
+    keep_conditioning: bool,
+    keep_clocks: bool,
+    say: Callable[[str], None],
+) -> TrainingData:
+    """Prepare a record, each step once and in the order in which the models see its effects.
+
+    `keep_conditioning` keeps first cycles that differ from the later ones; `keep_clocks` keeps the input as
+    it is.
+
+    Raises `InputError` where the record cannot identify anything.
+    """
+    channels = None
+    if record.channels:
+        channels, record = fit_channel_map(record, keep_conditioning=keep_conditioning)
+        test = None if test is None else combine(test, channels)
+        say(record.history[-1])
+    warnings = tuple(check_identifiable(record))
+    updates_late = not keep_clocks and record.time is not None and is_held(record)
+    clocks = Clocks(interpolated=updates_late)
+    record = clocks.applied(record)
+    # The cycles that settling masks are like the ones it keeps, so what follows holds for both.
+    falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
+    if not (keep_conditioning or falls) and (later := settled(record, leadings)) is not record:
+        record = later
+        say(record.history[-1])
+    cut = parts(record, keep_conditioning=keep_conditioning)
+    if clocks.interpolated:
+        say(f"{record.input_name} is updated less often than read: linear between its updates")
+    say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
+    return TrainingData(
+        record, test, cut, falls, leadings, initials, clocks, channels,
+        # The channels' curves have taken up a lag between the clocks, if there is one.
+        seeks_lag=not keep_clocks and channels is None and record.time is not None,
+        warnings=warnings,
+    )  # fmt: skip

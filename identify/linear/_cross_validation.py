@@ -1,0 +1,94 @@
+"""Cross-validated, regularised linear least squares: what every such fit of this folder shares.
+
+A problem forms the normal equations of each part of the rows once. Those of any choice of parts are their
+sum, so that trying a prior strength on held-out parts does not touch the rows again.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+STRENGTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+"""Prior strengths tried, the strongest first; in squares of the output's range."""
+
+ROWS = 8000
+"""Rows that a dense problem takes: of a longer record every k-th, since neighbours are almost copies."""
+
+JITTER = 1e-12
+"""Added to the diagonal, over its mean, so that Cholesky's factorisation exists."""
+
+Problem = TypeVar("Problem")
+
+
+class NormalEquations(NamedTuple):
+    """Normal equations of some rows: H = A'A, b = A'y, y'y, and how many rows."""
+
+    H: Float[np.ndarray, "unknowns unknowns"]
+    b: Float[np.ndarray, " unknowns"]
+    yy: float
+    rows: int
+
+    def __add__(self, other: "NormalEquations") -> "NormalEquations":  # type: ignore[override]
+        return NormalEquations(
+            self.H + other.H, self.b + other.b, self.yy + other.yy, self.rows + other.rows
+        )
+
+    def squared_error(self, z: Float[np.ndarray, " unknowns"]) -> float:
+        """|A z - y|^2."""
+        return float(max(z @ self.H @ z - 2 * self.b @ z + self.yy, 0.0))
+
+    @property
+    def means(
+        self,
+    ) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
+        """H and b over the number of rows, so that a prior's strength means the same for any number."""
+        return self.H / self.rows, self.b / self.rows
+
+
+def normal_equations_of(
+    A: Float[np.ndarray, "rows unknowns"],
+    y: Float[np.ndarray, " rows"],
+    parts: dict[int, Bool[np.ndarray, " rows"]],
+) -> dict[int, NormalEquations]:
+    """Those of each part of the rows of a dense problem A x = y."""
+    return {
+        part: NormalEquations(
+            A[rows].T @ A[rows], A[rows].T @ y[rows], float(y[rows] @ y[rows]), int(rows.sum())
+        )
+        for part, rows in parts.items()
+    }
+
+
+def total(normal: Iterable[NormalEquations]) -> NormalEquations:
+    """The normal equations of several parts together."""
+    first, *rest = normal
+    return sum(rest, first)
+
+
+def thinned(rows: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " fewer"]:
+    """At most `ROWS` of the rows: every k-th."""
+    return rows[:: -(-len(rows) // ROWS)]
+
+
+def jittered(H: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """H with a trace of `JITTER`, in place."""
+    H[np.diag_indices(len(H))] += JITTER * np.trace(H) / len(H)
+    return H
+
+
+@dataclass(frozen=True, eq=False)
+class Choice(Generic[Problem]):
+    """A problem with a prior strength, tried on held-out parts.
+
+    - `blocks`: mean squared errors of blocks of held-out rows, over the square of the output's range.
+    - `parts`: of a composition, those it has. `dropped`: the fit leaves out the conditioning cycle.
+    """
+
+    problem: Problem
+    strength: float
+    blocks: Float[np.ndarray, " blocks"]
+    parts: tuple[str, ...] = ()
+    dropped: bool = False

@@ -1,0 +1,98 @@
+"""Standard errors of fitted parameters: covariances, statuses and 90 % intervals."""
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import AbstractModel, Record
+from hysteresis.numerics._normal import NORMAL_95
+
+from ..parameters._settings import numbers_of
+from ..parameters._transform import Transform
+from ..results._fit_result import Parameter, Status
+from ._interval_skewness import Skewness
+
+UNCERTAIN = 2.0
+"""Standard error of a bounded parameter's logarithm, a factor of 7, beyond which it is unidentified."""
+
+SATURATED = 7.0
+"""Distance from 0 on the unconstrained scale, between two bounds, beyond which a parameter is at one."""
+
+NEAR = 1e-3
+"""Distance from a bound other than 0, over that bound, within which a parameter is at it."""
+
+
+def covariance_of(
+    jacobian: Float[np.ndarray, "rows parameters"], variance: float
+) -> Float[np.ndarray, "parameters parameters"]:
+    """variance (J'J)^-1 of the free vector; directions the data do not see get infinite variance."""
+    _, size, V = np.linalg.svd(jacobian, full_matrices=False)
+    seen = size > 1e-10 * size.max(initial=1e-300)
+    inverse = np.where(seen, 1 / np.where(seen, size, 1.0) ** 2, np.inf)
+    with np.errstate(invalid="ignore"):
+        blind = (V[~seen] ** 2).sum(0) > 1e-12
+        covariance = (V[seen].T * inverse[seen]) @ V[seen] * variance
+    covariance[blind, blind] = np.inf
+    return covariance
+
+
+def rescaled(
+    covariance: Float[np.ndarray, "parameters parameters"],
+    factor: Float[np.ndarray, " parameters"],
+) -> Float[np.ndarray, "parameters parameters"]:
+    """The covariance of every parameter times its factor."""
+    with np.errstate(invalid="ignore"):
+        return covariance * factor[:, None] * factor
+
+
+def statuses(
+    bounds: Transform,
+    free: Float[np.ndarray, "*fits parameters"],
+    error: Float[np.ndarray, "*fits parameters"],
+) -> np.ndarray:
+    """Of every parameter "free", "at bound" or "unidentified", from the free vector and its errors.
+
+    A bounded parameter whose logarithm is uncertain by more than 2 (a factor of 7) is unidentified; it acts
+    as a limit (0 or infinity) there.
+    """
+    low, high = np.isfinite(bounds.low), np.isfinite(bounds.high)
+    # The distance from a bound other than 0, on the bound's own scale.
+    end = np.where(low, bounds.low, np.where(high, bounds.high, 0.0))
+    with np.errstate(over="ignore"):
+        near = (low | high) & (end != 0) & (np.exp(free) < NEAR * np.abs(end))
+    at_bound = np.where(low & high, np.abs(free) > SATURATED, near)
+    lost = ~np.isfinite(error) | ((low | high) & (error > UNCERTAIN))
+    return np.where(at_bound, "at bound", np.where(lost, "unidentified", "free"))
+
+
+def reported(
+    model: AbstractModel,
+    bounds: Transform,
+    free: Float[np.ndarray, " parameters"],
+    covariance: Float[np.ndarray, "parameters parameters"],
+    record: Record,
+    skewness: Skewness,
+) -> tuple[Parameter, ...]:
+    """The parameters of a fitted model with their errors: none at a bound, none where unidentified."""
+    error, slope = np.sqrt(np.diagonal(covariance)), bounds.slope(free)
+    status = statuses(bounds, free, error)
+    lean = skewness.displaced(NORMAL_95)
+    found = []
+    words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    for name, info, value in numbers_of(model):
+        unit = info.in_units(words)
+        if name not in bounds.names:
+            found.append(Parameter(name, value, unit, None, "fixed"))
+            continue
+        k = bounds.names.index(name)
+        known: Status = str(status[k])  # type: ignore[assignment]
+        if known != "free":
+            found.append(Parameter(name, value, unit, None, known))
+            continue
+        ends = [
+            free + np.eye(len(free))[k] * float(error[k]) * (lean[k] + side)
+            for side in (-NORMAL_95, NORMAL_95)
+        ]
+        low, high = (float(bounds.to_values(end)[k]) for end in ends)
+        stderr = float(error[k]) * abs(float(slope[k]))
+        found.append(Parameter(name, value, unit, stderr, known, low, high))
+    return tuple(found)

@@ -1,0 +1,151 @@
+"""The kinds of fit: what each holds beside parameters, and what follows from it.
+
+A new kind of fit is a class here, a member of `Detail`, and a branch of `sample` where it has its own
+posterior.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from hysteresis import AbstractModel
+
+from ..linear._composition import CompositionUnknowns
+from ..linear._linear_fit import LinearFit
+from ..linear._preisach_unknowns import GridUnknowns
+from ..noise._residual_statistics import Noise
+from ..spectra._extrapolation import Allowed
+from ..spectra._spectrum import Order, Spectrum
+
+Words: TypeAlias = dict[str, Any]
+Arrays: TypeAlias = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Parametric:
+    """A model of few parameters, fitted by maximum likelihood or least squares."""
+
+    kind: ClassVar[str] = "parametric"
+    is_linear: ClassVar[bool] = False
+    """Whether the unknowns are weights that a prior holds together: they are not counted as parameters."""
+    least_parameter: ClassVar[float] = -np.inf
+    """Lower limit of a reported parameter that is not one of the model's own."""
+
+    def words(self) -> Words:
+        """What fit.json says beside the parameters."""
+        return {}
+
+    def arrays(self) -> dict[str, Any]:
+        """What fit.npz holds beside the residuals."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class GridWeights:
+    """The weights of a Preisach model on a grid, fitted by non-negative least squares."""
+
+    linear: LinearFit[GridUnknowns]
+    kind: ClassVar[str] = "grid weights"
+    is_linear: ClassVar[bool] = True
+    least_parameter: ClassVar[float] = -np.inf
+    key: ClassVar[str] = "unknowns"
+    """Under this name fit.json holds it."""
+
+    def words(self) -> Words:
+        return {self.key: self.linear.meaning.words()}
+
+    def arrays(self) -> dict[str, Any]:
+        return _linear_arrays(self.linear) | {"block": self.linear.meaning.block}
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "GridWeights":
+        """The inverse of `words` and `arrays`."""
+        return cls(_linear_fit(GridUnknowns(**words, block=np.asarray(arrays["block"])), arrays))
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """A sum of parts, each linear in its unknowns, fitted by non-negative least squares."""
+
+    linear: LinearFit[CompositionUnknowns]
+    kind: ClassVar[str] = "composition"
+    is_linear: ClassVar[bool] = True
+    least_parameter: ClassVar[float] = -np.inf
+    key: ClassVar[str] = "composition"
+
+    def words(self) -> Words:
+        return {self.key: self.linear.meaning._asdict()}
+
+    def arrays(self) -> dict[str, Any]:
+        return _linear_arrays(self.linear) | {"rows": self.linear.rows}
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "Composition":
+        """The inverse of `words` and `arrays`."""
+        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
+        return cls(_linear_fit(CompositionUnknowns(**words), arrays))
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteSpectrum:
+    """A discrete spectrum of time constants, of creep or relaxation under a constant input."""
+
+    spectrum: Spectrum
+    kind: ClassVar[str] = "spectrum"
+    is_linear: ClassVar[bool] = False
+    least_parameter: ClassVar[float] = 0.0
+    key: ClassVar[str] = "spectrum"
+
+    def words(self) -> Words:
+        spectrum = self.spectrum
+        return {
+            self.key: {
+                "kind": spectrum.kind,
+                "order": spectrum.order,
+                "table": [row._asdict() for row in spectrum.table],
+                "noise": spectrum.noise._asdict(),
+                "step": spectrum.step,
+                "span": spectrum.span,
+                "notes": list(spectrum.notes),
+            }
+        }
+
+    def arrays(self) -> dict[str, Any]:
+        return {f"spectrum_{name}": x for name, x in self.spectrum.allowed._asdict().items()}
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "DiscreteSpectrum":
+        """The inverse of `words` and `arrays`; the answers of other orders are not kept."""
+        changed = {
+            "model": model,
+            "table": tuple(Order(**row) for row in words["table"]),
+            "noise": Noise(**words["noise"]),
+            "allowed": Allowed(*(arrays[f"spectrum_{name}"] for name in Allowed._fields)),
+            "notes": tuple(words["notes"]),
+        }
+        return cls(Spectrum(**words | changed))
+
+
+Detail: TypeAlias = Parametric | GridWeights | Composition | DiscreteSpectrum
+
+
+def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel) -> Detail:
+    """The kind of a saved fit, from its fit.json and fit.npz."""
+    for kind in (GridWeights, Composition, DiscreteSpectrum):
+        if kind.key in document:
+            return kind.rebuilt(document[kind.key], arrays, model)
+    return Parametric()
+
+
+def _linear_arrays(linear: LinearFit) -> dict[str, Any]:
+    return {"at": linear.unknowns, "H": linear.H, "b": linear.b, "blocks": linear.blocks}
+
+
+def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
+    # What only the fit itself needs, the prior's strength, is not kept.
+    rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
+    own = (arrays[name] for name in ("at", "H", "b", "blocks"))
+    unknowns, H, b, blocks = own
+    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks)
