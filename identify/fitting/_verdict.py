@@ -1,4 +1,4 @@
-"""Whether a fit can be used, in words."""
+"""The verdict on a fit: whether it can be used, with all reasons."""
 
 import numpy as np
 
@@ -25,23 +25,23 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     assert train is not None
     fails, cautions, facts = [], [], []
     if not fit.success:
-        fails.append("The solver did not converge: more starts, or a simpler model.")
+        fails.append("The solver did not converge. Use more starts (--starts), or a simpler model.")
     judged, where = (train, "the training rows") if test is None else (test, "the held-out rows")
     said = f"It predicts {where} to {judged.nrmse_percent:.2g} % of their range"
     unit = "" if fit.train.output_unit == "1" else f" {fit.train.output_unit}"
     said += f" ({judged.rmse:.3g}{unit} rms, {judged.max_abs:.3g}{unit} at most)"
     if judged.nrmse_percent > USABLE or not judged.r2 > 0:
-        verdict = Verdict("FAIL", (f"{said}: too far off to use.",))
+        verdict = Verdict("FAIL", (f"{said}, which is too far off to use.",))
     elif judged.nrmse_percent > GOOD:
-        verdict = Verdict("CAUTION", (f"{said}: above {GOOD:g} %.",))
+        verdict = Verdict("CAUTION", (f"{said}, which is above {GOOD:g} %.",))
     else:
         verdict = Verdict("PASS", (f"{said}.",))
     if test is None:
-        cautions.append("Nothing was held out, so nothing is known about unseen data.")
+        cautions.append("Nothing was held out, so the error on unseen data is unknown.")
     elif test.nrmse_percent > 2 * train.nrmse_percent and test.nrmse_percent > 1:
         cautions.append(
             f"That is {test.nrmse_percent / train.nrmse_percent:.1f} times the error on the"
-            " training rows: the held-out ones differ, or the model is too free."
+            " training rows, because the held-out rows differ or the model has too much freedom."
         )
     if test is not None:
         outside = _share_outside(fit)
@@ -52,7 +52,7 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
     for status in ("at bound", "unidentified"):
         names = [p.name for p in fit.parameters if p.status == status]
         if names:
-            cautions.append(f"{', '.join(names)}: {status}, so without an error bar.")
+            cautions.append(f"No standard error for {', '.join(names)} ({status}).")
             if status == "unidentified":
                 cautions += without_effect(fit, names)
     if (found := another_minimum(fit)) is not None:
@@ -60,15 +60,13 @@ def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
         (facts if exchanged else cautions).append(sentence)
     cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
     if fit.noise_model is not None and not fit.noise_model.is_white:
-        facts.append(f"Its residuals are taken for noise of this kind: {fit.noise_model.words}.")
+        facts.append(f"Noise model of the residuals: {fit.noise_model.words}.")
     elif fit.noise_model is None and fit.noise_evidence:
-        facts.append(
-            "No kind of noise explains its residuals: the model itself is off by that much."
-        )
+        facts.append("No noise model explains the residuals; treat them as model error.")
     if fit.noise.correlation_time > 3:
         facts.append(
-            f"Its residuals are correlated over {fit.noise.correlation_time:.0f} samples:"
-            f" {fit.noise.samples} rows count as {fit.noise.effective:.0f}, and errors are widened for it."
+            f"The residuals are correlated over {fit.noise.correlation_time:.0f} samples, so"
+            f" {fit.noise.samples} rows count as {fit.noise.effective:.0f} and errors are widened."
         )
     verdict = verdict.at_most("FAIL" if fails else "PASS", *fails)
     return verdict.at_most("CAUTION" if cautions else "PASS", *cautions, *facts)

@@ -1,4 +1,4 @@
-"""What is left of the data when the model is taken away: its size, and how many facts it holds."""
+"""Residual statistics: standard deviation, correlation time, effective sample size."""
 
 from typing import NamedTuple
 
@@ -10,8 +10,8 @@ class Noise(NamedTuple):
     """Gaussian residuals with a correlation time.
 
     Densely sampled residuals are not independent: `samples` of them, correlated over
-    `correlation_time` samples, hold `effective = samples / correlation_time` facts. The one noise
-    model serves both uses: least squares weighs residuals with `sigma`, and the log-likelihood is
+    `correlation_time` samples, have the effective sample size `effective = samples / correlation_time`.
+    Least squares weighs residuals with `sigma`, and the log-likelihood is
 
         log L = -(effective / samples) [ sum r^2 / (2 sigma^2) + samples log sigma ],
 
@@ -24,12 +24,15 @@ class Noise(NamedTuple):
 
     @property
     def effective(self) -> float:
-        """Number of independent residuals that would say as much."""
+        """The effective sample size: the number of independent residuals with the same information."""
         return self.samples / self.correlation_time
 
 
 def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0) -> Noise:
-    """Noise of residuals, one array for each independent sequence; `parameters` were fitted.
+    """Standard deviation and correlation time of residuals.
+
+    **Arguments:** `residuals`, one array for each independent sequence, in the output's unit;
+    `parameters`, how many were fitted.
 
     The correlation time is the larger of two sums over the autocorrelations rho_k:
 
@@ -38,7 +41,7 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
     - 1 + 2 sum rho_k^2 over those beyond three of their standard errors, 3 / sqrt(samples): what
       widens the error of parameters whose effect has the residuals' own rhythm, such as the cycle's.
 
-    At most one fact per fitted parameter is given up, so the errors stay finite.
+    The effective sample size stays above the number of parameters, so errors stay finite.
     """
     samples = sum(len(r) for r in residuals)
     squares = sum(float(r @ r) for r in residuals)

@@ -25,7 +25,13 @@ Arrays: TypeAlias = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Parametric:
-    """A model of few parameters, fitted by maximum likelihood or least squares."""
+    """A model of few parameters, fitted by maximum likelihood or least squares.
+
+    **Example:**
+
+        >>> fit.detail.kind
+        'parametric'
+    """
 
     kind: ClassVar[str] = "parametric"
     is_linear: ClassVar[bool] = False
@@ -44,7 +50,15 @@ class Parametric:
 
 @dataclass(frozen=True, eq=False)
 class GridWeights:
-    """The weights of a Preisach model on a grid, fitted by non-negative least squares."""
+    """The weights of a Preisach model on a grid, fitted by non-negative least squares.
+
+    **Example:**
+
+        >>> isinstance(grid_fit.detail, identify.GridWeights)
+        True
+        >>> len(grid_fit.detail.linear.meaning.block)
+        21
+    """
 
     linear: LinearFit[GridUnknowns]
     kind: ClassVar[str] = "grid weights"
@@ -67,7 +81,15 @@ class GridWeights:
 
 @dataclass(frozen=True, eq=False)
 class Composition:
-    """A sum of parts, each linear in its unknowns, fitted by non-negative least squares."""
+    """A sum of parts, each linear in its unknowns, fitted by non-negative least squares.
+
+    `linear.meaning.parts` names the parts.
+
+    **Example:**
+
+        >>> identify.Composition.is_linear
+        True
+    """
 
     linear: LinearFit[CompositionUnknowns]
     kind: ClassVar[str] = "composition"
@@ -90,7 +112,13 @@ class Composition:
 
 @dataclass(frozen=True, eq=False)
 class DiscreteSpectrum:
-    """A discrete spectrum of time constants, of creep or relaxation under a constant input."""
+    """A discrete spectrum of time constants, of creep or relaxation under a constant input.
+
+    **Example:**
+
+        >>> isinstance(fit.detail, identify.DiscreteSpectrum)
+        False
+    """
 
     spectrum: Spectrum
     kind: ClassVar[str] = "spectrum"

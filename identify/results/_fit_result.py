@@ -22,10 +22,11 @@ Status = Literal["free", "fixed", "at bound", "unidentified"]
 
 
 class Parameter(NamedTuple):
-    """A fitted parameter: value, unit, standard error (None where there is no honest one), status.
+    """A fitted parameter: value, unit, standard error, status.
 
-    `low`, `high`: its 90 % interval, as skewed as the posterior of the prior that was asked for, else of a
-    flat one in the free space, and never beyond a bound.
+    - `stderr`: None for a parameter that is fixed, at a bound or unidentified.
+    - `low`, `high`: its 90 % interval. Skewed like the posterior under the user's prior if one was given,
+      otherwise under a flat prior on the unconstrained scale; clipped at the bounds.
     """
 
     name: str
@@ -58,8 +59,8 @@ class FitResult:
     - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
-      -log evidence of every kind tried over the best one's. `settings`: what was said of the parameters.
-    - `starts`: every start's objective, for parametric models.
+      -log evidence of every kind tried, over the best one's. `settings`: what the user gave for parameters.
+    - `starts`: the objective of every start, for parametric models.
     - `used`: rows that were fitted, (samples,).
     - `detail`: what kind of fit it is, and what that kind holds: `Parametric`, `GridWeights`, `Composition`
       or `DiscreteSpectrum`.
@@ -112,9 +113,10 @@ class FitResult:
     def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
         """The model's output on a record, every sequence from the virgin state.
 
-        Beyond the inputs of the fit relays go on as play operators, see `extended`; `beyond` tells where.
+        Beyond the inputs of the fit, relays continue as play operators, see `extended`; `beyond` marks
+        those rows.
 
-        Raises `InputError` `wrong-unit` where its input is in another unit than the fit's.
+        Raises `InputError` `wrong-unit` where the record's input has another unit than the fit's.
         """
         if not record.channels:
             check_unit(record.input_name, record.input_unit, self.train.input_unit)

@@ -1,4 +1,4 @@
-"""What speaks for and against a fitted model on the rows it was fitted to."""
+"""Goodness of fit: residuals, errors and noise on the rows that a model was fitted to."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""How far off a model is, in the figures everybody compares."""
+"""Error figures: root mean square, normalised, largest, and R^2."""
 
 from typing import NamedTuple
 
