@@ -362,7 +362,6 @@ hysteresis.Table
 hysteresis.parse_condition
 hysteresis.read_csv
 hysteresis.read_table
-# hysteresis/records/_data_warnings
 # hysteresis/records/_excitation
 hysteresis.check_identifiable
 # hysteresis/records/_record
@@ -406,58 +405,18 @@ identify.pool
 identify.loo
 # identify/comparison/_trend
 identify.change_over_time
-# identify/diagnostics/_profile_likelihood
-identify.profile
-identify.profiles
-# identify/diagnostics/_residual_breakdown
-identify.Breakdown
-identify.breakdown
-# identify/diagnostics/_sensitivity
-identify.sensitivity
-# identify/diagnostics/_sloppiness
-identify.sloppiness
-# identify/diagnostics/_whiteness
-identify.whiteness
 # identify/files/_fit_folder
 identify.load
 identify.save
 # identify/files/_posterior
 identify.load_posterior
 identify.save_posterior
-# identify/fitting/_creep
-identify.fit_step
-# identify/fitting/_fit
-identify.fit
 # identify/forc/_curves
 identify.forc_curves
 # identify/forc/_diagram
 identify.forc_diagram
 # identify/forc/_everett
 identify.everett_surface
-# identify/linear/_density_fit
-identify.fit_density
-# identify/linear/_preisach_excitation
-identify.Design
-identify.design
-identify.excited_cells
-identify.identifiability
-# identify/noise/_residual_statistics
-identify.estimate_noise
-# identify/posterior/_log_posterior
-identify.Target
-identify.target
-# identify/posterior/_predictive
-identify.predictive
-# identify/posterior/_sample
-identify.sample
-# identify/results/_fit_result
-identify.FitResult
-identify.predict
-# identify/results/_metrics
-identify.metrics
-# identify/spectra/_spectrum
-identify.Spectrum
-identify.spectrum
 # identify/training/_gaussian_process
 identify.fit_kernel
 # identify/training/_train

@@ -78,6 +78,12 @@ def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
     Raises `InputError` where the fit has no such free parameter.
 
     Source: Murphy, van der Vaart, On profile likelihood, J. American Statistical Association 95 (2000).
+
+    **Example:**
+
+        >>> slope = identify.profile(fit, "K")
+        >>> f"{slope.low:.2f} to {slope.high:.2f} {slope.unit}"
+        '1.23 to 1.40 mm / N'
     """
     (found,) = profiles(fit, (name,), level=level)
     return found
@@ -86,7 +92,13 @@ def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
 def profiles(
     fit: FitResult, names: Iterable[str] | None = None, *, level: float = 0.9
 ) -> tuple[Profile, ...]:
-    """The profiles of several parameters, all those of the model unless named; see `profile`."""
+    """The profiles of several parameters, all those of the model unless named; see `profile`.
+
+    **Example:**
+
+        >>> [found.name for found in identify.profiles(fit)]
+        ['K', 'b']
+    """
     aim = target(fit)
     units = {p.name: p.unit for p in fit.parameters}
     asked = [n for n in aim.names if n in units] if names is None else list(names)

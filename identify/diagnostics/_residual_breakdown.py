@@ -41,7 +41,14 @@ class Part(NamedTuple):
 
 
 class Breakdown(NamedTuple):
-    """Residuals of a record in parts; `said`: where it is worst, in words."""
+    """Residuals of a record in parts; `said`: where it is worst, in words.
+
+    **Example:**
+
+        >>> parts = identify.breakdown(fit)
+        >>> round(sum(part.share for part in parts.of("branch")), 6)
+        1.0
+    """
 
     parts: tuple[Part, ...]
     said: str
@@ -59,6 +66,12 @@ def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
     speed; inputs are equal parts of the range.
 
     **Arguments:** `record`, as the model sees it, `fit.test` for instance; the fitted rows unless given.
+
+    **Example:**
+
+        >>> parts = identify.breakdown(fit)
+        >>> [part.name for part in parts.of("branch")]
+        ['rising', 'falling']
     """
     if record is None:
         record, used = fit.train, fit.used

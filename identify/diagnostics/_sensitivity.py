@@ -80,6 +80,12 @@ def sensitivity(fit: FitResult) -> Sensitivity:
 
     Rows left out are not scored, but still drive the model and the noise. Each case is sought from the
     optimum by Newton's method; that takes a few steps.
+
+    **Example:**
+
+        >>> found = identify.sensitivity(fit)
+        >>> [case.said for case in found.cases]
+        ['the first cycle', 'cycle 3', 'cycle 4']
     """
     aim, used = target(fit), fit.used
     names = tuple(p.name for p in fit.parameters if p.name in aim.names)

@@ -72,6 +72,12 @@ def sloppiness(fit: FitResult) -> Sloppiness:
 
     Source: Transtrum, Machta, Brown, Daniels, Myers, Sethna, Perspective: Sloppiness and emergent theories
     in physics, biology, and beyond, J. Chemical Physics 143 (2015).
+
+    **Example:**
+
+        >>> found = identify.sloppiness(fit)
+        >>> found.names, round(found.condition)
+        (('K', 'b'), 22)
     """
     aim = target(fit)
     infos = _infos(fit.model)

@@ -84,6 +84,14 @@ def whiteness(fit: FitResult) -> Whiteness:
 
     Source: Ljung, Box, On a measure of lack of fit in time series models, Biometrika 65 (1978); Ljung,
     System Identification, 2nd ed., section 16.6.
+
+    **Example:**
+
+        >>> white = identify.whiteness(fit)
+        >>> white.white
+        False
+        >>> white.itself.lags[:3].tolist()
+        [1, 2, 3]
     """
     train, used = fit.train, fit.used
     r, noise = innovations(fit), fit.noise_model

@@ -158,6 +158,13 @@ def fit_step(
     of output / input, whose `predict` has the range that the record leaves open.
 
     Raises `InputError` where the record is no answer to a step, or double precision is off.
+
+    **Example:**
+
+        >>> times = np.geomspace(0.1, 100, 60)
+        >>> creep = hysteresis.Record.from_arrays(np.full(60, 2.0), 6 - 4 * np.exp(-times / 5), times)
+        >>> identify.fit_step(creep).name
+        'GeneralizedKelvinVoigt of order 1'
     """
     begin = time.perf_counter()
     say = progress or (lambda _: None)

@@ -79,6 +79,12 @@ def fit(
     - `progress`: called with a line of text now and then.
 
     Raises `InputError` where the record cannot identify anything, or double precision is off.
+
+    **Example:**
+
+        >>> found = identify.fit(record, "LinearSponge", test_cycles=1, noise="gaussian")
+        >>> found.name, [p.name for p in found.parameters]
+        ('LinearSponge', ['K', 'b', 'threshold'])
     """
     begin = time.perf_counter()
     say = progress or (lambda _: None)

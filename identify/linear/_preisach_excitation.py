@@ -48,6 +48,11 @@ class Design(NamedTuple):
 
     - `turns`: inputs to visit one after the other, at any speed, from negative saturation.
     - `after`: what is told with its data added.
+
+    **Example:**
+
+        >>> identify.design(record, 6, most=3).input(10).shape
+        (67,)
     """
 
     turns: Float[np.ndarray, " turns"]
@@ -72,6 +77,12 @@ def identifiability(
     before the first sample.
 
     Raises `InputError` for a constant input, no noise, no cells.
+
+    **Example:**
+
+        >>> told = identify.identifiability(record, 6)
+        >>> told.told.shape, round(told.share, 2)
+        ((6, 6), 0.19)
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
@@ -96,6 +107,12 @@ def design(
     cells, or after `most` curves.
 
     Raises `InputError` as `identifiability` does.
+
+    **Example:**
+
+        >>> plan = identify.design(record, 6, most=3)
+        >>> plan.after.share > identify.identifiability(record, 6).share
+        True
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
@@ -125,7 +142,14 @@ def design(
 def excited_cells(
     model: Preisach, record: Record, used: Bool[np.ndarray, " samples"]
 ) -> Bool[np.ndarray, "cells cells"]:
-    """Which cells of a model's grid switched among the used rows: about the others these say nothing."""
+    """Which cells of a model's grid switched among the used rows: about the others these say nothing.
+
+    **Example:**
+
+        >>> cells = identify.excited_cells(grid_fit.model, grid_fit.train, grid_fit.used)
+        >>> cells.shape, int(cells.sum())
+        ((6, 6), 21)
+    """
     assert isinstance(model.density, GridDensity)
     cells = model.density.cells
     grid = _grid(cells, model.density.low, model.density.high, model.initial)

@@ -33,6 +33,12 @@ class Target(eqx.Module):
     - `start`: the maximum that the fit found.
     - `weight`: below 1 where no noise model explains the residuals' correlation: they count for as many as
       are independent.
+
+    **Example:**
+
+        >>> aim = identify.target(fit)
+        >>> bool(np.isfinite(aim.start).all()), len(aim.start)
+        (True, 3)
     """
 
     bounds: Transform
@@ -103,6 +109,11 @@ def target(fit: FitResult) -> Target:
     independent.
 
     Raises `InputError` for a fit by weights or a spectrum, and where no parameter is free.
+
+    **Example:**
+
+        >>> identify.target(fit).names
+        ('K', 'b', 'sigma')
     """
     if not isinstance(fit.detail, Parametric):
         raise InputError(

@@ -71,6 +71,12 @@ def predictive(
     - `record`: as the model sees it; the held-out rows unless given, or the fitted ones where there are
       none.
     - `posterior`: of this fit.
+
+    **Example:**
+
+        >>> bands = identify.predictive(fit)
+        >>> identify.LEVELS, bands.low.shape
+        ((0.5, 0.9, 0.99), (3, 20))
     """
     if record is None:
         record = fit.train if fit.test is None else fit.test

@@ -75,6 +75,14 @@ def sample(
 
     Raises `InputError` for a spectrum, a fit without free parameters, too few steps or walkers, a
     checkpoint that belongs to something else, is damaged or cannot be written.
+
+    **Example:**
+
+        >>> drawn = identify.sample(grid_fit, steps=20)
+        >>> drawn.names
+        ('offset', 'reversible.rise', 'density.mass', 'sigma')
+        >>> drawn.draws.shape
+        (4, 20, 4)
     """
     _check(steps, ensembles, seed, most, method)
     detail = fit.detail

@@ -68,6 +68,13 @@ class FitResult:
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.
     - `channels`: what combined several channels into that input, None where there is one.
+
+    **Example:**
+
+        >>> fit.name, fit.parameter_count, fit.trusted
+        ('LinearSponge', 2, True)
+        >>> fit.predict(record).shape
+        (101,)
     """
 
     name: str

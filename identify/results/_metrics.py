@@ -25,7 +25,14 @@ def metrics(
     predicted: Float[np.ndarray, " samples"],
     mask: Bool[np.ndarray, " samples"] | None = None,
 ) -> Metrics:
-    """Errors of a prediction over the masked rows."""
+    """Errors of a prediction over the masked rows.
+
+    **Example:**
+
+        >>> measured = np.array([0.0, 1.0, 2.0])
+        >>> round(identify.metrics(measured, measured + [0, 0, 0.3]).nrmse_percent, 2)
+        8.66
+    """
     if mask is not None:
         measured, predicted = measured[mask], predicted[mask]
     error = predicted - measured

@@ -61,6 +61,13 @@ class Spectrum(NamedTuple):
     - `step`, `span`: the shortest time that the record resolves, and the longest.
     - `notes`: what the record does not tell, in words.
     - `answers`: of every order; not kept with a saved fit.
+
+    **Example:**
+
+        >>> times = np.geomspace(0.1, 100, 60)
+        >>> found = identify.spectrum(times, 1 + 2 * (1 - np.exp(-times / 5)), most=2)
+        >>> type(found.model).__name__
+        'GeneralizedKelvinVoigt'
     """
 
     kind: Kind
@@ -117,6 +124,13 @@ def spectrum(
 
     Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ,
     an unknown kind; for an `input` without JAX's double precision.
+
+    **Example:**
+
+        >>> times = np.geomspace(0.1, 100, 60)
+        >>> found = identify.spectrum(times, 1 + 2 * (1 - np.exp(-times / 5)), most=2)
+        >>> found.order, float(found.predict([10.0]).value[0].round(3))
+        (1, 2.729)
     """
     t, y, u = np.asarray(t, float), np.asarray(y, float), _array(input)
     kind = _checked(t, y, u, kind)
