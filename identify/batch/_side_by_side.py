@@ -18,7 +18,7 @@ from ..fitting._verdict import judge
 from ..noise._model import NoiseModel, rows_of
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
-from ..parameters._transform import Transform, transform, transform_for
+from ..parameters._transform import Transform, transform_for
 from ..parametric._maximum_likelihood import skewness_at
 from ..parametric._multistart import (
     REFINED,
@@ -283,13 +283,11 @@ def _searched(
 
 def _begin(problem: Problem) -> np.ndarray:
     """Free vectors of the template, and of the model that the record suggests."""
-    bounds, models = problem.bounds, [problem.template]
+    template, other = problem.template, None
     if problem.suggests:
-        kind = type(problem.template)
-        suggested = Candidate(kind.__name__, kind, problem.template).suggested(problem.record)
-        if suggested is not None and transform(suggested, 1.0).names == bounds.names:
-            models.append(suggested)
-    return np.stack([bounds.to_free(model) for model in models])
+        kind = type(template)
+        other = Candidate(kind.__name__, kind, template).suggested(problem.record)
+    return problem.bounds.points_of(template, other)
 
 
 @eqx.filter_jit

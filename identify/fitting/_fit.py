@@ -219,11 +219,11 @@ def _fitted(
         raise InputError(
             "nothing-free", f"every parameter of {name} is fixed or tied, so nothing is to fit."
         )
+    # The search starts from what the record suggests too, but where the user said something of the start.
+    other = suggested if template and not options.parameters else None
+    first = bounds.points_of(start, other)
     check_rows(data.record, len(bounds.names))
-    others = suggested if template and not options.parameters else None
-    search = least_squares(
-        name, start, data, bounds, settings, options.starts, options.seed, others
-    )
+    search = least_squares(name, start, data, bounds, settings, first, options.starts, options.seed)
     # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
     return [_Trial(explained(search, options.noise if only else None), search)]
 

@@ -12,7 +12,6 @@ from hysteresis.preisach import AbstractGridDensity
 from ..linear._composition_fit import fit_compositions, fit_lagging
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_fit import GRIDS, fit_preisach
-from ..noise._residual_statistics import Noise
 from ..records._run_model import predict
 from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
@@ -84,11 +83,15 @@ def _result(
     model = linear.model
     predicted = predict(model, data.record)
     judged = evidence(data.record, data.parts, predicted, linear.dropped, linear.held_out)
-    totals, covariance = _totals(linear, judged.noise, data.record.output_unit, seed)
+    totals, covariance = linear.totals(judged.noise, DRAWS, np.random.default_rng(seed))
+    errors = np.sqrt(np.diagonal(covariance))
     return FitResult(
         name=name,
         model=model,
-        parameters=totals,
+        parameters=tuple(
+            Parameter(total, float(value), data.record.output_unit, float(error), "free")
+            for total, value, error in zip(linear.meaning.total_names, totals, errors, strict=True)
+        ),
         covariance=covariance,
         residuals=judged.residuals,
         used=judged.used,
@@ -104,27 +107,6 @@ def _result(
         channels=data.channels,
         seed=seed,
     )
-
-
-def _totals(
-    linear: LinearFit, noise: Noise, unit: str, seed: int
-) -> tuple[tuple[Parameter, ...], np.ndarray]:
-    """The sums that tell what each part of a linear model does, with their errors.
-
-    The covariance is that of projected draws about the fit, not about their mean: where the data leave
-    much open the signs push the draws to one side, and the error has to reach there.
-    """
-    sums, scale = linear.meaning.totals, linear.meaning.scale
-    values = scale * sums @ linear.unknowns
-    draws = scale * linear.draws(noise, DRAWS, np.random.default_rng(seed)) @ sums.T
-    deviations = draws - values
-    covariance = deviations.T @ deviations / len(draws)
-    errors = np.sqrt(np.diagonal(covariance))
-    parameters = tuple(
-        Parameter(name, float(value), unit, float(error), "free")
-        for name, value, error in zip(linear.meaning.total_names, values, errors, strict=True)
-    )
-    return parameters, covariance
 
 
 def _lag_in_words(data: TrainingData) -> str:

@@ -14,7 +14,7 @@ from ..noise._model import NoiseModel, Rows, rows_of
 from ..noise._reml import Linearised, kinds
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
-from ..parameters._transform import Transform, transform
+from ..parameters._transform import Transform
 from ..parametric._maximum_likelihood import Likeliest, likeliest, linearised, plainest, skewness_at
 from ..parametric._multistart import (
     REFINED,
@@ -62,7 +62,7 @@ class LeastSquares:
 
     def model(self, free: Float[np.ndarray, " parameters"]) -> AbstractModel:
         """The model of a free vector."""
-        return _model(self.bounds, self.template, free)
+        return self.bounds.model(self.template, free)
 
     def evidence(self, predicted: Float[np.ndarray, " samples"]) -> Evidence:
         """What a prediction of the training record leaves over."""
@@ -76,22 +76,21 @@ def least_squares(
     data: TrainingData,
     bounds: Transform,
     settings: Settings,
+    first: Float[np.ndarray, "points parameters"],
     starts: int,
     seed: int,
-    suggested: AbstractModel | None,
 ) -> LeastSquares:
     """Fit the free parameters of `template`, numbers and short arrays, by least squares.
 
-    The search for a start runs on about a thousand rows, side by side, from `template`, from others about
-    it and from the model that the record suggests, if one is given and has the same parameters. The best
-    starts are refined on every row. The fit leaves out a conditioning cycle where that predicts the
-    held-out one better.
+    The search for a start runs on about a thousand rows, side by side, from the free vectors in `first` and
+    from `starts` others about the first of them. The best are refined on every row. The fit leaves out a
+    conditioning cycle where that predicts the held-out one better.
 
     Raises `InputError` where no start gives a finite output.
     """
     record, parts, bounds = data.record, data.parts, bounds.for_fit
     y = np.where(record.mask, record.output, 0.0)
-    tried = _search(template, data, y, bounds, starts, seed, suggested)
+    tried = _search(template, data, y, bounds, first, starts, seed)
     prepared = prepared_longer(template, record.time, record.input, starts_of(record))
     measured = longer(y)
 
@@ -106,7 +105,7 @@ def least_squares(
     def blocks_of(drop: bool) -> np.ndarray:
         def solve(train: tuple[int, ...]) -> AbstractModel:
             free = fitted(parts.without_conditioning(train, drop), begin).free
-            return _model(bounds, template, free)
+            return bounds.model(template, free)
 
         def error(model: AbstractModel, test: tuple[int, ...]) -> np.ndarray:
             rows = np.isin(parts.label, test)
@@ -175,9 +174,9 @@ def _search(
     data: TrainingData,
     y: Float[np.ndarray, " samples"],
     bounds: Transform,
+    first: Float[np.ndarray, "points parameters"],
     starts: int,
     seed: int,
-    suggested: AbstractModel | None,
 ) -> Starts:
     """Every start and its objective on about a thousand rows, wider starts where none was finite."""
     record = data.record
@@ -185,9 +184,6 @@ def _search(
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
     thin_y, thin_mask = longer(y[rows]), longer(record.mask[rows])
-    first = bounds.to_free(template)[None]
-    if suggested is not None and transform(suggested, 1.0).names == bounds.names:
-        first = np.vstack([first, bounds.to_free(suggested)])
     random = np.random.default_rng(seed).normal(0, 1, (starts, first.shape[1]))
     random[0] = 0.0
     for spread in SPREADS:
@@ -261,7 +257,3 @@ def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:
     named = noise == "gaussian" or found.noise.sigma < EXACT * size
     plain = noise == "auto" and nothing_speaks_against(remainder, at.rows)
     return found if named or plain else None
-
-
-def _model(bounds: Transform, template: Any, z: np.ndarray) -> Any:
-    return bounds.insert(template, bounds.to_values(z))

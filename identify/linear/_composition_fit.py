@@ -216,13 +216,17 @@ Tried: TypeAlias = Choice[Problem]
 
 def _path(problem: Problem) -> list[Tried]:
     """From the curve alone, part by part, each with the best of a few prior strengths."""
-    path = [_best(problem, (CURVE,))]
-    while remaining := [p for p in problem.whole.parts if p not in path[-1].parts]:
-        now = path[-1]
-        better = best_of(_best(problem, (*now.parts, part)) for part in remaining)
-        if as_good(now.blocks, better.blocks):
+    path: list[Tried] = []
+    parts: tuple[str, ...] = ()
+    remaining = [CURVE]
+    while remaining:
+        grown = [_best(problem, (*parts, part)) for part in remaining]
+        better = best_of(grown)
+        if path and as_good(path[-1].blocks, better.blocks):
             break
         path.append(better)
+        parts = better.parts
+        remaining = [part for part in problem.whole.parts if part not in parts]
     return path
 
 

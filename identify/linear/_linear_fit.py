@@ -64,3 +64,16 @@ class LinearFit(Generic[Unknowns]):
 
         variance = variance_of_unknowns(noise, self.meaning.scale, self.rows)
         return projected_draws(self.H, self.b, project, variance, count, random, tell)
+
+    def totals(
+        self, noise: Noise, count: int, random: np.random.Generator
+    ) -> tuple[Float[np.ndarray, " sums"], Float[np.ndarray, "sums sums"]]:
+        """The sums that tell what each part of the model does, in the output's unit, and their covariance.
+
+        The covariance is that of projected draws about the fit, not about their mean: where the data leave
+        much open the signs push the draws to one side, and the error has to reach there.
+        """
+        sums, scale = self.meaning.totals, self.meaning.scale
+        values = scale * sums @ self.unknowns
+        deviations = scale * self.draws(noise, count, random) @ sums.T - values
+        return values, deviations.T @ deviations / count

@@ -17,9 +17,6 @@ Model = TypeVar("Model", bound=eqx.Module)
 
 KEYS = ("start", "bounds", "prior", "fixed", "tied")
 
-DECADES = 1e3
-"""Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
-
 
 class Setting(NamedTuple):
     """What is said of one number of a model.
@@ -122,37 +119,6 @@ def replaced(model: Model, name: str, value: Any) -> Model:
         return eqx.tree_at(lambda m: parameter_at(m, whole), model, array.at[int(place)].set(value))
     old = parameter_at(model, name)
     return eqx.tree_at(lambda m: parameter_at(m, name), model, jnp.asarray(value, old.dtype))
-
-
-def default_prior(bounds: tuple[float, float], scale: float) -> Prior:
-    """A weak prior about the data's scale.
-
-    Log-normal within a factor of a thousand for a positive number, uniform between two bounds, else normal
-    with ten times the scale.
-    """
-    low, high = bounds
-    if np.isfinite(low) and np.isfinite(high):
-        return Prior("uniform", low, high, default=True)
-    if low == 0:
-        return Prior("log-normal", scale, DECADES, default=True)
-    middle = low if np.isfinite(low) else high if np.isfinite(high) else 0.0
-    return Prior("normal", middle, 10 * scale, default=True)
-
-
-def data_scale(unit: str, sizes: Mapping[str, float]) -> float:
-    """The size of a parameter, from its unit and the sizes of what the unit's words stand for.
-
-    "force * time / displacement" -> sizes["force"] * sizes["time"] / sizes["displacement"].
-    """
-    scale, divide = 1.0, False
-    for word in unit.split():
-        if word in ("*", "/"):
-            divide = word == "/"
-            continue
-        base, _, power = word.partition("^")
-        size = sizes.get(base, 1.0) ** float(power or 1)
-        scale, divide = (scale / size if divide else scale * size), False
-    return scale
 
 
 def _said(

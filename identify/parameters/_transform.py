@@ -1,5 +1,6 @@
 """Bounded parameters and the free vector an optimiser or sampler moves, defined once."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -11,7 +12,10 @@ from jaxtyping import Array, Float
 from hysteresis import AbstractModel, ParameterInfo, Record, parameter_at, parameters
 
 from ._priors import Prior
-from ._settings import Setting, Settings, data_scale, default_prior
+from ._settings import Setting, Settings
+
+DECADES = 1e3
+"""Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
 
 Model = TypeVar("Model", bound=eqx.Module)
 Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
@@ -120,6 +124,17 @@ class Transform(NamedTuple):
                 whole[name] = array.at[np.array(places)].set(jnp.stack(entries))
         return eqx.tree_at(lambda m: [parameter_at(m, n) for n in whole], model, [*whole.values()])
 
+    def model(self, template: Model, z: Vector) -> Model:
+        """The model of a free vector; `template` has all that does not move."""
+        return self.insert(template, self.to_values(z))
+
+    def points_of(
+        self, model: eqx.Module, other: eqx.Module | None
+    ) -> Float[np.ndarray, "points parameters"]:
+        """The free vector of a model, and that of another one if the same parameters move in it."""
+        alike = other is not None and transform(other, 1.0).names == self.names
+        return np.stack([self.to_free(one) for one in ((model, other) if alike else (model,))])
+
     def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
         return np.array([float(parameter_at(model, name)) for name in self.names])
@@ -170,6 +185,37 @@ def transform_for(model: eqx.Module, record: Record, settings: Settings | None =
         step, span = np.median(np.concatenate(steps)), max(s.sum() for s in steps)
         time = float(np.sqrt(step * span)) or 1.0
     return transform(model, float(np.ptp(y)), across, settings, time)
+
+
+def default_prior(bounds: tuple[float, float], scale: float) -> Prior:
+    """A weak prior about the data's scale.
+
+    Log-normal within a factor of a thousand for a positive number, uniform between two bounds, else normal
+    with ten times the scale.
+    """
+    low, high = bounds
+    if np.isfinite(low) and np.isfinite(high):
+        return Prior("uniform", low, high, default=True)
+    if low == 0:
+        return Prior("log-normal", scale, DECADES, default=True)
+    middle = low if np.isfinite(low) else high if np.isfinite(high) else 0.0
+    return Prior("normal", middle, 10 * scale, default=True)
+
+
+def data_scale(unit: str, sizes: Mapping[str, float]) -> float:
+    """The size of a parameter, from its unit and the sizes of what the unit's words stand for.
+
+    "force * time / displacement" -> sizes["force"] * sizes["time"] / sizes["displacement"].
+    """
+    scale, divide = 1.0, False
+    for word in unit.split():
+        if word in ("*", "/"):
+            divide = word == "/"
+            continue
+        base, _, power = word.partition("^")
+        size = sizes.get(base, 1.0) ** float(power or 1)
+        scale, divide = (scale / size if divide else scale * size), False
+    return scale
 
 
 def _moves(info: ParameterInfo, value: Any) -> bool:

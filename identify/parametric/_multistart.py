@@ -131,7 +131,7 @@ def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.nd
 def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> Array:
     """Residuals over the output's range and the root of the number of rows; see `arguments_of`."""
     model, prepared, y, mask, scale = arguments
-    predicted = transform.insert(model, transform.to_values(z)).evaluate(prepared)
+    predicted = transform.model(model, z).evaluate(prepared)
     return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum()))
 
 

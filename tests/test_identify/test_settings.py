@@ -11,8 +11,8 @@ import scipy.stats
 from hysteresis import Burgers, GeneralizedMaxwell, InputError, LinearSponge, Record
 from identify import fit, load, save
 from identify.parameters._priors import Prior, prior
-from identify.parameters._settings import data_scale, from_words, in_words, with_settings
-from identify.parameters._transform import transform
+from identify.parameters._settings import from_words, in_words, with_settings
+from identify.parameters._transform import data_scale, transform
 
 BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
 
