@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 
 from hysid.intake._selection import Selection
-from hysid.operations._fit_and_predict import fit
+from hysid.operations._fit import fit
 
 from . import _creep
 from . import _measured_data as data

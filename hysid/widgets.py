@@ -63,8 +63,8 @@ class Sliders:
         if name not in self._sliders:
             raise InputError(
                 "unknown-parameter",
-                f"no slider for {name!r}.",
-                fix=f"there are {', '.join(self.names)}.",
+                f"There is no slider for {name!r}.",
+                fix=f"There are {', '.join(self.names)}.",
             )
         self._sliders[name].value = value
 
@@ -110,7 +110,9 @@ def sliders(model: AbstractModel, record: Record) -> Sliders:
 def _ipywidgets() -> Any:
     if importlib.util.find_spec("ipywidgets") is None:
         raise InputError(
-            "missing-extra", "ipywidgets is not installed.", fix="pip install 'hysid[notebook]'."
+            "missing-extra",
+            "ipywidgets is not installed.",
+            fix="Install it with pip install 'hysid[notebook]'.",
         )
     import ipywidgets
 

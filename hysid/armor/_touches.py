@@ -116,9 +116,9 @@ def read_touches(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         raise InputError(
             "file-not-found",
-            f"there is no {FILE}.",
+            f"This folder has no {FILE}.",
             place=str(folder),
-            fix="name a folder that hysid reproduce tsuji2014 wrote.",
+            fix="Name a folder that hysid reproduce tsuji2014 wrote.",
         )
     try:
         document = json.loads(file.read_text("utf-8"))
@@ -177,4 +177,9 @@ def _five(row: Any) -> Any:
 
 
 def _fault(file: Path, problem: str) -> InputError:
-    return InputError("damaged-file", problem, place=str(file), fix="write it anew.")
+    return InputError(
+        "damaged-file",
+        problem,
+        place=str(file),
+        fix="Write it again: hysid reproduce tsuji2014 --overwrite.",
+    )

@@ -149,7 +149,7 @@ def find(name: str, file: Path = SHIPPED) -> Dataset:
 def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
     """The TOML for `hysid fit --config`; `seen`: the checksum of each file."""
     lines = [f"# {dataset.what}", f"# {dataset.page}, licence: {dataset.licence or NOT_STATED}"]
-    lines += [f"# {dataset.citation}", *(f"# Mind: {note}" for note in dataset.notes)]
+    lines += [f"# {dataset.citation}", *(f"# Note: {note}" for note in dataset.notes)]
     lines += [f"# {path} sha256 {sha256}" for path, sha256 in seen.items()]
     for table, values in {"selection": dataset.selection, "fit": dataset.fit}.items():
         lines += ["", f"[{table}]"]

@@ -1,31 +1,33 @@
-"""`hysid armor` on the command line."""
+"""`hysid armor`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-armor = typer.Typer(help="The touched robot: look at what was found.", no_args_is_help=True)
+from ._console import AsJson, example, print_result, start_jax
 
-
-@armor.command()
-def view(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="DIR", help="Folder with touches.json, as reproduce writes it."),
-    ],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-) -> None:
-    """Write DIR/armor.html: shell, line of action, contact and its covariance, replayed."""
-    from ._app import _print, _start
-
-    _start()
-    from ..armor import _view as _armor_view
-
-    found = _armor_view.view(folder)
-    _print(found, as_json, [found["file"]])
+armor = typer.Typer(help="Contacts on a robot's armor: look at a solution.", no_args_is_help=True)
 
 
 @armor.callback()
 def _armor() -> None:
-    """Commands of the armour."""
+    """A group of commands, although it has only one."""
+
+
+@armor.command(epilog=example("hysid armor view tsuji2014"))
+def view(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Folder with touches.json, as hysid reproduce writes it."
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Write DIR/armor.html, a replay of the contacts in 3D."""
+    start_jax()
+    from ..armor import _view  # after JAX is set up
+
+    found = _view.view(folder)
+    print_result(found, as_json, [found["file"]])

@@ -1,4 +1,4 @@
-"""`hysid bench` on the command line: the benchmarks of the repository, one after the other."""
+"""`hysid bench`: the benchmarks of the repository, one after the other."""
 
 import json
 import subprocess
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from ._console import BUG, AsJson, log, print_result
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
@@ -21,21 +23,19 @@ def bench(
         list[str] | None, typer.Argument(metavar="[NAME]...", help=f"{', '.join(NAMES)}.")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Reduced sizes, a few minutes each.")
+        bool, typer.Option("--quick", help="Run reduced sizes, a few minutes each.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Run the benchmarks, all or by name: each row with its bar, and whether it is met."""
-    from ._app import _print, _say
-
+    """Run the benchmarks, all or by name."""
     there = _there()
     if unknown := [name for name in names or () if name not in there]:
-        raise typer.BadParameter(f"no benchmark {unknown[0]!r}; there are {', '.join(there)}")
+        raise typer.BadParameter(f"{unknown[0]!r} is not a benchmark; there are {', '.join(there)}")
     found: dict[str, Any] = {}
     failed: dict[str, int] = {}
     for name in names or there:
         command = [sys.executable, "-m", f"benchmarks.{name}", *["--quick"] * quick]
-        _say(f"hysid bench: {' '.join(command[1:])}")
+        log(f"hysid bench: {' '.join(command[1:])}")
         if not as_json:
             done = subprocess.run(command, cwd=ROOT)
         else:
@@ -45,21 +45,21 @@ def bench(
         if done.returncode:
             failed[name] = done.returncode
     lines = [f"{name}: ended with exit status {code}" for name, code in failed.items()]
-    _print({"benchmarks": found, "failed": failed}, as_json, lines or ["All ran."])
+    print_result({"benchmarks": found, "failed": failed}, as_json, lines or ["All ran."])
     if failed:
-        raise SystemExit(1)
+        raise SystemExit(BUG)
 
 
 def _there() -> list[str]:
     """The benchmarks of this checkout. Raises `InputError` where there are none."""
     there = [name for name in NAMES if (ROOT / "benchmarks" / f"{name}.py").is_file()]
     if not there:
-        from hysteresis import InputError
+        from hysteresis import InputError  # late: it loads JAX
 
         raise InputError(
             "file-not-found",
-            "the benchmarks are not here.",
-            cause="hysid was installed from a wheel, which leaves them out.",
-            fix="run hysid bench from an editable install of the repository.",
+            "This installation has no benchmarks.",
+            cause="hysid was installed from a wheel, which does not contain them.",
+            fix="Run hysid bench from an editable install of the repository.",
         )
     return there

@@ -1,4 +1,4 @@
-"""Options from a TOML file: the same names as on the command line, which has the last word."""
+"""Options from a TOML file: the names are those of the command line, whose values override the file."""
 
 import inspect
 import re
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 
 import typer
 
+from ..intake._selection_options import FIELDS
+
 if TYPE_CHECKING:
     from typer import Context
 
@@ -18,19 +20,15 @@ if TYPE_CHECKING:
 else:
     Context = typer.Context.__bases__[0]  # what typer hands to a callback is not of its own type
 
-SELECTION = (
-    "input", "step", "output", "time", "dt", "group", "each", "where", "test_where", "test_cycles",
-    "test_tail", "nan", "segments", "decimal", "units_row", "na_values", "input_unit", "output_unit",
-    "input_time", "hold",
-)  # fmt: skip
+SELECTION = tuple(FIELDS)
 """Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
 
-NOT_HERE = ("context", "file", "out", "config", "overwrite", "as_json", "return")
-"""Of the command line alone."""
+NOT_HERE = ("file", "out", "config", "overwrite", "as_json")
+"""Options that only the command line has."""
 
 WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-JOINED = ("group", "na_values", "model")
-"""Options that hold several words with commas between: in TOML a list will do."""
+JOINED = (*(name for name, one in FIELDS.items() if one.metadata.get("joined")), "model")
+"""Options that hold several words, separated by commas; a TOML file may also have a list."""
 
 
 def read_config(file: Path, command: Any) -> dict[str, Any]:
@@ -46,13 +44,15 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
         [parameters]
         E1 = {start = 2.0, bounds = [0.1, 100.0]}
 
-    What selects rows and means nothing to the command, a hold-out for one that only looks, is left out.
+    Selecting options that the command does not have are skipped: `hysid check` has no hold-out.
 
-    Raises `InputError` for a file that is not there or no TOML, and for a table, a key or a kind of value
-    that the command does not know.
+    Raises `InputError` for a file that does not exist or is not TOML, and for a table, a key or a kind of
+    value that the command does not know.
     """
     document = _read(file)
-    hints = get_type_hints(inspect.unwrap(command.callback))
+    # Down to the function with the command's own parameters, which `takes_selection` has made.
+    function = inspect.unwrap(command.callback, stop=lambda f: hasattr(f, "__signature__"))
+    hints = get_type_hints(function)
     known = {name: hint for name, hint in hints.items() if name not in NOT_HERE}
     tables = {
         "selection": [name for name in known if name in SELECTION],
@@ -76,7 +76,7 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
 
 
 def parameters_said(file: Path | None, said: Sequence[str] | None = None) -> dict[str, Any]:
-    """What `identify.fit` is told of parameters: the table [parameters], changed by words such as
+    """The settings of parameters for `identify.fit`: the table [parameters], overridden by words such as
     "E1 start=2 bounds=1,4 prior=log-normal(2, 1.5)".
 
     Raises `InputError` for words without a name and a key.
@@ -87,8 +87,8 @@ def parameters_said(file: Path | None, said: Sequence[str] | None = None) -> dic
         if not name or " " in name or not parts:
             raise _error(
                 "bad-option",
-                f"--parameter {words!r} says nothing of a parameter.",
-                fix='write its name, then what is said of it: "E1 start=2 bounds=1,4".',
+                f"--parameter {words!r} is not a name with settings.",
+                fix='Write the name of the parameter, then its settings: "E1 start=2 bounds=1,4".',
             )
         pairs = (part.partition("=") for part in parts)
         found[name] = found.get(name, {}) | {key: _value(key, value) for key, _, value in pairs}
@@ -110,34 +110,36 @@ def _read(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise _error(
             "unreadable-file",
-            f"the configuration cannot be read: {error.strerror or error}.",
+            f"The configuration cannot be read: {error.strerror or error}.",
             place=str(file),
-            fix="name a TOML file (--config FILE).",
+            fix="Name a TOML file (--config FILE).",
         ) from None
     except ValueError as error:  # TOML's and UTF-8's errors are both
         raise _error(
             "bad-config",
-            f"this is no TOML: {error}.",
+            f"This file is not TOML: {error}.",
             place=str(file),
-            cause="text without quotation marks, or a table that is not closed.",
+            cause="Text without quotation marks, or a table that is not closed.",
         ) from None
 
 
 def _unknown(
     file: Path, what: str, key: str, there: list[str], tables: Mapping[str, list[str]]
 ) -> "InputError":
-    """For a key that is not known there: the nearest that is, or the table it belongs to."""
+    """For an unknown key: name the nearest known one, or the table to which it belongs."""
     elsewhere = [table for table, names in tables.items() if key in names]
     near = get_close_matches(key.replace("-", "_"), there, 1, 0.5)
     if elsewhere:
-        fix = f"it belongs into the table [{elsewhere[0]}]."
+        fix = f"Move it to the table [{elsewhere[0]}]."
     else:
-        fix = f"did you mean {near[0]}?" if near else f"known are {', '.join(there)}."
-    return _error("unknown-key", f"unknown: {what}.", place=str(file), fix=fix)
+        fix = f"Did you mean {near[0]}?" if near else f"Use one of {', '.join(there)}."
+    return _error(
+        "unknown-key", f"The configuration has an unknown entry: {what}.", place=str(file), fix=fix
+    )
 
 
 def _of_kind(file: Path, key: str, value: Any, hint: Any) -> Any:
-    """A value as the command line would have it: lists for options that repeat, or joined by commas."""
+    """A value as the command line has it: a list for an option that repeats, or words joined by commas."""
     (hint,) = [h for h in get_args(hint) or (hint,) if h is not NoneType]
     repeats = get_origin(hint) is list
     kind = str if repeats else hint
@@ -145,7 +147,7 @@ def _of_kind(file: Path, key: str, value: Any, hint: Any) -> Any:
     listed = value if isinstance(value, list) else [value]
     one = not (repeats or key in JOINED)
     if (isinstance(value, list) and one) or any(type(x) not in kinds for x in listed):
-        raise _error("bad-config", f"{key} = {value!r}, and it is {WORDS[kind]}.", place=str(file))
+        raise _error("bad-config", f"{key} = {value!r} is not {WORDS[kind]}.", place=str(file))
     return listed if repeats else ",".join(listed) if key in JOINED else value
 
 
@@ -156,7 +158,7 @@ def _error(code: str, problem: str, **words: str) -> "InputError":
 
 
 def _configure(context: Context, file: Any) -> Path | None:
-    """What the file says becomes the defaults of the command; read before its other options."""
+    """The options in the file become the defaults of the command; read before its other options."""
     if file is None:
         return None
     file = Path(file)  # some typers give the text
@@ -170,7 +172,7 @@ Config = Annotated[
         "--config",
         is_eager=True,
         callback=_configure,
-        help="TOML file of options: [selection], [fit], [parameters]; those given here win.",
+        help="TOML file of options: [selection], [fit], [parameters]. Options given here override it.",
     ),
 ]
 
@@ -178,28 +180,16 @@ Config = Annotated[
 def options_of(file: Path, command: Any) -> dict[str, Any]:
     """All options of a command, as if it had been called with `--config FILE` alone.
 
-    Raises `InputError` where the file does not say enough.
+    Raises `InputError` where the file has no output column.
     """
     if "output" not in read_config(file, command):
         raise _error(
             "bad-config",
-            "the table [selection] has no output.",
+            "The table [selection] has no output.",
             place=str(file),
-            fix='name its column: output = "displacement (mm)".',
+            fix='Name its column: output = "displacement (mm)".',
         )
     context = command.make_context(command.name, ["FILE", "--out", "DIR", "--config", str(file)])
     options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
     said = parameters_said(file, options.pop("parameter"))
     return options | ({"parameters": said} if said else {})
-
-
-def selection_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The selecting ones of a command's options, lists as tuples."""
-    chosen = {name: options[name] for name in SELECTION if name in options}
-    inputs = tuple(options["input"] or ())
-    chosen["input"] = inputs if len(inputs) > 1 else next(iter(inputs), None)
-    for name in ("group", "na_values"):
-        chosen[name] = tuple(part for part in options[name].split(",") if part)
-    for name in ("where", "test_where"):
-        chosen[name] = tuple(options.get(name) or ())
-    return chosen

@@ -1,4 +1,4 @@
-"""`hysid datasets` on the command line: what it is told, what it prints."""
+"""`hysid datasets`."""
 
 import shlex
 from pathlib import Path
@@ -7,9 +7,10 @@ from typing import Annotated
 import typer
 
 from ..catalogue._catalogue import NOT_STATED, SHIPPED, catalogue, find, listing
+from ._console import AsJson, example, log, print_result, warnings
 
 datasets = typer.Typer(
-    help="Measured data by third parties, to try models on.", no_args_is_help=True
+    help="Data sets by third parties: list and download them.", no_args_is_help=True
 )
 
 Catalogue = Annotated[
@@ -18,17 +19,14 @@ Catalogue = Annotated[
         "--catalogue",
         metavar="FILE",
         show_default=False,
-        help="Another catalogue, such as your laboratory's own.",
+        help="Another catalogue, for example the one of your laboratory.",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
-@datasets.command("list")
+@datasets.command("list", epilog=example("hysid datasets list"))
 def list_(file: Catalogue = SHIPPED, as_json: AsJson = False) -> None:
-    """Name, size, licence and kind of every data set."""
-    from ._app import _print
-
+    """List every data set with its size, licence and kind."""
     found = catalogue(file)
     lines = [f"{'name':25}{'size':>9}  {'licence':14}what"]
     lines += [
@@ -37,34 +35,38 @@ def list_(file: Catalogue = SHIPPED, as_json: AsJson = False) -> None:
         for d in found
     ]
     if not all(d.checked for d in found):
-        lines.append("* not all checksums are known: hysid datasets fetch NAME --accept")
-    _print({"datasets": listing(found)}, as_json, lines)
+        lines.append("* Not all checksums are known. To fetch: hysid datasets fetch NAME --accept")
+    print_result({"datasets": listing(found)}, as_json, lines)
 
 
-@datasets.command()
+@datasets.command(epilog=example("hysid datasets fetch steel-coupon --out steel"))
 def fetch(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As hysid datasets list has it.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name, as hysid datasets list prints it.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for NAME.csv and NAME.toml.")] = Path("."),
     accept: Annotated[
-        bool, typer.Option("--accept", help="Take files whose checksum is not known.")
+        bool, typer.Option("--accept", help="Accept files whose checksum is not known.")
     ] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write over files that are there.")
+        bool, typer.Option("--overwrite", help="Overwrite existing files.")
     ] = False,
     file: Catalogue = SHIPPED,
     as_json: AsJson = False,
 ) -> None:
-    """Fetch a data set, check it, and write it as a CSV with a TOML for hysid fit."""
-    from ..catalogue._fetch import fetch as fetched
-    from ._app import _print, _say
+    """Download a data set and check it.
+
+    hysid writes a CSV file and a configuration for hysid fit.
+    """
+    from ..catalogue import _fetch  # late: it loads NumPy
 
     dataset = find(name, file)
-    found = fetched(dataset, out, accept=accept, overwrite=overwrite, say=_say)
+    found = _fetch.fetch(dataset, out, accept=accept, overwrite=overwrite, say=log)
     if not dataset.licence:
-        _say("Mind: the source states no licence. Ask its owners before you pass anything on.")
-    for note in found["notes"]:
-        _say(f"Mind: {note}")
+        log("Warning: The source states no licence. Ask its owners before you share the data.")
+    for line in warnings(found["notes"]):
+        log(line)
     table, config, fit = (shlex.quote(str(p)) for p in (found["file"], found["config"], out / name))
     lines = [f"{found['rows']} rows: {found['file']}", f"Please cite: {found['citation']}"]
     lines.append(f"Next: hysid fit {table} --config {config} --out {fit}")
-    _print(found, as_json, lines)
+    print_result(found, as_json, lines)

@@ -1,36 +1,43 @@
-"""`hysid export` on the command line: what it is told, what it prints."""
+"""`hysid export`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ._console import AsJson, Folder, log, print_result, start_jax, warnings
+
 
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")],
-    c: Annotated[Path | None, typer.Option("--c", metavar="FILE.h", help="A C99 header.")] = None,
-    runtime: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="A file for compensate.runtime.")
+    folder: Folder,
+    c: Annotated[
+        Path | None, typer.Option("--c", metavar="FILE.h", help="Write a C99 header.")
     ] = None,
-    single: Annotated[bool, typer.Option("--float", help="Numbers in C are float.")] = False,
+    runtime: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write a file for compensate.runtime.")
+    ] = None,
+    single: Annotated[
+        bool, typer.Option("--float", help="Use float instead of double in C.")
+    ] = False,
     depth: Annotated[
-        int, typer.Option(min=3, help="Reversals that a Preisach model remembers.")
+        int, typer.Option(min=3, help="Number of reversals that a Preisach model stores.")
     ] = 64,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="Readings beyond are taken for the limit; LOW HIGH."),
+        typer.Option(help="LOW HIGH: readings beyond these limits are clipped to them."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Write a fit's compensator as a C99 header, or for plain Python: neither needs JAX."""
-    from ._app import _print, _say, _start
+    """Write a fit's compensator as C99 or for plain Python.
 
+    Neither needs JAX.
+    """
     if c is None and runtime is None:
         raise typer.BadParameter("nothing to write; give --c FILE.h, --runtime FILE.json or both")
-    _start()
-    from ..operations._export import export as exported
+    start_jax()
+    from ..operations import _export  # after JAX is set up
 
-    found = exported(folder, c, runtime, single=single, limits=limits, depth=depth)
-    for note in found["notes"]:
-        _say(f"Mind: {note}")
-    _print(found, as_json, [*found["files"].values()])
+    found = _export.export(folder, c, runtime, single=single, limits=limits, depth=depth)
+    for line in warnings(found["notes"]):
+        log(line)
+    print_result(found, as_json, found["files"].values())

@@ -1,38 +1,38 @@
-"""`hysid qualify` on the command line: what it is told, what it prints, how it ends."""
+"""`hysid qualify`."""
 
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-Where = Annotated[
-    list[str] | None, typer.Option(help="COL=VALUE[,VALUE]: rows to use; repeatable.")
-]
+from ._console import USER, AsJson, File, Folder, print_result, start_jax, warnings
+from ._selection import takes_selection
 
 
+@takes_selection("where", "nan", optional=True)
 def qualify(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")],
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV file the fit has not seen.")],
+    folder: Folder,
+    file: File,
+    selection: dict[str, Any],
     max_error: Annotated[
-        float | None, typer.Option(help="Largest error that is allowed, in the input's unit.")
+        float | None, typer.Option(help="Largest error that is allowed, in the unit of the input.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second to keep up with.")] = None,
-    where: Where = None,
-    nan: Annotated[
-        str | None, typer.Option(help="As in fit; by default what the fit used.")
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Samples per second that the compensator must keep up with."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Judge a fit's compensator on unseen data: PASS or CAUTION; FAIL, and exit 2, below the needs."""
-    from ._app import _NAN, _print, _start
+    """Judge a fit's compensator on data it has not seen.
 
-    changes = {"where": tuple(where)} if where else {}
-    changes |= {"nan": _NAN(nan)} if nan else {}
-    _start()
-    from ..operations import _qualify as _qualify_job
+    The verdict is PASS, CAUTION or FAIL; FAIL, and exit status 2, where the compensator does not meet
+    --max-error or --rate. --where and --nan are by
+    default those of the fit.
+    """
+    start_jax()
+    from ..operations import _qualify  # after JAX is set up
 
-    found = _qualify_job.qualify(folder, file, max_error=max_error, rate=rate, changes=changes)
-    lines = [*(f"Mind: {note}" for note in found["notes"]), found.pop("text"), found["file"]]
-    _print(found, as_json, lines)
+    found = _qualify.qualify(folder, file, max_error=max_error, rate=rate, changes=selection)
+    lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
+    print_result(found, as_json, lines)
     if found["verdict"]["level"] == "FAIL":
-        raise SystemExit(2)  # said on stdout, and no error of the command's
+        raise SystemExit(USER)  # stdout says why; the command itself did not fail

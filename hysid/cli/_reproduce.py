@@ -1,44 +1,50 @@
-"""`hysid reproduce` on the command line: what it is told, what it prints."""
+"""`hysid reproduce`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ._console import AsJson, Overwrite, log, one_of, print_result, start_jax
+
+PAPERS = ("tsuji2014", "kim2018")
+
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="tsuji2014 or kim2018.")],
+    paper: Annotated[
+        str,
+        typer.Argument(metavar="PAPER", help=f"{' or '.join(PAPERS)}.", callback=one_of(*PAPERS)),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; by default hysid-PAPER.")
+        Path | None, typer.Option(help="Folder for the results (default: hysid-PAPER).")
     ] = None,
     rigs: Annotated[
         int | None,
         typer.Option(
-            min=2, help="Virtual laboratories; by default 60 of tsuji2014, 20 of kim2018."
+            min=2,
+            help="Number of virtual laboratories (default: 60 for tsuji2014, 20 for kim2018).",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first laboratory.")] = 0,
-    ours: Annotated[bool, typer.Option(help="Also by our methods, which takes longer.")] = True,
+    ours: Annotated[
+        bool, typer.Option(help="Also use the methods of hysid, which takes longer.")
+    ] = True,
     epochs: Annotated[
         int | None,
-        typer.Option(min=1, help="Of the networks of kim2018; by default the paper's 1,000."),
+        typer.Option(
+            min=1, help="Training epochs of kim2018's networks (default: the paper's 1,000)."
+        ),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Write over results that are there.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
-    """A paper's tables and figures beside what virtual laboratories make of them."""
-    from ._app import _one_of, _print, _say, _start
-
-    _one_of("tsuji2014", "kim2018")(paper)
+    """Reproduce a paper's tables with virtual laboratories."""
     folder = out or Path(f"hysid-{paper}")
-    _start()
-    from ..reproduction import reproduce as reproduced
-    from ..reproduction import terminal
+    start_jax()
+    from .. import reproduction  # after JAX is set up; no other command imports it
 
-    found = reproduced(
+    found = reproduction.reproduce(
         paper, folder, rigs=rigs, seed=seed, with_ours=ours, epochs=epochs,
-        overwrite=overwrite, say=_say,
+        overwrite=overwrite, say=log,
     )  # fmt: skip
-    _print(found, as_json, [*terminal(found), "", f"Results: {folder}"])
+    print_result(found, as_json, [*reproduction.terminal(found), "", f"Results: {folder}"])

@@ -38,8 +38,8 @@ def html(thing: Any) -> str:
         return _compensator(thing)
     raise InputError(
         "no-picture",
-        f"a {type(thing).__name__} has no page of its own.",
-        fix="give a Record, a FitResult, a Posterior or a compensator.",
+        f"A {type(thing).__name__} has no HTML form.",
+        fix="Give a Record, a FitResult, a Posterior or a compensator.",
     )
 
 

@@ -78,10 +78,10 @@ def at_hold(
     if 2 * count < max(1, len(u)):
         raise InputError(
             "no-hold",
-            f"{column!r} stays within {NEAR:.0%} of its range for {count} of {len(u)} rows: it is"
-            " not held.",
+            f"{column!r} stays within {NEAR:.0%} of its range for {count} of {len(u)} rows,"
+            " so it is not constant.",
             place=str(table.path),
-            fix="leave --hold out, or choose the rows of the hold (--where COL=VALUE).",
+            fix="Leave out --hold, or select the rows in which it is constant (--where COL=VALUE).",
         )
     note = f"{column!r} is held at {level:.4g} from line {table.line[at[rows.start]]} on: {count} rows."
     held = _rows(table, at[rows])
@@ -118,10 +118,10 @@ def step_options(options: dict[str, Any]) -> dict[str, Any]:
         if options.get(name, usual) != usual:
             raise InputError(
                 "bad-option",
-                f"--{name} means nothing with --step or --hold.",
-                cause="creep and relaxation are fitted by a spectrum of time constants, whose order"
-                " the evidence chooses.",
-                fix="leave it out.",
+                f"--{name} cannot be used with --step or --hold.",
+                cause="Creep and relaxation are fitted by a spectrum of time constants; the evidence"
+                " chooses its order.",
+                fix="Leave it out.",
             )
     return {name: value for name, value in options.items() if name not in MEANINGLESS}
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -10,72 +11,55 @@ import numpy as np
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
 
 from ._constant_input import CONSTANT, at_hold, with_constant
+from ._selection_options import FIELDS, SelectionOptions
 
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
 
+_READ = signature(read_csv).parameters
+"""A selecting option of the same name goes there."""
+
 
 @dataclass(frozen=True)
-class Selection:
-    """The selecting options of a command line, as fit.json remembers them.
+class Selection(SelectionOptions):
+    """The selecting options with what they do: from a file to records.
 
     `where` and `test_where` hold conditions as typed: `COL=VALUE[,VALUE]` or `COL%2=0`. With a `step`,
     the constant input of creep or relaxation, there is no `input` column; with `hold` it is the level
     that column is held at. Several are channels.
     """
 
-    input: str | tuple[str, ...] | None
-    output: str
-    time: str | None = None
-    dt: float | None = None
-    group: tuple[str, ...] = ()
-    each: str | None = None
-    where: tuple[str, ...] = ()
-    nan: str = "raise"
-    segments: str | None = None
-    decimal: str = "."
-    units_row: int | None = None
-    na_values: tuple[str, ...] = ()
-    input_unit: str | None = None
-    output_unit: str | None = None
-    test_where: tuple[str, ...] = ()
-    test_cycles: int | None = None
-    test_tail: float | None = None
-    step: float | None = None
-    input_time: str | None = None
-    hold: bool = False
-
     def __post_init__(self) -> None:
         if (self.input is None) == (self.step is None):
             raise InputError(
                 "conflicting-options",
-                "give the input's column (--input COL), or the constant it had (--step VALUE).",
+                "Give the input column (--input COL), or the constant value of the input (--step VALUE).",
             )
         if self.step is not None and not (np.isfinite(self.step) and self.step):
             raise InputError(
                 "not-a-step",
-                f"a step of {self.step:g} moves nothing.",
-                fix="give the constant force or displacement (--step VALUE).",
+                f"A constant input of {self.step:g} has no effect.",
+                fix="Give the constant force or displacement (--step VALUE).",
             )
         if self.hold and not isinstance(self.input, str):
             raise InputError(
                 "no-hold",
-                "one column is held, and there is not one.",
-                fix="name it (--input COL), or leave --hold out.",
+                "--hold needs exactly one input column.",
+                fix="Name it (--input COL), or leave out --hold.",
             )
         held_out = (self.test_where or None, self.test_cycles, self.test_tail)
         if sum(h is not None for h in held_out) > 1:
             raise InputError(
                 "conflicting-options",
-                "give one of --test-where, --test-cycles and --test-tail.",
+                "Give only one of --test-where, --test-cycles and --test-tail.",
             )
         if self.time is not None and self.dt is not None:
-            raise InputError("conflicting-options", "give --time COL or --dt SECONDS, not both.")
+            raise InputError("conflicting-options", "Give --time COL or --dt SECONDS, not both.")
         if self.input_time is not None and (self.time is None or self.is_step):
             raise InputError(
                 "no-time",
-                "--input-time COL is the input's own clock beside that of the output.",
-                fix="give --time COL too, the output's.",
+                "--input-time COL needs the clock of the output too.",
+                fix="Give --time COL as well.",
             )
 
     @classmethod
@@ -114,14 +98,13 @@ class Selection:
             raise InputError(
                 "given-twice",
                 f"{self.output!r} is given as {role} and as output.",
-                fix=f"name another column (--{role} COL, or --output COL).",
+                fix=f"Name another column (--{role} COL, or --output COL).",
             )
 
     def table(self, file: Path) -> Table:
         """The whole file."""
-        return read_table(
-            file, decimal=self.decimal, units_row=self.units_row, na_values=self.na_values
-        )
+        names = ("decimal", "units_row", "na_values")
+        return read_table(file, **{name: getattr(self, name) for name in names})
 
     def records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
         """Training and test record for every value of `each`, "" without it; the faults of others.
@@ -144,7 +127,7 @@ class Selection:
                 "no-value",
                 f"{empty.size} rows have no {self.each}.",
                 place=f"{table.path}, line {table.line[rows][empty[0]]}",
-                fix="fill them in, or choose other rows (--where).",
+                fix="Fill them in, or select other rows (--where).",
             )
         good: dict[str, Pair] = {}
         faults: dict[str, InputError] = {}
@@ -166,21 +149,10 @@ class Selection:
         elif self.hold and isinstance(self.input, str):
             table, level = at_hold(table, self.input, self.time, where)
             table = with_constant(table, self.input, level, self.output, self.time, {})
-        return read_csv(
-            table,
-            input=self.input or CONSTANT,
-            output=self.output,
-            time=self.time,
-            dt=self.dt,
-            group=self.group or None,
-            where=where,
-            nan=self.nan,  # type: ignore[arg-type]
-            input_unit=self.input_unit,
-            output_unit=self.output_unit,
-            keep=tuple(sorted(held_out_by)),
-            segments=self.segments,  # type: ignore[arg-type]
-            input_time=self.input_time,
-        )
+        chosen = {name: getattr(self, name) for name in FIELDS if name in _READ} | {
+            "input": self.input or CONSTANT, "where": where, "keep": tuple(sorted(held_out_by)),
+        }  # fmt: skip
+        return read_csv(table, **chosen)
 
     def _split(self, record: Record) -> Pair:
         if self.test_cycles is not None:
@@ -213,25 +185,6 @@ def all_of(faults: Mapping[str, InputError]) -> InputError:
         problem = f"{value}: {fault.problem} {len(faults) - 1} more have the same fault."
         return InputError(fault.code, problem, place=fault.place, cause=fault.cause, fix=fault.fix)
     return InputError("nothing-fits", f"{value}: {first} {len(faults) - 1} more failed.")
-
-
-def folders_of(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
-    """The folder of every fit of a document by its value of `each`, `{"": "."}` of one alone.
-
-    Raises `InputError` where one is not right below `folder`: nothing is read or written elsewhere.
-    """
-    folders = document.get("folders", {"": "."})
-    names = list(folders.values()) if isinstance(folders, dict) else [folders]
-    odd = [n for n in names if not isinstance(n, str) or n == ".." or {*n} & {"/", "\\", ":"}]
-    if odd or not isinstance(folders, dict):
-        raise InputError(
-            "outside-folder",
-            f"fit.json names the folder {(odd or names)[0]!r}, which is none below this one.",
-            place=str(folder),
-            cause="it was edited.",
-            fix="fit again.",
-        )
-    return folders
 
 
 def _equality(condition: str) -> tuple[str, list[str]]:

@@ -15,8 +15,8 @@ import identify
 from hysteresis import InputError
 
 from ..intake._constant_input import step_options
+from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
-from ._fit_and_predict import _check_writable, _folder_names
 
 PATIENCE = 5
 """Seconds to wait for a scheduler."""
@@ -42,12 +42,12 @@ def batch(
     if not files:
         raise InputError(
             "file-not-found",
-            "no file has such a name.",
+            "No file matches this pattern.",
             place=pattern,
-            cause="a slip in the pattern, or another folder than this one.",
-            fix="put it between quotation marks, as in 'data/*.csv'; ** goes down into folders.",
+            cause="A typing error in the pattern, or another current folder.",
+            fix="Put the pattern in quotation marks, as in 'data/*.csv'; ** matches folders at any depth.",
         )
-    _check_writable(out)
+    check_writable(out)
     function = identify.fit
     if selection.is_step:
         function, options = identify.fit_step, step_options(options)
@@ -84,7 +84,7 @@ class _Files:
             except InputError as error:
                 yield name, error
                 continue
-            folders = _folder_names([*records, *faults])
+            folders = folder_names([*records, *faults])
             for value, found in {**records, **faults}.items():
                 yield f"{name}/{folders[value]}" if value else name, found
 
@@ -98,7 +98,7 @@ def _names(files: list[Path]) -> list[str]:
         name = file.stem
         if stems[name.casefold()] > 1:
             name = "-".join(file.absolute().relative_to(shared).with_suffix("").parts)
-        folder = next(iter(_folder_names([name]).values())).lstrip(".") or "_"
+        folder = next(iter(folder_names([name]).values())).lstrip(".") or "_"
         while folder.casefold() in map(str.casefold, names):
             folder += "_"
         names.append(folder)
@@ -118,17 +118,17 @@ def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
             "missing-extra",
             "Dask's distributed is not installed.",
             place=f"--scheduler {scheduler}",
-            fix="pip install 'hysid[cluster]', or spread the files over processes (--jobs N).",
+            fix="Run pip install 'hysid[cluster]', or spread the files over processes (--jobs N).",
         ) from None
     try:
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(
             "no-scheduler",
-            f"no Dask scheduler answers there within {PATIENCE} s ({type(error).__name__}).",
+            f"No Dask scheduler answers there within {PATIENCE} s ({type(error).__name__}).",
             place=f"--scheduler {scheduler}",
-            cause="it is not running, or the address is another: tcp://HOST:8786.",
-            fix="start one (dask scheduler), or spread the files over processes (--jobs N).",
+            cause="It is not running, or it has another address: tcp://HOST:8786.",
+            fix="Start one (dask scheduler), or spread the files over processes (--jobs N).",
         ) from None
     with client:
         yield client.get_executor(retries=2, pure=False)

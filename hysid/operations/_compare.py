@@ -8,7 +8,7 @@ import identify
 from hysteresis import InputError
 
 from ..figures._format import number, pretty
-from ..intake._selection import folders_of
+from ..intake._folders import folders_of
 
 DASH = "-"
 
@@ -39,9 +39,9 @@ def change(
         if len(fits) < 2:
             raise InputError(
                 "too-few-fits",
-                "one fit: a change is between two.",
+                "A change needs at least two fits.",
                 place=str(folders[0]),
-                fix="name the folders in order of time: before, after.",
+                fix="Name the folders in order of time: before, after.",
             )
         found = identify.change(*fits, margin=margin)
         figures = {k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")}
@@ -64,7 +64,8 @@ def parse_times(text: str) -> list[float] | None:
         return [float(part) for part in text.split(",")] if text else None
     except ValueError:
         raise InputError(
-            "bad-option", f"--times {text}: numbers with commas between, one for each fit."
+            "bad-option",
+            f"--times {text} is not a list of numbers separated by commas, one for each fit.",
         ) from None
 
 
@@ -77,7 +78,7 @@ def comparison_lines(document: dict[str, Any]) -> list[str]:
         "model": [model["name"] for model in models],
         "held-out": _percents(models, "held_out_percent"),
         "test": _percents(models, "test_percent"),
-        "numbers": [DASH if m["numbers"] is None else str(m["numbers"]) for m in models],
+        "parameters": [DASH if m["numbers"] is None else str(m["numbers"]) for m in models],
         "AIC": _from_best(models, "aic", min),
         "BIC": _from_best(models, "bic", min),
         "log evidence": _from_best(models, "log_evidence", max),
@@ -86,7 +87,7 @@ def comparison_lines(document: dict[str, Any]) -> list[str]:
     lines = [f"Ranked by {where}: error in per cent of the output's range.", ""]
     lines += [*_table(columns, left=2), ""]
     lines += [said for pair in document["pairs"] for said in pair["words"]]
-    return lines + [f"Mind: {note}" for note in document["notes"]]
+    return lines + [f"Note: {note}" for note in document["notes"]]
 
 
 def change_lines(document: dict[str, Any]) -> list[str]:
@@ -125,7 +126,7 @@ def _places(folders: Sequence[Path]) -> dict[str, Path]:
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
     if len(set(names)) < len(names):
-        raise InputError("given-twice", "a folder is named twice.", fix="name each folder once.")
+        raise InputError("given-twice", "A folder is named twice.", fix="Name each folder once.")
     return dict(zip(names, folders, strict=True))
 
 

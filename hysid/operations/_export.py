@@ -19,9 +19,9 @@ def export(
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
         raise InputError(
             "not-invertible",
-            "one output does not give back several inputs, or a step.",
+            "A fit of several inputs, or of creep, has no inverse.",
             place=str(folder),
-            fix="export the fit of one input that moves.",
+            fix="Export a fit of one input that changes over time.",
         )
     record = fitted.train
     rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
@@ -44,5 +44,5 @@ def export(
         done = export_runtime(fitted.model, runtime, used, **options)
         files["runtime"], notes = str(done.path), [*done.notes]
     if not fitted.trusted:
-        notes.append(f"this fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {"files": files, "notes": notes, "limits": [float(x) for x in options["limits"]]}

@@ -10,30 +10,8 @@ from typing import Any
 from hysteresis import InputError
 
 from ..intake._selection import selection_of
+from ..intake._selection_options import FIELDS
 from ..intake.guess._guess import Guess, guess
-
-COMMENTS = {
-    "input": "what drives: its exact header",
-    "output": "what follows",
-    "step": "the constant input of creep or relaxation",
-    "hold": "creep or relaxation: only where the input is held",
-    "time": "the clock",
-    "dt": "sampling step in seconds, instead of a time column",
-    "input_time": "the input's own clock: it is interpolated to the output's",
-    "group": "independent sequences of one model",
-    "each": "one fit for each value",
-    "decimal": "decimal sign of the file",
-    "units_row": "line that holds units; 0 for none",
-    "na_values": "words that mean a missing value",
-    "nan": "raise, omit (rows without output do not count) or interpolate",
-    "segments": "auto: a new sequence where time goes back",
-    "input_unit": "unit of the input, where its header has none or another",
-    "output_unit": "unit of the output, likewise",
-    "test_where": "held out: rows with these values",
-    "test_cycles": "held out: the last so many cycles of each sequence",
-    "test_tail": "held out: this last part of each sequence",
-}
-"""What each key of the file means, in the order in which they are written."""
 
 
 def init(
@@ -47,9 +25,9 @@ def init(
     if config.exists() and not overwrite:
         raise InputError(
             "would-overwrite",
-            "this file is there already.",
+            "This file exists already.",
             place=str(config),
-            fix="name another (--out FILE.toml), or --overwrite it.",
+            fix="Name another file (--out FILE.toml), or use --overwrite.",
         )
     found = guess(file, given)
     config.parent.mkdir(parents=True, exist_ok=True)
@@ -83,11 +61,11 @@ def toml(file: Path, found: Guess) -> str:
         "",
         "[selection]",
     ]
-    for key, meaning in COMMENTS.items():
+    for key, field in FIELDS.items():
         if key not in found.selection:
             continue
         finding = held if key.startswith("test_") else said.get(key)
-        lines.append(f"# {meaning}")
+        lines.append(f"# {field.metadata['help']}")
         if finding is not None and finding.why:
             lines.append(f"#   {finding.sure}: {_plain(finding.why)}")
         lines.append(f"{key} = {_value(found.selection[key])}")
@@ -144,5 +122,5 @@ def _lines(file: Path, config: Path, found: Guess, command: str, again: str) -> 
     if found.alternatives:
         lines += ["", "It could also be:"]
         lines += [f"  {again} {a}" for a in found.alternatives]
-    lines += ["", *(f"Mind: {w}" for w in found.warnings)] if found.warnings else []
+    lines += ["", *(f"Warning: {w}" for w in found.warnings)] if found.warnings else []
     return [*lines, "", f"Wrote {config}: look at it, then", f"  {command}"]

@@ -13,8 +13,9 @@ from compensate import qualify as qualified
 from hysteresis import InputError, Record
 from hysteresis._verdict import worst_of
 
-from ..intake._selection import all_of, folders_of
-from ._fit_and_predict import _for_new_file, _selection_of
+from ..intake._folders import folders_of
+from ..intake._selection import all_of
+from ._columns import for_new_file, selection_of_fit
 
 DRAWS, ROWS = 50, 200_000
 """Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
@@ -35,18 +36,18 @@ def qualify(
     is CAUTION at best. `text` is for a terminal, and not in the file.
     """
     document = identify.internal.read_document(folder)
-    asked = _selection_of(document)
+    asked = selection_of_fit(document)
     if asked.is_step or isinstance(asked.input, tuple):
         what = "a constant input" if asked.is_step else f"{len(asked.input or ())} inputs"
         raise InputError(
             "not-invertible",
-            f"this fit has {what}, which one output does not give back.",
+            f"This fit has {what}, which cannot be recovered from the output.",
             place=str(folder),
-            fix="qualify the fit of one input that moves.",
+            fix="Qualify a fit of one input that changes over time.",
         )
     selection = replace(asked, **(changes or {}))
     source = selection.table(file)
-    narrowed, compared, said = _for_new_file(selection, source, inverse=True)
+    narrowed, compared, said = for_new_file(selection, source, inverse=True)
     if not compared:  # both readings are needed: reading them says which is not there
         narrowed = replace(narrowed, input=asked.input, output=asked.output)
     folders = folders_of(folder, document)
@@ -63,7 +64,7 @@ def qualify(
     if not found:
         raise InputError(
             "no-match",
-            f"no value of {asked.each} in the file was fitted: {', '.join(folders)}.",
+            f"The file has no value of {asked.each} that was fitted: {', '.join(folders)}.",
             place=str(file),
         )
     result = _together(found) | {"notes": said, "file": str(folder / "qualify.json")}
@@ -87,12 +88,12 @@ def _of_one(
     ensemble, facts = None, []
     if lag := fitted.clocks.lag:
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
-        facts.append(f"Estimates are of the input {when}: the fit took out that lag.")
+        facts.append(f"Estimates are of the input {when}, because the fit removed that lag.")
     if (posterior := identify.load_posterior(place)) is not None:
         try:
             ensemble = EnsembleCompensator(_some_of(posterior, len(record)))
         except InputError as error:
-            facts.append(f"Its posterior cannot be run backwards: {error}")
+            facts.append(f"The posterior of this fit cannot be inverted: {error}")
     found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
 
@@ -106,7 +107,7 @@ def _some_of(posterior: identify.Posterior, rows: int) -> Any:
 
 
 def _seen(found: Qualification) -> Qualification:
-    why = "The fit was made from these rows, so nothing is known about unseen data."
+    why = "The model was fitted to these rows, so the error on new data is not known."
     return replace(found, verdict=found.verdict.at_most("CAUTION", why))
 
 

@@ -154,7 +154,9 @@ class Case:
         """What the compensator makes of the judged record, or why there is none."""
         if self.fit.channels is not None:
             count = len(self.fit.channels.names)
-            return InputError("not-invertible", f"one output does not tell {count} inputs apart.")
+            return InputError(
+                "not-invertible", f"{count} inputs cannot be recovered from one output."
+            )
         try:
             return round_trip(self.fit.model, invert(self.fit.model), self.judged[1])
         except InputError as error:

@@ -46,9 +46,9 @@ def write_report(folder: str | Path) -> Path:
     if "each" in document:
         raise InputError(
             "several-fits",
-            "this folder holds several fits, one for each value of a column.",
+            "This folder holds several fits, one for each value of a column.",
             place=str(folder),
-            fix=f"report on one of its folders: {', '.join(map(str, document['each']))}.",
+            fix=f"Report on one of its folders: {', '.join(map(str, document['each']))}.",
         )
     try:
         case = Case(folder, document, identify.load(folder), identify.load_posterior(folder))
@@ -59,10 +59,10 @@ def write_report(folder: str | Path) -> Path:
     except (KeyError, TypeError, ValueError, OSError) as error:
         raise InputError(
             "damaged-file",
-            f"the fit cannot be read: {type(error).__name__} {error}.",
+            f"The fit cannot be read: {type(error).__name__} {error}.",
             place=str(folder),
             cause="fit.json was edited, or written by another version.",
-            fix="fit again.",
+            fix="Fit again.",
         ) from error
     of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
     sections = [
@@ -198,6 +198,6 @@ def render(file: Path, **words: Any) -> Path:
             "cannot-write",
             f"{file.name} cannot be written: {error.strerror}.",
             place=str(file.parent),
-            fix="make the folder writable, or copy it and report on the copy.",
+            fix="Make the folder writable, or copy it and report on the copy.",
         ) from error
     return file

@@ -15,7 +15,7 @@ from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..figures._format import quantity
-from ..intake._selection import folders_of
+from ..intake._folders import folders_of
 
 FAR = 3.5
 """Robust deviations from the median beyond which a specimen stands out."""
@@ -170,9 +170,9 @@ def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:
 def _damaged(place: Path, error: Exception) -> InputError:
     return InputError(
         "damaged-file",
-        f"the fit cannot be read: {type(error).__name__} {error}.",
+        f"The fit cannot be read: {type(error).__name__} {error}.",
         place=str(place),
-        fix="fit again.",
+        fix="Fit again.",
     )
 
 

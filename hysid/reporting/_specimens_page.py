@@ -59,7 +59,7 @@ def write_many(
     A fit that cannot be read is named on the page. Raises `InputError` where none can be.
     """
     if not found:
-        raise InputError("file-not-found", "there are no fits to sum up.", place=str(file.parent))
+        raise InputError("file-not-found", "There are no fits to compare.", place=str(file.parent))
     specimens, failed = opened(found)
     failed = (not_fitted or {}) | failed
     groups = kinds(specimens)
@@ -144,7 +144,7 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            "cannot-write", f"{error.strerror}.", place=str(folder), fix="name another folder."
+            "cannot-write", f"{error.strerror}.", place=str(folder), fix="Name another folder."
         ) from error
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import identify
 from identify.internal import versions
 
-from ..operations._fit_and_predict import Say, _check_writable
+from ..intake._folders import check_writable
 
 RESULT = "reproduction.json"
 
@@ -27,7 +27,7 @@ class Asked(NamedTuple):
     seed: int
     with_ours: bool
     epochs: int | None
-    say: Say
+    say: Callable[[str], None]
 
 
 class Paper(NamedTuple):
@@ -48,12 +48,12 @@ PAPERS = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
 
 def reproduce(
     paper: str, out: Path, *, rigs: int | None = None, seed: int = 0, with_ours: bool = True,
-    epochs: int | None = None, overwrite: bool = False, say: Say = lambda _: None,
+    epochs: int | None = None, overwrite: bool = False, say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
     begin = time.perf_counter()
     identify.internal.check_free(out, overwrite, RESULT)
-    _check_writable(out)
+    check_writable(out)
     of = _paper(paper)
     rigs = rigs or of.laboratories
     say(f"{rigs} virtual laboratories, {of.seconds_a_laboratory}")

@@ -155,7 +155,7 @@ def read_training(folder: str | Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             "damaged-file", f"{TRAINING} cannot be used: {error}.", place=str(folder),
-            cause="it was cut off or edited, or a newer version wrote it.", fix="train again.",
+            cause="The file was cut off or edited, or a newer version wrote it.", fix="Train again.",
         ) from error  # fmt: skip
     return document
 
@@ -216,9 +216,9 @@ def _check_channels(table: Table, sensor: SoftSensor) -> None:
             have = ", ".join(map(repr, table.columns))
             raise InputError(
                 "wrong-channels",
-                f"no column {channel.name!r}, a channel the sensor was trained with; have {have}.",
-                place=table.path, cause="a channel that was not recorded, or a header that changed.",
-                fix="rename the column; leave the cells of a channel that has failed empty.",
+                f"The file has no column {channel.name!r}, a channel of the trained sensor; it has {have}.",
+                place=table.path, cause="The channel was not recorded, or its header has changed.",
+                fix="Rename the column; if the channel has failed, add it with empty cells.",
             )  # fmt: skip
 
 
@@ -231,7 +231,7 @@ def _rows(table: Table, selection: Selection, where: Sequence[str]) -> tuple[np.
             continue
         used &= parse_condition(condition)(table)
     if not used.any():
-        raise InputError("no-rows", f"no row has {' and '.join(where)}.", place=table.path)
+        raise InputError("no-rows", f"No row has {' and '.join(where)}.", place=table.path)
     return np.flatnonzero(used), notes
 
 

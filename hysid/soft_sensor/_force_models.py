@@ -18,7 +18,7 @@ def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Fou
     if data.channels > 1:
         raise InputError(
             "wrong-channels",
-            f"a structured estimator is of one reading, and there are {data.channels}.",
+            f"a structured estimator takes one reading, but there are {data.channels}.",
             fix='kind="network", or `hysid.fit` of several inputs.',
         )
     held = part == part.max()

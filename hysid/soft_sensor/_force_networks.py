@@ -138,7 +138,7 @@ def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Foun
     if data.channels > 1:
         raise InputError(
             "wrong-channels",
-            f"a monotone network is of one reading, and there are {data.channels}.",
+            f"a monotone network takes one reading, but there are {data.channels}.",
             fix='kind="network", or give the channel that moves most.',
         )
     rest = float(rest_of(data)[0])

@@ -63,18 +63,18 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     """
     if nan not in ("raise", "omit"):
         raise InputError(
-            "bad-option", f"nan={nan!r}: no such choice.", fix='nan="raise" or nan="omit".'
+            "bad-option", f"nan={nan!r} is not a choice.", fix='Use nan="raise" or nan="omit".'
         )
     if not len(records):
-        raise InputError("no-rows", "there are no records to learn from.")
+        raise InputError("no-rows", "There are no records to learn from.")
     checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
     counts = {record.reading.shape[1:] for record in checked}
     if len(counts) > 1:
         shapes = ", ".join(str(shape[0] if shape else 1) for shape in sorted(counts))
         raise InputError(
             "wrong-channels",
-            f"records have {shapes} channels.",
-            fix="give every record the same columns of readings.",
+            f"The records have {shapes} channels.",
+            fix="Give every record the same columns of readings.",
         )
     time, reading, force = (np.concatenate(part) for part in zip(*checked, strict=True))
     lengths = [len(record.time) for record in checked]
@@ -83,9 +83,9 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     if known.sum() < LEAST_ROWS:
         raise InputError(
             "too-few-rows",
-            f"{int(known.sum())} rows with a force, and at least {LEAST_ROWS} are needed.",
-            cause="a short record, or forces that were hardly ever read.",
-            fix="record more presses.",
+            f"{int(known.sum())} rows have a force, but at least {LEAST_ROWS} are needed.",
+            cause="The record is short, or the force was hardly ever read.",
+            fix="Record more presses.",
         )
     _check_moves(reading, force[known])
     sequences = _slices(starts, len(time))
@@ -96,8 +96,8 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
             "too-few-presses",
             f"{len(checked)} sequence{'s' * (len(checked) > 1)} with {presses} presses: "
             "no part of it can be held out to judge on.",
-            cause="one loading, or one hold.",
-            fix=f"give at least {LEAST_PRESSES} presses, in one record or several.",
+            cause="The record is a single loading or a single hold.",
+            fix=f"Give at least {LEAST_PRESSES} presses, in one record or several.",
         )
     rests = [rows.start + at for rows in sequences for at in _rests(force[rows], low, span)]
     rests = tuple(sorted({*starts, *rests}))
@@ -127,7 +127,7 @@ def held_out_parts(
             raise InputError(
                 "length-mismatch",
                 f"{len(groups)} groups, {len(names)} of them different, for {len(sequences)} records.",
-                fix="give one for each record, and at least two different ones.",
+                fix="Give one group for each record, and at least two different ones.",
             )
         for group, rows in zip(groups, sequences, strict=True):
             part[rows] = names.index(group) % parts
@@ -168,18 +168,18 @@ def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceReco
             "length-mismatch",
             f"times {t.shape}, readings {y.shape}, forces {F.shape}.",
             place=place,
-            cause="columns of different files, or a header taken for a row.",
-            fix="give (samples,) each; of several channels (samples, channels) readings.",
+            cause="The columns are from different files, or a header was read as a row.",
+            fix="Give arrays of shape (samples,); readings of several channels are (samples, channels).",
         )
     step = np.diff(t)
     if not np.isfinite(t).all() or (step <= 0).any():
         row = int(np.argmax(~np.isfinite(t))) if len(step) == 0 else int(np.argmin(step > 0)) + 1
         raise InputError(
             "time-backwards",
-            "times are missing or do not rise.",
+            "Times are missing, or do not increase.",
             place=f"{place}, row {row}",
-            cause="two runs one behind the other, or a row written twice.",
-            fix="make each run a record of its own, and leave rows that repeat a time out.",
+            cause="Two runs follow each other, or a row was written twice.",
+            fix="Make a record of each run, and remove rows that repeat a time.",
         )
     bad = ~np.isfinite(y.reshape(len(y), -1)).all(1)
     if bad.any():
@@ -187,8 +187,8 @@ def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceReco
             "not-finite",
             f"{int(bad.sum())} rows without a finite reading.",
             place=f"{place}, row {int(np.argmax(bad))}",
-            cause="a channel that dropped out.",
-            fix="hysteresis needs complete readings: interpolate them, or cut the record there.",
+            cause="A channel dropped out.",
+            fix="Interpolate the readings, or cut the record there: the model needs the whole history.",
         )
     bad = ~np.isfinite(F)
     if np.isinf(F).any() or (nan == "raise" and bad.any()):
@@ -196,8 +196,8 @@ def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceReco
             "not-finite",
             f"{int(bad.sum())} rows without a finite force.",
             place=f"{place}, row {int(np.argmax(bad))}",
-            cause="a load cell that is read less often than the sensor, or dropped out.",
-            fix='nan="omit" learns from the other rows; the readings of all of them still count.',
+            cause="The load cell is read less often than the sensor, or it dropped out.",
+            fix='Use nan="omit": it learns from the other rows and keeps all readings as history.',
         )
     return ForceRecord(t, y, F)
 
@@ -208,16 +208,16 @@ def _check_moves(reading: np.ndarray, force: np.ndarray) -> None:
         named = ", ".join(map(str, still.tolist()))
         raise InputError(
             "constant-input",
-            f"the reading of channel {named} (from 0) never changes.",
-            cause="a wire that is not connected, or the wrong column.",
-            fix="leave that channel out.",
+            f"The reading of channel {named} (from 0) never changes.",
+            cause="A wire is not connected, or the column is the wrong one.",
+            fix="Leave out that channel.",
         )
     if force.max() <= 0 or np.ptp(force) == 0 or force.min() < -0.2 * force.max():
         raise InputError(
             "no-excitation",
-            f"forces lie between {force.min():g} and {force.max():g} N.",
-            cause="compression counted as negative, a load cell that was not set to zero, or no press.",
-            fix="give forces that rise from about 0 when the sensor is pressed.",
+            f"All forces are between {force.min():g} and {force.max():g} N.",
+            cause="Compression counts as negative, the load cell was not zeroed, or nothing was pressed.",
+            fix="Give forces that increase from about 0 when the sensor is pressed.",
         )
 
 

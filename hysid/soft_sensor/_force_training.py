@@ -95,7 +95,9 @@ def train_force(
     """
     if kind not in KINDS:
         raise InputError(
-            "bad-option", f"no kind {kind!r}.", fix=f"one of {', '.join(map(repr, KINDS))}."
+            "bad-option",
+            f"{kind!r} is not a kind of estimator.",
+            fix=f"Use one of {', '.join(map(repr, KINDS))}.",
         )
     if members < 2 or updates < 1:
         raise InputError("bad-option", f"{members} members, {updates} updates: at least 2, and 1.")

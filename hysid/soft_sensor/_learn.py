@@ -59,11 +59,13 @@ def checks_of(
         if np.ptp(column) == 0:
             raise InputError(
                 "constant-input", f"{channel.name!r} reads {column[0]:g} in every row.",
-                cause="a wire that is not connected, or the wrong column.",
-                fix="mend it, or leave the channel out (--input).",
+                cause="A wire is not connected, or the column is the wrong one.",
+                fix="Repair it, or leave out the channel (--input).",
             )  # fmt: skip
     if noise is not None and not 0 <= noise < np.inf:
-        raise InputError("bad-option", f"a noise of {noise:g}.", fix="0 or more (--noise).")
+        raise InputError(
+            "bad-option", f"The noise cannot be {noise:g}.", fix="Give 0 or more (--noise)."
+        )
     notes: list[str] = []
     zero, sign = np.zeros(len(channels)), np.ones(len(channels))
     if targets.place is not None or targets.position:
@@ -124,14 +126,14 @@ def learn_places(
     ]
     if names and (unnamed := [name for name in there if name not in names]):
         raise InputError(
-            "unknown-place", f"{unnamed[0]!r} is none of the places {', '.join(names)}.",
-            fix="name all of them (--places A,B), or choose other rows (--where).",
+            "unknown-place", f"{unnamed[0]!r} is not one of the places {', '.join(names)}.",
+            fix="Name all of them (--places A,B), or select other rows (--where).",
         )  # fmt: skip
     if len(x) == 0:
         raise InputError(
-            "no-excitation", "no row that names a place reads more than its noise.",
-            cause="the wrong channels, or places given where nothing is pressed.",
-            fix="look at the columns, or give the noise (--noise).",
+            "no-excitation", "In no row that names a place does a reading exceed its noise.",
+            cause="The channels are the wrong ones, or places are given where nothing is pressed.",
+            fix="Check the columns, or give the noise (--noise).",
         )  # fmt: skip
     kept = np.concatenate([_some(np.flatnonzero(place == name), MOST_AT_A_PLACE) for name in there])
     names = [name for name in names if name in there] or there

@@ -41,8 +41,8 @@ def described(value: Any, name: str, arrays: Arrays) -> Any:
         words = [described(part, f"{name}.{k}", arrays) for k, part in enumerate(value)]
         return {"tuple": words} if kind is tuple else words
     raise InputError(
-        "not-storable", f"{name} is a {kind.__name__}, which cannot be kept in a file.",
-        fix="train another kind (--kind network).",
+        "not-storable", f"{name} is a {kind.__name__}, which cannot be saved to a file.",
+        fix="Train another kind (--kind network).",
     )  # fmt: skip
 
 
@@ -88,6 +88,6 @@ def _class(name: str) -> Any:
         if isinstance(kind, type) and kind.__module__ == module.__name__ and _is_ours(kind):
             return kind
     raise InputError(
-        "unknown-model", f"the file names the class {name!r}, which this version does not have.",
-        cause="a newer version wrote it, or it was edited.", fix="update hysid, or train again.",
+        "unknown-model", f"The file names the class {name!r}, which this version does not have.",
+        cause="A newer version wrote it, or it was edited.", fix="Update hysid, or train again.",
     )  # fmt: skip

@@ -92,11 +92,14 @@ class SoftSensor:
         count += [] if self.position is None else [len(self.position.centre) - 1]
         if set(count) != {len(self.channels)}:
             raise InputError(
-                "wrong-channels", f"{len(self.channels)} channels, and parts of {count}.",
-                place="SoftSensor", fix="make all parts of one sensor's readings.",
+                "wrong-channels", f"A sensor of {len(self.channels)} channels has parts of {count}.",
+                place="SoftSensor", fix="Train all parts on the readings of one sensor.",
             )  # fmt: skip
         if self.force is None and self.localizer is None and self.position is None:
-            raise InputError("nothing-to-learn", "neither a force, nor a place, nor a position.")
+            raise InputError(
+                "nothing-to-learn",
+                "The sensor estimates neither a force, nor a place, nor a position.",
+            )
 
     def estimate(
         self,

@@ -96,8 +96,8 @@ def _document(folder: Path) -> dict[str, Any]:
     if document.get("schema") != SCHEMA:
         raise InputError(
             "newer-schema",
-            f"{WORDS} has schema {document.get('schema')}, and this version reads {SCHEMA}.",
-            place=str(folder), fix="update hysid, or train again.",
+            f"{WORDS} has schema {document.get('schema')}, but this version reads {SCHEMA}.",
+            place=str(folder), fix="Update hysid, or train again.",
         )  # fmt: skip
     if document.get("checksum") != checksum(plain(document)):
         raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
@@ -107,8 +107,8 @@ def _document(folder: Path) -> dict[str, Any]:
 def no_sensor(folder: Path, name: str) -> InputError:
     """What to say where the file `name` of a sensor is not there."""
     return InputError(
-        "file-not-found", f"there is no {name}.", place=str(folder),
-        fix="make one: hysid microchannel train FILE --input COL --force COL --out DIR.",
+        "file-not-found", f"This folder has no {name}.", place=str(folder),
+        fix="Train a sensor: hysid microchannel train FILE --input COL --force COL --out DIR.",
     )  # fmt: skip
 
 
@@ -116,5 +116,5 @@ def _damaged(folder: Path, name: str, error: Exception) -> InputError:
     said = str(getattr(error, "strerror", None) or error) or type(error).__name__
     return InputError(
         "damaged-file", f"{name} cannot be used: {said.splitlines()[0]}.", place=str(folder),
-        cause="it was cut off or edited.", fix="train again (--overwrite).",
+        cause="The file was cut off or edited.", fix="Train again (--overwrite).",
     )  # fmt: skip

@@ -28,8 +28,8 @@ class Targets:
     def __post_init__(self) -> None:
         if self.force is None and self.place is None and not self.position:
             raise InputError(
-                "nothing-to-learn", "nothing is to be learnt.",
-                fix="name the columns of the truth: --force COL, --place COL, --position COL.",
+                "nothing-to-learn", "There is nothing to learn.",
+                fix="Name the columns of the true values: --force COL, --place COL, --position COL.",
             )  # fmt: skip
 
 
@@ -80,7 +80,9 @@ def read_sessions(
     for k, file in enumerate(named):
         if file in named[:k]:
             raise InputError(
-                "given-twice", f"{file.name} is given twice.", fix="name each session's file once."
+                "given-twice",
+                f"{file.name} is given twice.",
+                fix="Name the file of each session once.",
             )
     found, missed = [], []
     for file in files:
@@ -161,8 +163,8 @@ def _check_alike(first: Session, other: Session) -> None:
         if one.unit != two.unit:
             raise InputError(
                 "wrong-unit",
-                f"column {one.name!r} is in {one.unit} in {first.file.name}, in {two.unit} here.",
-                place=str(other.file), fix="bring both to one unit.",
+                f"Column {one.name!r} is in {two.unit} here, but in {one.unit} in {first.file.name}.",
+                place=str(other.file), fix="Convert both to one unit.",
             )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from hysteresis import InputError
 from identify.internal import versions
 
 from ..figures._format import plain_name
+from ..intake._folders import check_writable
 from ..intake._selection import Selection
-from ..operations._fit_and_predict import _check_writable
 from ._estimate import TRAINING, Estimates, estimates_of, judged
 from ._force_records import ForceRecord
 from ._force_training import ForceTraining, train_force
@@ -74,12 +74,12 @@ def train(
     if settings.kind not in KINDS:
         raise InputError(
             "bad-option",
-            f"no kind {settings.kind!r}.",
-            fix=f"one of {', '.join(KINDS)} (--kind).",
+            f"{settings.kind!r} is not a kind of estimator.",
+            fix=f"Use one of {', '.join(KINDS)} (--kind).",
         )
     identify.internal.check_free(out, overwrite or settings.resume, TRAINING)
     identify.internal.check_free(out, overwrite=False)  # a fit is none of a sensor's results
-    _check_writable(out)
+    check_writable(out)
     sessions = read_sessions(files, selection, targets, tests)
     parts = [one.train for one in sessions if one.train is not None]
     held_out = [one.test for one in sessions if one.test is not None]
@@ -193,7 +193,7 @@ def _learn_force(
         say(f"{kind}: held-out RMSE {found[kind].rmse:.4g}")
     if not found:
         raise InputError(
-            "nothing-fits", "no kind of estimator could be learnt.", fix="look at the data."
+            "nothing-fits", "No kind of estimator could be trained.", fix="Check the data."
         )
     best = min(found.values(), key=lambda one: one.rmse)
     return best, {kind: one.rmse for kind, one in found.items()}
@@ -203,8 +203,8 @@ def _records(part: Streams) -> list[ForceRecord]:
     """Sequences up to the last row that counts; forces of others are not known."""
     if part.record.time is None:
         raise InputError(
-            "no-time", "a force that depends on what came before needs the times of the readings.",
-            place=part.record.source, fix="name their column (--time COL), or their step (--dt SECONDS).",
+            "no-time", "A force that depends on the history needs the times of the readings.",
+            place=part.record.source, fix="Name their column (--time COL), or their step (--dt SECONDS).",
         )  # fmt: skip
     force, found = np.where(part.counts, part.force, np.nan), []
     for rows in part.sequences():

@@ -153,7 +153,7 @@ def test_fetched_is_what_fit_takes(address: str):
     assert second == ["1", "0.05"]
     config = Path(found["config"]).read_text("utf-8")
     assert found["sources"][0]["sha256"] in config
-    assert "# Mind: wet" in config
+    assert "# Note: wet" in config
     assert tomllib.loads(config)["fit"] == {"model": "LinearSponge", "noise": "gaussian"}
     fitted = run("fit", found["file"], "--config", found["config"], "--out", "fit", "--json").json()
     assert fitted["model"] == "LinearSponge"

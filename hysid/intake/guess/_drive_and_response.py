@@ -171,8 +171,8 @@ def _step(
             f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. Of these"
             f" {len(found) or 'none'} could drive or follow, and a loop takes two that move.",
             place=table.path,
-            cause="one column, words for numbers, or another separator than , ; tab |.",
-            fix="export input and output side by side; for creep a time column, one more, --step VALUE.",
+            cause="A single column, words instead of numbers, or a separator other than , ; tab |.",
+            fix="Export input and output side by side; for creep give --step VALUE.",
         )
     output = found[0]
     why = {"output": "the one column that moves over time"}
@@ -197,7 +197,7 @@ def _step(
     else:
         raise InputError(
             "cannot-decide",
-            f"Only {output.name!r} moves over time; nothing says what was held constant.",
+            f"Only {output.name!r} changes over time; the constant input is not known.",
             place=table.path,
             fix="hysid init FILE --step VALUE, the constant force or displacement; or a file with both.",
         )
@@ -212,7 +212,10 @@ def _channels(
     output = given.get("output")
     if output is None:
         raise InputError(
-            "cannot-decide", "Several inputs, and no output.", place=place, fix="--output COL."
+            "cannot-decide",
+            "There are several inputs but no output.",
+            place=place,
+            fix="Name the output (--output COL).",
         )
     why = {"input": f"one of {len(inputs)} channels", "output": "as given"}
     return Choice(by_name[inputs[0]], by_name[output], "sure", why, {"input": inputs}, [])
@@ -245,7 +248,7 @@ def _undecided(columns: list[Column], place: str) -> InputError:
     names = ", ".join(f"{c.name!r} ({c.kind.name})" for c in columns[:20])
     return InputError(
         "cannot-decide",
-        f"Nothing says which of these drives and which follows: {names}.",
+        f"It is not clear which of these columns is the input and which the output: {names}.",
         place=place,
         fix='hysid init FILE --input "COL" --output "COL", by their exact headers.',
     )

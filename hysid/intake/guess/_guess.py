@@ -123,9 +123,9 @@ def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
 def _no_header(place: str, problem: str) -> InputError:
     return InputError(
         "no-header",
-        f"The first line is numbers: nothing says what the columns are. {problem}",
+        f"The first line contains numbers, so the columns have no names. {problem}",
         place=place,
-        fix="write a line above it that names each column with its unit, as in "
+        fix="Write a line above it that names each column with its unit, as in "
         "time (s),force (N),displacement (mm).",
     )
 

@@ -323,16 +323,16 @@ FOLDERS = {
     ),
     **{
         f"32: a folder elsewhere, {command[0]}": Spoilt(
-            leads_out, "outside-folder", ("'../elsewhere'", "edited", "fit again"), command
+            leads_out, "outside-folder", ("'../elsewhere'", "edited", "Fit again"), command
         )
         for command in (
             ("predict", "out", "run.csv"), ("sample", "out", "--steps", 20),
         )
     },
     "32: columns that are none": Spoilt(
-        edited(selection={"x": 1}), "damaged-file", ("which columns", "fit again")
+        edited(selection={"x": 1}), "damaged-file", ("which columns", "Fit again")
     ),
-    "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "fit again")),
+    "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "Fit again")),
     "32: no fit": Spoilt(
         lambda folder: (folder / "fit.json").unlink(), "file-not-found", ("out: ", "hysid fit --out DIR")
     ),

@@ -71,7 +71,7 @@ def test_missing_time_is_refused_by_a_model_that_needs_it():
     put(text(sponge()))
     said = run("fit", "run.csv", *COLUMNS[:4], *BURGERS)
     assert (said.code, said.out) == (2, "")
-    for word in ("Burgers depends on the rate", "--time COL", "--dt SECONDS", "[no-time]"):
+    for word in ("Burgers depends on the rate", "--time COL", "--dt SECONDS", '"no-time"'):
         assert word in said.err.splitlines()[-1]
 
 
@@ -143,7 +143,7 @@ def test_what_is_known_of_parameters_is_said_on_the_command_line():
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ("K", ("K", "says nothing")),
+        ("K", ("K", "is not a name with settings")),
         ("k fixed=1", ("no parameter 'k'", "did you mean K?")),
         ("K start=none", ("'none'", "no number")),
         ("K bounds=3,1", ("[3, 1]", "below the upper")),

@@ -73,7 +73,7 @@ def test_every_file_is_fitted_and_the_bad_one_named():
     put(text(sponge()), "data/bad.csv")
     again = batch()
     assert again.code == 0
-    assert "3 fitted, 2 of them before; 0 not." in again.out
+    assert "3 fitted (2 of them by an earlier run), 0 failed." in again.out
     anew = batch("--no-resume", "--json").json()
     assert (anew["fitted"], anew["skipped"]) == (3, 0)
 
@@ -96,7 +96,7 @@ def test_what_was_stopped_goes_on(monkeypatch):
     assert [
         row["name"] for row in json.loads(Path("out/batch.json").read_text("utf-8"))["fits"]
     ] == ["a"]
-    assert "2 fitted, 1 of them before; 1 not." in batch().out
+    assert "2 fitted (1 of them by an earlier run), 1 failed." in batch().out
 
 
 def test_each_value_of_each_file():
@@ -119,9 +119,9 @@ def test_two_files_of_one_name():
     ("said", "words"),
     [
         ("output = x", ["line 1", "bad-config"]),
-        ("[selection]\nouput = 'x'", ["ouput", "did you mean output?", "unknown-key"]),
+        ("[selection]\nouput = 'x'", ["ouput", "Did you mean output?", "unknown-key"]),
         ("[selection]\nmodel = 'Burgers'", ["[fit]", "unknown-key"]),
-        ("[select]\noutput = 'x'", ["[select]", "did you mean selection?"]),
+        ("[select]\noutput = 'x'", ["[select]", "Did you mean selection?"]),
         ("[fit]\nstarts = 'many'", ["starts = 'many'", "a whole number"]),
         ("[fit]\nstarts = true", ["a whole number"]),
         ("[selection]\noutput = ['x', 'y']", ["text"]),

@@ -13,7 +13,7 @@ import pytest
 
 import hysid
 from hysid.cli._app import app
-from hysid.operations import _fit_and_predict as _jobs
+from hysid.operations import _demo
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
@@ -228,14 +228,14 @@ def stop(error: BaseException) -> Any:
 
 
 def test_an_interruption_exits_with_130(folder, monkeypatch):
-    monkeypatch.setattr("hysid.operations._fit_and_predict.check", stop(KeyboardInterrupt()))
+    monkeypatch.setattr("hysid.operations._check.check", stop(KeyboardInterrupt()))
     said = run("check", folder / "run.csv", *COLUMNS)
-    assert said == (130, "", "hysid: Interrupted. What was written so far is whole.\n")
+    assert said == (130, "", "hysid: Interrupted. What was written so far is complete.\n")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("the sponge bit\nback"), AssertionError()])
 def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tmp_path, error):
-    monkeypatch.setattr("hysid.operations._fit_and_predict.check", stop(error))
+    monkeypatch.setattr("hysid.operations._check.check", stop(error))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     said = run("check", folder / "run.csv", *COLUMNS)
     assert (said.code, said.out) == (1, "")
@@ -249,7 +249,7 @@ def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tm
 
 def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
     monkeypatch.setattr(
-        "hysid.operations._fit_and_predict.check",
+        "hysid.operations._check.check",
         stop(OSError(28, "No space left on device", "fit.npz")),
     )
     said = run("check", folder / "run.csv", *COLUMNS)
@@ -285,9 +285,9 @@ def test_a_reader_that_has_seen_enough_is_no_error(folder):
 
 
 def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):
-    shipped = _jobs.DATASETS / "sponge-50mm-cycles.csv"
-    assert _jobs._demo_data(tmp_path) == shipped
-    made = _jobs._demo_data(tmp_path / "out", datasets=tmp_path)
+    shipped = _demo.DATASETS / "sponge-50mm-cycles.csv"
+    assert _demo.demo_data(tmp_path) == shipped
+    made = _demo.demo_data(tmp_path / "out", datasets=tmp_path)
     assert made.read_bytes() == shipped.read_bytes()
 
 

@@ -37,7 +37,7 @@ def test_models_of_the_same_data_are_ranked(folder):
     # The best of each criterion is the origin of its column.
     assert lines[3].split()[-3:] == ["0"] * 3
     assert "new predicts held-out rows better than too soft by" in said.out
-    assert "Mind: The evidence weighs the priors too" in said.out
+    assert "Note: The evidence weighs the priors too" in said.out
 
 
 def test_scripts_get_the_same_figures(folder):
@@ -61,7 +61,7 @@ def test_one_folder_compares_its_candidates(folder):
     assert found["pairs"][0]["held_out"]["clear"]
     assert found["pairs"][0]["test"] is None
     said = run("compare", folder / "both").out
-    assert "Mind: Of candidates the figures alone are kept" in said
+    assert "Note: Of candidates the figures alone are kept" in said
     assert "log evidence" not in said
 
 

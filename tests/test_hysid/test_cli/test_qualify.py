@@ -10,7 +10,7 @@ import pytest
 
 from compensate.qualification._qualify import latency
 from hysid.operations import _qualify as _qualify_job
-from hysid.operations._fit_and_predict import DATASETS
+from hysid.operations._demo import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)

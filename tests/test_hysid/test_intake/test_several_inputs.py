@@ -77,7 +77,7 @@ def test_no_output_tells_several_inputs_apart(folder, fitted):
 def test_a_report_shows_each_curve(folder, fitted):
     with coarse_pictures():
         page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
-    for words in ("Curves of 2 channels", "far", "one output does not tell 2 inputs apart"):
+    for words in ("Curves of 2 channels", "far", "2 inputs cannot be recovered from one output"):
         assert words in page
 
 

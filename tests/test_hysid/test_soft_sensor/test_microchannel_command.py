@@ -194,7 +194,7 @@ def test_a_press_at_no_known_place(trained: Trained):
     assert found["flagged"] > ROWS / 3
     assert found["rmse"] is None
     shown = run("microchannel", "estimate", trained.out, trained.folder / "new.csv")
-    assert "nothing measured to compare with" in shown.out
+    assert "The file has no measured values to compare with" in shown.out
 
 
 def places(folder: Path, session: Rows, *options: Any) -> Result:
@@ -240,7 +240,7 @@ def test_a_training_goes_on_only_with_its_own_data(trained: Trained, monkeypatch
     monkeypatch.setattr(_microchannel_train, "train_force", stopped)
     done = run(*trained.arguments, "--overwrite")
     assert done.code == 130
-    assert "To go on: hysid microchannel train" in done.err
+    assert "To resume: hysid microchannel train" in done.err
     assert done.err.count("--resume") == 1
     assert load_sensor(trained.out).force is not None  # what was there is still whole
 

@@ -1,0 +1,157 @@
+"""What every command does with the terminal: results on stdout; progress, log and errors on stderr."""
+
+import json
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from ._compile_cache import keep_compiled
+
+BUG, USER, INTERRUPTED = 1, 2, 130
+"""Exit status: a fault of hysid, of the user's data or settings, and an interruption."""
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a fit.")]
+Folders = Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of fits.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Overwrite existing results.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of every random number.")]
+
+
+def one_of(*choices: str) -> Callable[[str | None], str | None]:
+    """A check that an option is one of these words."""
+
+    def check(value: str | None) -> str | None:
+        if value is not None and value not in choices:
+            raise typer.BadParameter(f"{value!r} is not {' or '.join(choices)}")
+        return value
+
+    return check
+
+
+def example(command: str) -> str:
+    """The end of a command's help: one line that can be copied."""
+    return f"Example:\n\n\b\n  {command}"  # \b: a line that is not wrapped
+
+
+def start_jax(double: bool = True) -> None:
+    """Load JAX in double precision, with one thread for small matrices, and keep compiled programs."""
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    keep_compiled()
+    import jax  # late: it takes a second, and --help needs none of it
+
+    jax.config.update("jax_enable_x64", double)
+
+
+def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) -> None:
+    """The one JSON object, or lines for a reader, on stdout."""
+    if as_json:
+        from hysteresis._format import plain  # late: it loads JAX
+
+        print(json.dumps(plain(document), ensure_ascii=False), flush=True)
+    else:
+        print("\n".join(lines), flush=True)
+
+
+def log(line: str) -> None:
+    """A line on stderr."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def verdict_lines(document: dict[str, Any]) -> list[str]:
+    """The level, the model, and the reasons."""
+    lines = [f"{document['verdict']['level']}: {document['model']}"]
+    return lines + [f"  {reason}" for reason in document["verdict"]["reasons"]]
+
+
+def warnings(sentences: Iterable[str], word: str = "Warning") -> list[str]:
+    """Each on a line of its own, with the word before it that says what it is."""
+    return [f"{word}: {sentence}" for sentence in sentences]
+
+
+class Progress:
+    """How far a long run is, on stderr: a bar on a terminal, a line for every tenth elsewhere."""
+
+    def __init__(self, what: str):
+        self._what = what
+        self._bar: Any = None
+        self._task: Any = None
+        self._tenth = -1
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __call__(self, done: int, total: int, text: str) -> None:
+        if sys.stderr.isatty():
+            if self._bar is None:
+                # late: most commands show no bar
+                from rich.console import Console
+                from rich.progress import Progress as Bar
+
+                self._bar = Bar(console=Console(stderr=True))
+                self._bar.start()
+                self._task = self._bar.add_task(self._what, total=total)
+            self._bar.update(self._task, completed=done, total=total, description=text)
+        elif (tenth := 10 * done // total) != self._tenth:
+            self._tenth = tenth
+            log(f"{self._what}: {100 * done // total} %, {text}")
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Why a command ended: the fields of `InputError`, "" where there is nothing to say."""
+
+    code: str
+    message: str
+    where: str = ""
+    cause: str = ""
+    fix: str = ""
+
+
+def stop(fault: Fault, text: str, status: int, as_json: bool) -> NoReturn:
+    """End with one line on stderr: a sentence, or one JSON object."""
+    if as_json:
+        log(json.dumps({"error": asdict(fault)}, ensure_ascii=False))
+    else:
+        log(f"hysid: {text}")
+    raise SystemExit(status)
+
+
+def explain(error: Exception) -> tuple[Fault, str, int]:
+    """What an exception means to the user: the fault, the same as text, and the exit status."""
+    # Known by its method: newer typers bring their own click, older ones need the package.
+    if (usage := getattr(error, "format_message", None)) is not None:
+        message = f"{usage().rstrip('.')}."
+        if (context := getattr(error, "ctx", None)) is None:
+            return Fault("usage", message), message, USER
+        hint = f"See: {context.command_path} --help"
+        return Fault("usage", message, context.command_path, fix=hint), f"{message} {hint}", USER
+    from hysteresis import InputError  # late: it loads JAX
+
+    if isinstance(error, InputError):
+        fault = Fault(error.code, error.problem, error.place, error.cause, error.fix)
+        return fault, str(error), USER
+    if isinstance(error, OSError):
+        place, why = str(error.filename or "the disk"), f"{error.strerror or error}."
+        return Fault("os-error", why, place), f"{place}: {why}", USER
+    with tempfile.NamedTemporaryFile(
+        "w", suffix=".txt", prefix="hysid-", delete=False, encoding="utf-8"
+    ) as details:
+        traceback.print_exception(error, file=details)
+    said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+    message = f"This is a bug in hysid, not your doing ({said})."
+    fault = Fault("bug", message, details.name, fix="Report the bug with this file.")
+    return fault, f"{message} Details: {details.name}", BUG

@@ -1,0 +1,90 @@
+"""`hysid fit`."""
+
+from typing import Annotated, Any
+
+import typer
+
+from ._config_file import Config, parameters_said
+from ._console import (
+    AsJson,
+    File,
+    Out,
+    Overwrite,
+    Seed,
+    log,
+    one_of,
+    print_result,
+    start_jax,
+    verdict_lines,
+)  # fmt: skip
+from ._selection import takes_selection
+
+
+@takes_selection()
+def fit(
+    file: File,
+    out: Out,
+    selection: dict[str, Any],
+    config: Config = None,
+    model: Annotated[str, typer.Option(help="auto, or NAME[,NAME].")] = "auto",
+    initial: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("auto", "negative", "positive", "demagnetised", "fit"),
+            help="Memory before the first sample: auto, negative, positive, demagnetised, or fit.",
+        ),
+    ] = "auto",
+    conditioning: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("auto", "keep"),
+            help="auto: exclude the first cycle where that predicts better; keep: never exclude it.",
+        ),
+    ] = "auto",
+    clocks: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("auto", "keep"),
+            help="auto: correct a lag between input and output and smooth a staircase; keep: change"
+            " nothing.",
+        ),
+    ] = "auto",
+    noise: Annotated[
+        str,
+        typer.Option(
+            help="Noise model: auto, or gaussian, student-t, ar1, arma11, growing, input, misfit,"
+            " joined with +."
+        ),
+    ] = "auto",
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='What is known of a parameter; repeatable: "E1 start=2 bounds=1,4", "b fixed=0",'
+            ' "K prior=normal(1, 0.1)", "E2 tied=2 * E1".'
+        ),
+    ] = None,
+    starts: Annotated[
+        int, typer.Option(min=1, help="Random starts for non-linear parameters.")
+    ] = 32,
+    seed: Seed = 0,
+    allow_float32: Annotated[
+        bool,
+        typer.Option("--allow-float32", help="Fit in single precision; standard errors are rough."),
+    ] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fit models to a record and write the best one to a folder.
+
+    Models are ranked by their errors on rows that were held out from the fit.
+    """
+    start_jax(double=not allow_float32)
+    from ..intake._selection import Selection  # after JAX is set up
+    from ..operations import _fit
+
+    document = _fit.fit(
+        file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
+        conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
+        allow_float32=allow_float32, parameters=parameters_said(config, parameter),
+    )  # fmt: skip
+    print_result(document, as_json, [*verdict_lines(document), f"Results: {out}"])

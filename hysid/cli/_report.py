@@ -1,0 +1,26 @@
+"""`hysid report`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ._console import AsJson, Folders, log, print_result, start_jax
+
+
+def report(
+    folders: Folders,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the page that compares several fits.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write an HTML report of one fit or of several.
+
+    DIR/report.html is self-contained. For several fits hysid also writes a page that compares them.
+    """
+    start_jax()
+    from ..reporting import _specimens_page  # after JAX is set up
+
+    found = _specimens_page.report(folders, out, log)
+    print_result(found, as_json, [found["file"]])

@@ -1,0 +1,99 @@
+"""The selecting options: each field is a command-line option, a key of a configuration file, and a keyword.
+
+A new option is one field here. No import of this module loads JAX: `hysid --help` reads the fields.
+"""
+
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any
+
+
+def _option(help: str, default: Any = MISSING, **said: Any) -> Any:
+    """A field with its help text.
+
+    **Arguments:**
+
+    - `metavar`: what help shows for the value. `choices`: the words that it may be. `least`: the smallest
+      whole number.
+    - `repeated`: the command line repeats the option. `joined`: the command line and a configuration file
+      put commas between its words.
+    """
+    return field(default=default, metadata={"help": help} | said)
+
+
+@dataclass(frozen=True)
+class SelectionOptions:
+    """Which rows and columns of a file are used, and which rows are held out for testing."""
+
+    input: str | tuple[str, ...] | None = _option(
+        "Input column: its exact header. Repeat it for a sensor with several channels.",
+        repeated=True,
+        metavar="COL",
+    )
+    output: str = _option("Output column: its exact header.", metavar="COL")
+    time: str | None = _option("Time column.", None, metavar="COL")
+    dt: float | None = _option(
+        "Time between samples in seconds, where there is no time column.", None, metavar="SECONDS"
+    )
+    input_time: str | None = _option(
+        "Time column of the input, where it has a clock of its own; --time is the output's.",
+        None,
+        metavar="COL",
+    )
+    step: float | None = _option(
+        "Fit creep or relaxation under this constant input, instead of --input.",
+        None,
+        metavar="VALUE",
+    )
+    hold: bool = _option(
+        "Fit creep or relaxation over the longest stretch in which --input is constant.", False
+    )
+    group: tuple[str, ...] = _option(
+        "Rows with different values are independent sequences of one model.",
+        (),
+        joined=True,
+        metavar="COL[,COL]",
+    )
+    each: str | None = _option("Fit one model for each value of this column.", None, metavar="COL")
+    where: tuple[str, ...] = _option(
+        "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"
+    )
+    test_where: tuple[str, ...] = _option(
+        "Hold out these rows for testing; COL%2=0 holds out even values; repeatable.",
+        (),
+        repeated=True,
+        metavar="COL=VALUE[,VALUE]",
+    )
+    test_cycles: int | None = _option(
+        "Hold out the last N cycles of each sequence for testing.", None, least=1, metavar="N"
+    )
+    test_tail: float | None = _option(
+        "Hold out this last fraction of each sequence for testing.", None, metavar="FRACTION"
+    )
+    nan: str = _option(
+        "Missing values: raise an error, omit (rows without output do not count), or interpolate.",
+        "raise",
+        choices=("raise", "omit", "interpolate"),
+    )
+    segments: str | None = _option(
+        "auto: a new sequence begins where the time goes back.", None, choices=("auto",)
+    )
+    decimal: str = _option("Decimal sign of the file: . or ,", ".", choices=(".", ","))
+    units_row: int | None = _option(
+        "Number of the line that holds the units; 0 for none.", None, least=0, metavar="N"
+    )
+    na_values: tuple[str, ...] = _option(
+        "Words that mean a missing value.", (), joined=True, metavar="WORD[,WORD]"
+    )
+    input_unit: str | None = _option(
+        "Unit of the input or of --step, where the header does not give it.", None, metavar="UNIT"
+    )
+    output_unit: str | None = _option(
+        "Unit of the output, where the header does not give it.", None, metavar="UNIT"
+    )
+
+
+FIELDS: dict[str, Field[Any]] = {one.name: one for one in fields(SelectionOptions)}
+"""By name, in the order in which help and configuration files list them."""
+
+HELD_OUT = tuple(name for name in FIELDS if name.startswith("test_"))
+"""The options that hold out rows: a command that only looks at a file has none of them."""

@@ -1,0 +1,61 @@
+"""`hysid fit`: records from a file, a fit of each, and its folder."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import identify
+from hysteresis import InputError
+
+from ..intake._constant_input import step_options
+from ..intake._folders import check_writable, folder_names
+from ..intake._selection import Selection, all_of
+from ._several_fits import together
+
+
+def fit(
+    file: Path,
+    selection: Selection,
+    out: Path,
+    *,
+    overwrite: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Fit, and write the folder. With `each` every value gets a folder of its own below."""
+    selection.check_columns()
+    records, faults = selection.records(selection.table(file))
+    folders = folder_names(records)
+    for name in (".", *folders.values()):
+        identify.internal.check_free(out / name, overwrite)
+    check_writable(out)
+    found: dict[str, identify.FitResult] = {}
+    extra = {"selection": selection.as_json()}
+    run = partial(identify.fit, **options)
+    if selection.is_step:
+        run = partial(identify.fit_step, **step_options(options))
+    for value, (train, test) in records.items():
+        if value:
+            say(f"{selection.each} = {value}")
+        try:
+            result = run(train, test=test, progress=say)
+        except InputError as error:
+            faults[value] = error
+            continue
+        identify.save(result, out / folders[value], overwrite=overwrite, extra=extra)
+        found[value] = result
+        if value:
+            say(_in_short(result))
+    if not found:
+        raise all_of(faults)
+    if "" in found:
+        return identify.internal.read_document(out)
+    failed = {value: str(error) for value, error in faults.items()}
+    document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
+    identify.internal.write_json(out / "fit.json", document)
+    return identify.internal.read_document(out)
+
+
+def _in_short(result: identify.FitResult) -> str:
+    return f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}"

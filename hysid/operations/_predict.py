@@ -1,0 +1,106 @@
+"""`hysid predict`: a fitted model, or its compensator, over a file."""
+
+import csv
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from compensate import Status, invert
+from hysteresis import InputError, Record
+
+from ..intake._constant_input import RANGE, later, on_the_clock_of, open_range
+from ..intake._folders import folders_of
+from ..intake._selection import all_of
+from ._columns import for_new_file, selection_of_fit
+
+FLAGGED_BEYOND = "beyond the trained inputs"
+
+
+def predict(
+    folder: Path, file: Path, *, inverse: bool = False, changes: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Run a fitted model, or its compensator, over a file; write the result beside the fit.
+
+    Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
+    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK.
+    Beside a step's prediction stands the range that the fitted record leaves open.
+    """
+    document = identify.internal.read_document(folder)
+    asked = selection_of_fit(document)
+    if inverse and isinstance(asked.input, tuple):
+        raise InputError(
+            "not-invertible",
+            f"This fit has {len(asked.input)} inputs; they cannot be recovered from one output.",
+            place=str(folder),
+            fix="Predict without --inverse, or fit one input.",
+        )
+    selection = replace(asked, **(changes or {})).without_hold_out()
+    source = selection.table(file)
+    selection, compared, said = for_new_file(selection, source, inverse)
+    folders = folders_of(folder, document)
+    table, measured_all, found_all, flagged = [], [], [], 0
+    records, faults = selection.records(source)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    with_range = asked.is_step and not inverse
+    for value, (record, _) in records.items():
+        if value not in folders:
+            continue
+        fitted = identify.load(folder / folders[value])
+        if asked.is_step:
+            record = on_the_clock_of(fitted, record)
+        wanted = record.input if inverse else record.output
+        if inverse:
+            values, status = _run_backwards(fitted, record)
+            words = [Status(int(s)).name for s in status]
+        else:
+            values = fitted.predict(record)
+            words = (later if asked.is_step else _outside)(fitted, record)
+        flagged += sum(w != "OK" for w in words)
+        driving = fitted.combined(record).input
+        more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
+        rows = zip(
+            [value] * len(record), record.line, driving, record.output, values, words, *more.T,
+            strict=True,
+        )  # fmt: skip
+        table += [row for row in rows if row[1]]  # a step's own row has no line in the file
+        measured_all.append(wanted[record.mask])
+        found_all.append(np.asarray(values)[record.mask])
+    if not table:
+        raise InputError(
+            "no-match",
+            f"The file has no value of {selection.each} that was fitted: {', '.join(folders)}.",
+            place=str(file),
+        )
+    figures = identify.metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
+    if not compared:
+        figures = dict.fromkeys(figures)
+    target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
+    result = f"estimated {asked.input_words}" if inverse else f"predicted {asked.output}"
+    names = [selection.input_words, selection.output]
+    header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
+    keep = [selection.each is not None, True, True, compared, *(True,) * 5]
+    with target.open("w", newline="", encoding="utf-8") as handle:
+        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
+    return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
+
+
+def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to say about each row of a record: is it beyond the inputs that were fitted?"""
+    return [FLAGGED_BEYOND if o else "OK" for o in fitted.beyond(record)]
+
+
+def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """The compensator over each sequence, from the virgin state."""
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    compensator = invert(fitted.model)
+    value, status = np.empty(len(record)), np.empty(len(record), int)
+    for _, rows in record.sequences():
+        t = None if record.time is None else record.time[rows]
+        estimate = compensator.simulate(t, record.output[rows])
+        value[rows], status[rows] = np.asarray(estimate.value), np.asarray(estimate.status)
+    return fitted.clocks.undone(record, value), status

@@ -1,0 +1,85 @@
+"""Several fits as one document: mean figures, the most frequent model, the worst verdict."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis._verdict import worst_of
+
+
+def together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
+    """One document for several fits: mean figures, the commonest model, the gravest verdict."""
+    documents = {value: identify.internal.to_json(result) for value, result in found.items()}
+    each = list(documents.values())
+    first, whole = each[0], _in_common(documents)
+    model = Counter(d["model"] for d in each).most_common(1)[0][0]
+    candidates = []
+    for name in dict.fromkeys(c["model"] for d in each for c in d["candidates"]):
+        tried = {value: c for value, d in documents.items() if (c := _candidate(d, name))}
+        candidates.append(
+            {"model": name, "parameters": _mean_parameters([*tried.values()]), **_in_common(tried)}
+        )
+    if failed:
+        level = worst_of((whole["verdict"]["level"], "CAUTION"))
+        reasons = [f"{v}: not fitted. {why}" for v, why in failed.items()]
+        verdict = {"level": level, "reasons": whole["verdict"]["reasons"] + reasons}
+        whole |= {"success": False, "trusted": False, "verdict": verdict}
+    counts = ("rows", "rows_train", "rows_test", "sequences")
+    return {
+        "schema": first["schema"],
+        "model": model,
+        "parameters": _mean_parameters([d for d in each if d["model"] == model]),
+        **whole,
+        "candidates": candidates,
+        "data": first["data"] | {k: sum(d["data"][k] for d in each) for k in counts},
+        "seed": first["seed"],
+        "seconds": sum(d["seconds"] for d in each),
+        "versions": first["versions"],
+        "failed": failed,
+        "each": documents,
+    }
+
+
+def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Mean figures and gravest verdict of fits or of candidates."""
+    each = list(documents.values())
+    return {
+        "metrics": _mean_metrics(each),
+        "score_percent": _mean([d["score_percent"] for d in each]),
+        "success": all(d["success"] for d in each),
+        "trusted": all(d["trusted"] for d in each),
+        "verdict": {
+            "level": worst_of(d["verdict"]["level"] for d in each),
+            "reasons": [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()],
+        },
+    }
+
+
+def _mean_parameters(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    status = {"stderr": None, "status": f"mean of {len(documents)}"}
+    names = {tuple(p["name"] for p in d["parameters"]) for d in documents}
+    if len(names) > 1:  # branches with other relaxation times have no mean
+        return []
+    columns = zip(*(d["parameters"] for d in documents), strict=True)
+    return [
+        column[0] | {"value": _mean([p["value"] for p in column])} | status for column in columns
+    ]
+
+
+def _candidate(document: dict[str, Any], name: str) -> dict[str, Any] | None:
+    return next((c for c in document["candidates"] if c["model"] == name), None)
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _mean_metrics(documents: list[dict[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for part in ("train", "test"):
+        figures = [d["metrics"][part] for d in documents if d["metrics"][part] is not None]
+        found[part] = {k: _mean([f[k] for f in figures]) for k in figures[0]} if figures else None
+    return found

@@ -1,0 +1,135 @@
+"""Errors as JSON, the version, and options that are written once."""
+
+import json
+import subprocess
+import sys
+from dataclasses import fields
+from importlib.metadata import version
+from typing import Any
+
+import pytest
+import typer
+
+from hysid.cli._app import app
+from hysid.cli._config_file import SELECTION
+from hysid.cli._selection import as_fields
+from hysid.intake._selection import Selection
+from hysid.intake._selection_options import FIELDS, HELD_OUT
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, F, run, sponge, text
+
+KEYS = {"code", "message", "where", "cause", "fix"}
+COMMANDS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+
+
+def error_of(*arguments: object, code: int = 2) -> dict[str, str]:
+    """The object in the last line on stderr, of a command that printed nothing on stdout."""
+    said = run(*arguments, "--json")
+    assert (said.code, said.out) == (code, "")
+    document = json.loads(said.err.splitlines()[-1])
+    assert set(document) == {"error"}
+    assert set(document["error"]) == KEYS
+    assert all(isinstance(words, str) for words in document["error"].values())
+    return document["error"]
+
+
+def stop(error: BaseException) -> Any:
+    def job(*_: object, **__: object) -> None:
+        raise error
+
+    return job
+
+
+@pytest.fixture
+def file(tmp_path):
+    made = tmp_path / "run.csv"
+    made.write_text(text(sponge()))
+    return made
+
+
+def test_an_error_of_the_data_is_an_object_with_the_fields_of_the_exception(file):
+    found = error_of("check", file, "--input", "Force", *COLUMNS[2:])
+    assert found["code"] == "no-column"
+    assert "Force" in found["message"]
+    said = run("check", file, "--input", "Force", *COLUMNS[2:]).err
+    assert all(words in said for words in found.values())
+
+
+def test_the_object_is_the_only_line_where_nothing_was_logged(file):
+    said = run("check", file, "--input", "Force", *COLUMNS[2:], "--json").err
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where"),
+    [
+        (("fit", "run.csv", "--frobnicate"), "hysid fit"),
+        (("fit",), "hysid fit"),
+        (("frobnicate",), "hysid"),
+        (("check", "run.csv", *COLUMNS, "--nan", "maybe"), "hysid check"),
+        (("export", "fit"), "hysid export"),
+        (("reproduce", "nobody1900"), "hysid reproduce"),
+        (("microchannel", "train"), "hysid microchannel train"),
+    ],
+)
+def test_a_usage_error_is_an_object_too(arguments, where):
+    found = error_of(*arguments)
+    assert (found["code"], found["where"]) == ("usage", where)
+    assert found["fix"] == f"See: {where} --help"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "status"),
+    [
+        (RuntimeError("the sponge bit back"), "bug", 1),
+        (OSError(28, "No space left on device", "fit.npz"), "os-error", 2),
+        (KeyboardInterrupt(), "interrupted", 130),
+    ],
+)
+def test_every_other_end_is_an_object_too(file, monkeypatch, tmp_path, error, code, status):
+    monkeypatch.setattr("hysid.operations._check.check", stop(error))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert error_of("check", file, *COLUMNS, code=status)["code"] == code
+
+
+def test_the_version_is_that_of_the_distribution():
+    said = run("--version")
+    assert said == (0, f"hysid {version('hysid')}\n", "")
+
+
+def option_names(command: str) -> set[str]:
+    return {one.name for one in COMMANDS[command].params}
+
+
+def test_every_field_of_a_selection_is_an_option_and_a_key():
+    names = {one.name for one in fields(Selection)}
+    assert names == set(FIELDS) == set(SELECTION)
+    assert names <= option_names("fit")
+    assert names - set(HELD_OUT) <= option_names("check")
+    assert not option_names("check") & set(HELD_OUT)
+    for one in COMMANDS["fit"].params:
+        if one.name in FIELDS:
+            assert one.help == FIELDS[one.name].metadata["help"]
+            assert one.opts == [f"--{one.name.replace('_', '-')}"]
+
+
+def test_options_that_nobody_gave_are_the_defaults_of_a_selection():
+    context = COMMANDS["fit"].make_context(
+        "fit", ["run.csv", "--input", F, "--output", "x", "--out", "fit"]
+    )
+    given = as_fields({name: context.params[name] for name in FIELDS})
+    assert Selection(**given) == Selection(F, "x")
+
+
+def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
+    """They are 2,000 lines, which no ordinary command needs."""
+    code = (
+        "import sys; from hysid.cli._app import main; main()\n"
+        "import hysid.operations._demo, hysid.soft_sensor._train\n"
+        "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "check", str(file), *COLUMNS],
+        env=ENVIRONMENT, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
