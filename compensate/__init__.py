@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .export._export import export_c as export_c
     from .export._export import export_runtime as export_runtime
     from .inverses import BracketedCompensator as BracketedCompensator
+    from .inverses import inverse_of as inverse_of
     from .qualification._loop_widths import Loop as Loop
     from .qualification._loop_widths import loop_widths as loop_widths
     from .qualification._qualify import Qualification as Qualification
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 _HOME = {
     "_contract": ("AbstractCompensator", "Estimate"),
     "_invert": ("invert",),
-    "inverses": ("BracketedCompensator",),
+    "inverses": ("BracketedCompensator", "inverse_of"),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),
     "uncertainty._calibrated": ("CalibratedCompensator", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),

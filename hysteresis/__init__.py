@@ -14,6 +14,7 @@ from ._parameter import parameter_at as parameter_at
 from ._parameter import parameters as parameters
 from ._registry import model_names as model_names
 from ._registry import register as register
+from ._stepped_model import AbstractSteppedModel as AbstractSteppedModel
 from .models._bouc_wen import BoucWen as BoucWen
 from .models._bouc_wen import BoucWenState as BoucWenState
 from .models._burgers import Burgers as Burgers

@@ -3,6 +3,7 @@
 from . import _bouc_wen as _bouc_wen
 from . import _compose as _compose
 from . import _curves as _curves
+from . import _default as _default
 from . import _degrading_bouc_wen as _degrading_bouc_wen
 from . import _linear_sponge as _linear_sponge
 from . import _moving_preisach as _moving_preisach

@@ -92,7 +92,7 @@ def _(model: Scaled) -> ScaledCompensator:
 def _(model: Sum) -> AbstractCompensator:
     if len(model.parts) == 1:
         return inverse_of(model.parts[0])
-    ranges = [found for part in model.parts if (found := _range_of(part)) is not None]
+    ranges = [found for part in model.parts if (found := range_of(part)) is not None]
     if not ranges:
         raise InputError(
             "not-invertible",
@@ -113,7 +113,7 @@ def _(model: Softening) -> BracketedCompensator:
     return BracketedCompensator(model, model.low, model.high)
 
 
-def _range_of(part: AbstractModel) -> tuple[float, float] | None:
+def range_of(part: AbstractModel) -> tuple[float, float] | None:
     """The inputs a part was made for, as far as they are known before JAX runs."""
     place: Any = getattr(part, "density", part)
     ends: Any = getattr(place, "low", None), getattr(place, "high", None)

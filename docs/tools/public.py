@@ -9,6 +9,7 @@ PACKAGES = (
     "hysteresis.preisach",
     "hysteresis.networks",
     "hysteresis.curves",
+    "hysteresis.testing",
     "hysteresis.rigs",
     "identify",
     "compensate",

@@ -1,6 +1,6 @@
 """The Bouc-Wen model, integrated exactly along its input's path."""
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
+from .._stepped_model import AbstractSteppedModel
 
 NODES = 40
 NEWTON_STEPS = 8
@@ -24,43 +24,8 @@ class BoucWenState(NamedTuple):
     w: Array
 
 
-class BoucWenInput(NamedTuple):
-    """Inputs, where sequences start, and the state they start in."""
-
-    u: Array
-    start: Array
-    state: Any
-
-
-State = TypeVar("State")
-
-
-class AbstractBoucWen(AbstractModel[State, BoucWenInput]):
-    """A function of the input's path alone, sample after sample; its state has the last input, `u`."""
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: State | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> BoucWenInput:
-        before: Any = self.init() if state is None else state
-        u = jnp.asarray(u, before.u.dtype)
-        return BoucWenInput(u, is_start(len(u), starts) > 0, before)
-
-    def evaluate(self, prepared: BoucWenInput) -> Float[Array, " samples"]:
-        def sample(state: State, at: tuple[Array, Array]) -> tuple[State, Array]:
-            u, start = at
-            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
-            return self.step(before, None, u)
-
-        return jax.lax.scan(sample, prepared.state, (prepared.u, prepared.start))[1]
-
-
 @register
-class BoucWen(AbstractBoucWen[BoucWenState]):
+class BoucWen(AbstractSteppedModel[BoucWenState]):
     """Bouc-Wen model: a spring beside one that yields.
 
         y = offset + alpha k x + (1 - alpha) k z

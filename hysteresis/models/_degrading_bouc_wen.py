@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from .._parameter import Scalar, parameter
 from .._registry import register
-from ._bouc_wen import AbstractBoucWen, BoucWen, check_bounds
+from .._stepped_model import AbstractSteppedModel
+from ._bouc_wen import BoucWen, check_bounds
 
 SUBSTEPS = 16
 """Of every sample's way, however long: see `DegradingBoucWen` for what they leave."""
@@ -80,7 +81,7 @@ class Pinching(eqx.Module):
 
 
 @register
-class DegradingBoucWen(AbstractBoucWen[DegradingState]):
+class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
     """Bouc-Wen model whose yielding spring wears (Bouc-Wen-Baber-Noori):
 
         y = offset + alpha k x + (1 - alpha) k z
