@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from . import _serialisation as files
 from ._errors import InputError
 from ._model import AbstractModel
 from ._parameter import parameters
-from ._serialisation import described, rebuilt
 
 SAMPLES, HISTORIES = 40, 4
 
@@ -178,7 +178,7 @@ def _at(model: Any, name: str) -> Any:
 
 def _check_file(model: AbstractModel, walk: _Walk) -> None:
     try:
-        again = rebuilt(*described(model))
+        again = files.rebuilt(*files.described(model))
     except InputError as error:
         raise AssertionError(f"a file gives the model back: {error}") from error
     assert type(again) is type(model), (
