@@ -11,6 +11,7 @@ from .runtime._status import Status as Status
 if TYPE_CHECKING:
     from ._contract import AbstractCompensator as AbstractCompensator
     from ._contract import Estimate as Estimate
+    from ._estimate import estimate as estimate
     from ._invert import invert as invert
     from .export._export import Exported as Exported
     from .export._export import Quantity as Quantity
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "_contract": ("AbstractCompensator", "Estimate"),
+    "_estimate": ("estimate",),
     "_invert": ("invert",),
     "inverses": ("BracketedCompensator", "inverse_of"),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),

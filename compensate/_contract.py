@@ -1,12 +1,13 @@
 """The contract that every compensator keeps."""
 
 import abc
-from typing import Any, Generic, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import html_of
 from hysteresis._type_variables import State
@@ -21,7 +22,18 @@ class Estimate(NamedTuple):
     status: Int[Array, "*samples"]
 
 
-class AbstractCompensator(eqx.Module, Generic[State]):
+# As in `hysteresis._type_variables`: checkers see a default, so that the bare class is a whole type.
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    Found = TypeVar("Found", default=Any)
+else:
+    from typing import TypeVar
+
+    Found = TypeVar("Found")
+
+
+class AbstractCompensator(eqx.Module, Generic[State, Found]):
     """A model run backwards, sample by sample, with the model's own memory. The law it keeps:
 
         model.simulate(t, compensator.simulate(t, y).value) == y     on the reachable set
@@ -34,11 +46,11 @@ class AbstractCompensator(eqx.Module, Generic[State]):
         """The state that belongs to the model's virgin state."""
 
     @abc.abstractmethod
-    def step(self, state: State, t: Any, y: Any) -> tuple[State, Estimate]:
+    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Found]:
         """One output in, one estimate of the input out."""
 
     @abc.abstractmethod
-    def simulate(self, t: Any, y: Any, state: State | None = None) -> Estimate:
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
     def _repr_html_(self) -> str | None:
@@ -53,7 +65,9 @@ def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def scan_steps(compensator: Any, t: Array | None, y: Array, state: Any) -> tuple[Any, Any]:
+def scan_steps(
+    compensator: Any, t: ArrayLike | None, y: Array, state: PyTree
+) -> tuple[PyTree, PyTree]:
     """`step` over all samples of anything that has one, compiled once per length: state, estimates."""
     t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
     return jax.lax.scan(lambda carry, sample: compensator.step(carry, *sample), state, (t, y))

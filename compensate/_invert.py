@@ -1,6 +1,6 @@
 """`invert`: the inverse of a fitted model, or of many draws of one."""
 
-from typing import Any
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, parameters
 
@@ -9,7 +9,9 @@ from .inverses import inverse_of
 from .uncertainty._ensemble import EnsembleCompensator
 
 
-def invert(model: AbstractModel, output_sigma: Any = None, seed: int = 0) -> AbstractCompensator:
+def invert(
+    model: AbstractModel, output_sigma: ArrayLike | None = None, seed: int = 0
+) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator.
 
     Of many models, such as `Posterior.model`, an `EnsembleCompensator`, which tells how far their

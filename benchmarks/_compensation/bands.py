@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from compensate import AbstractCompensator, calibrated, invert
+from compensate import AbstractCompensator, calibrated, estimate, invert
 from hysid.intake._selection import Selection
 from hysteresis import Record
 from identify import FitResult, fit, sample
@@ -114,14 +114,9 @@ def _share(sensor: Sensor, train: Record, test: Record | None) -> float:
     assert whole.test is not None
     learnt = calibrated(_ensemble(short), short.test, ahead=sensor.ahead)
     band = learnt.around(_ensemble(whole))
-    inside = []
-    for _, rows in whole.test.sequences():
-        t = None if whole.test.time is None else whole.test.time[rows]
-        found = band.simulate(t, whole.test.output[rows])
-        low, high = np.asarray(found.quantile(np.array([0.05, 0.95])))
-        truth = whole.test.input[rows]
-        inside.append(((low <= truth) & (truth <= high))[whole.test.mask[rows]])
-    return 100 * float(np.mean(np.concatenate(inside)))
+    low, high = np.asarray(estimate(band, whole.test).quantile(np.array([0.05, 0.95])))
+    inside = (low <= whole.test.input) & (whole.test.input <= high)
+    return 100 * float(np.mean(inside[whole.test.mask]))
 
 
 def _ensemble(fitted: FitResult) -> AbstractCompensator:

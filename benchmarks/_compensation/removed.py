@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from compensate import invert, loop_widths
+from compensate import estimate, invert, loop_widths
 from hysid.intake._selection import Selection
 from hysteresis import InputError, Record
 from identify import FitResult, fit
@@ -83,10 +83,10 @@ def _of_one(sensor: Sensor, folder: Path, out: Path, quick: bool) -> list[Row]:
         assert test is not None
         fitted = fit(train, model, test=test)
         names.append(fitted.name)
-        truth, estimate = _turned(test), fitted.predict(test)
-        ratios.append(loop_widths(truth, estimate).ratio)
+        truth, predicted = _turned(test), fitted.predict(test)
+        ratios.append(loop_widths(truth, predicted).ratio)
         conditioned = replace(truth, mask=truth.mask & (truth.cycle > 1))
-        later.append(loop_widths(conditioned, estimate).ratio)
+        later.append(loop_widths(conditioned, predicted).ratio)
         if not quick:
             backwards.append(_backwards(_turned(train), truth, model))
     who = f"{len(records)} specimens" if len(records) > 1 else "one specimen"
@@ -115,11 +115,8 @@ def _backwards(train: Record, test: Record, model: str) -> float:
         compensator = invert(fitted.model)
     except InputError:
         return float("nan")
-    estimate = np.empty(len(test))
-    for _, rows in test.sequences():
-        t = None if test.time is None else test.time[rows]
-        estimate[rows] = np.asarray(compensator.simulate(t, test.output[rows]).value)
-    return loop_widths(test, fitted.clocks.undone(test, estimate)).ratio
+    found = np.asarray(estimate(compensator, test).value)
+    return loop_widths(test, fitted.clocks.undone(test, found)).ratio
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,8 +1,7 @@
 """Sensor, shell and cover together: from readings to contacts."""
 
-from typing import Any
-
 import equinox as eqx
+from numpy.typing import ArrayLike
 
 from ._contact import Contact
 from ._solver import ContactSolver
@@ -18,10 +17,10 @@ class Armor(eqx.Module):
     sensor: WristSensor
     solver: ContactSolver
 
-    def solve(self, readings: Any) -> Contact:
+    def solve(self, readings: ArrayLike) -> Contact:
         """The contacts behind readings (..., 6), each by itself: no history of sensor or cover."""
         return self.solver.solve(*self.sensor.read(readings))
 
-    def simulate(self, t: Any, readings: Any) -> Contact:
+    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Contact:
         """The contacts of a stream of readings (samples, 6), with the sensor's and the cover's history."""
         return self.solver.simulate(t, *self.sensor.simulate(t, readings))

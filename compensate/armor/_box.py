@@ -1,11 +1,11 @@
 """The box of the paper."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
 
@@ -68,8 +68,8 @@ class Box(AbstractShape):
         force: Array,
         moment: Array,
         most: Callable[[Array], Array],
-        threshold: Any,
-        tolerance: Any,
+        threshold: ArrayLike,
+        tolerance: ArrayLike,
     ) -> None:
         return None
 

@@ -1,13 +1,14 @@
 """What presses at known points say of a sensor, a shell and a cover: residuals to calibrate by."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, parameter
 
@@ -40,9 +41,15 @@ class Presses(eqx.Module):
     displacement: Float[Array, "*presses samples"] | None = None
 
     def __init__(
-        self, time: Any, readings: Any, force: Any, direction: Any, touched: Any, surface: Any,
-        displacement: Any = None,
-    ):  # fmt: skip
+        self,
+        time: ArrayLike,
+        readings: ArrayLike,
+        force: ArrayLike,
+        direction: ArrayLike,
+        touched: ArrayLike,
+        surface: ArrayLike,
+        displacement: ArrayLike | None = None,
+    ):
         force = np.asarray(force, float)
         if force.ndim != 2:
             raise _fault(f"force has the shape {force.shape}.", "give (presses, samples).")
@@ -68,7 +75,12 @@ class Presses(eqx.Module):
 
 
 def planned_presses(
-    armor: Armor, time: Any, force: Any, direction: Any, touched: Any, surface: Any
+    armor: Armor,
+    time: ArrayLike,
+    force: ArrayLike,
+    direction: ArrayLike,
+    touched: ArrayLike,
+    surface: ArrayLike,
 ) -> Presses:
     """What the armor as it is would read and show in presses that were not made; arguments as `Presses`.
 

@@ -1,9 +1,8 @@
 """Which convention of signs and units a recording of wrenches was made in."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..runtime._contact_status import ContactStatus
 from ._solver import ContactSolver
@@ -17,7 +16,7 @@ _OTHERS = (
 )
 
 
-def convention_doubt(solver: ContactSolver, force: Any, moment: Any) -> str | None:
+def convention_doubt(solver: ContactSolver, force: ArrayLike, moment: ArrayLike) -> str | None:
     """Why a recording of contacts hits the shell so seldom; None where it does, or nothing explains it.
 
     A wrench in another frame or with another sign is a wrench as good as any: only its line of action

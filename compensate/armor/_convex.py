@@ -1,11 +1,11 @@
 """Convex bodies of plane polygons."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -31,7 +31,9 @@ class Convex(AbstractShape):
     sides: Faces
     extent: Float[Array, ""]
 
-    def __init__(self, vertices: Any, polygons: Any):
+    def __init__(
+        self, vertices: ArrayLike, polygons: Sequence[Sequence[int] | np.ndarray] | np.ndarray
+    ):
         points = np.asarray(vertices, float)
         most = max(map(len, polygons))
         corners = points[[[*p, *[p[-1]] * (most - len(p))] for p in polygons]]
@@ -66,8 +68,8 @@ class Convex(AbstractShape):
         force: Array,
         moment: Array,
         most: Callable[[Array], Array],
-        threshold: Any,
-        tolerance: Any,
+        threshold: ArrayLike,
+        tolerance: ArrayLike,
     ) -> None:
         return None
 

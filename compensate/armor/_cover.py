@@ -5,7 +5,8 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, FoamCurve, InputError, is_concrete
 
@@ -75,11 +76,13 @@ class Cover(eqx.Module):
         """Whether d_n is the same all over a surface."""
         return isinstance(self.factor, Uniform) and isinstance(self.compliance, Uniform)
 
-    def init(self) -> Any:
+    def init(self) -> PyTree:
         """The state of a place that was never touched."""
         return () if self.compensator is None else self.compensator.init()
 
-    def press(self, state: Any, t: Any, force: Float[Array, ""]) -> tuple[Any, Float[Array, ""]]:
+    def press(
+        self, state: PyTree, t: ArrayLike | None, force: Float[Array, ""]
+    ) -> tuple[PyTree, Float[Array, ""]]:
         """g(F_n) in metres, at the time `t`, and the state after it."""
         if self.compensator is None:
             return state, jnp.zeros_like(force)
@@ -121,6 +124,10 @@ class Cover(eqx.Module):
             )
 
 
-def as_cover(given: Any) -> Cover:
+Material = Cover | AbstractModel | AbstractCompensator | None
+"""What a cover is made of; None is rigid."""
+
+
+def as_cover(given: Material) -> Cover:
     """A `Cover` as it is; anything else becomes one that is even."""
     return given if isinstance(given, Cover) else Cover(given)

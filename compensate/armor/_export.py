@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError
 
@@ -112,11 +113,11 @@ def _sensor(sensor: WristSensor) -> dict[str, Any]:
         lambda s: (s.matrix, s.bias), sensor, (jnp.eye(6), jnp.zeros_like(sensor.bias))
     )
 
-    def carried(sound: Any) -> Any:
+    def carried(sound: Array) -> Array:
         wrench = placed.read(sound)
         return jnp.concatenate([wrench.force, wrench.moment], axis=-1)
 
-    def whole(readings: Any) -> Any:
+    def whole(readings: Array) -> Array:
         return carried(calibrated(readings))
 
     parts = (calibrated, carried) if sensor.hysteresis else (whole, None)

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import Scalar, parameter
 
@@ -97,6 +98,6 @@ def _of(value: Array, surface: Array) -> Array:
     return value[surface - 1] if value.ndim else value
 
 
-def as_field(given: Any) -> AbstractField:
+def as_field(given: AbstractField | ArrayLike) -> AbstractField:
     """A field as it is; a number, or one for every surface, becomes `Uniform`."""
     return given if isinstance(given, AbstractField) else Uniform(given)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete
 
@@ -51,7 +52,7 @@ class Mesh(AbstractShape):
     extent: Float[Array, ""]
     search: "Search" = eqx.field(static=True)
 
-    def __init__(self, vertices: Any, triangles: Any, *, rim: bool = False):
+    def __init__(self, vertices: ArrayLike, triangles: ArrayLike, *, rim: bool = False):
         points, numbers = np.asarray(vertices, float), np.asarray(triangles, int)
         _check(points, numbers, rim)
         corners = points[numbers]
@@ -105,11 +106,11 @@ class Mesh(AbstractShape):
         force: Array,
         moment: Array,
         most: Callable[[Array], Array],
-        threshold: Any,
-        tolerance: Any,
+        threshold: ArrayLike,
+        tolerance: ArrayLike,
     ) -> Int[Array, "*contacts near"]:
         leading = force.shape[:-1]
-        limits = (jnp.broadcast_to(limit, leading) for limit in (threshold, tolerance))
+        limits = (jnp.broadcast_to(jnp.asarray(limit), leading) for limit in (threshold, tolerance))
         wrench = (force, moment, most(jnp.asarray(COSINES)), *limits)
         if all(map(is_concrete, wrench)):
             return jnp.asarray(self.search(*map(np.asarray, wrench)))
@@ -148,7 +149,7 @@ class Search:
             whole[k * LINES : k * LINES + len(part), : part.shape[1]] = part
         return whole.reshape(*leading, most)
 
-    def padded(self, *wrench: Any) -> np.ndarray:
+    def padded(self, *wrench: ArrayLike) -> np.ndarray:
         """`CAPACITY` for every line."""
         found = self(*map(np.asarray, wrench))
         more = [(0, 0)] * (found.ndim - 1) + [(0, CAPACITY - found.shape[-1])]

@@ -2,10 +2,10 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from ._faces import Faces
 
@@ -23,8 +23,8 @@ class AbstractShape(eqx.Module):
         force: Array,
         moment: Array,
         most: Callable[[Array], Array],
-        threshold: Any,
-        tolerance: Any,
+        threshold: ArrayLike,
+        tolerance: ArrayLike,
     ) -> Int[Array, "*contacts near"] | None:
         """Which faces each line of action can have met, counted from 0 and filled up with -1.
 

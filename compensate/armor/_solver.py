@@ -7,13 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
+from hysteresis._parameter import as_float
 
 from ..runtime._contact_status import ContactStatus
 from ._choice import Candidates, Limits, candidates_of, contact_at, judged, likeliest
 from ._contact import Contact
-from ._cover import Cover, as_cover
+from ._cover import Cover, Material, as_cover
 from ._faces import dots
 from ._line import Crossing, Line, crossing_of, line_of
 from ._shape import AbstractShape
@@ -80,14 +82,22 @@ class ContactSolver(eqx.Module):
     recovery: Scalar = parameter(unit="time", fixed=True)
 
     def __init__(
-        self, shape: AbstractShape, compensator: Any = None, threshold: Any = 1.5, *,
-        tolerance: Any = None, spin_limit: Any = float("inf"), release: Any = None,
-        same_place: Any = 0.015, recovery: Any = 60.0,
-    ):  # fmt: skip
-        self.shape, self.cover, self.threshold = shape, as_cover(compensator), threshold
-        self.tolerance = shape.longest() / 20 if tolerance is None else tolerance
-        self.release = 0.8 * self.threshold if release is None else release
-        self.spin_limit, self.same_place, self.recovery = spin_limit, same_place, recovery
+        self,
+        shape: AbstractShape,
+        compensator: Material = None,
+        threshold: ArrayLike = 1.5,
+        *,
+        tolerance: ArrayLike | None = None,
+        spin_limit: ArrayLike = float("inf"),
+        release: ArrayLike | None = None,
+        same_place: ArrayLike = 0.015,
+        recovery: ArrayLike = 60.0,
+    ):
+        self.shape, self.cover, self.threshold = shape, as_cover(compensator), as_float(threshold)
+        self.tolerance = shape.longest() / 20 if tolerance is None else as_float(tolerance)
+        self.release = 0.8 * self.threshold if release is None else as_float(release)
+        self.spin_limit, self.same_place = as_float(spin_limit), as_float(same_place)
+        self.recovery = as_float(recovery)
 
     def __check_init__(self) -> None:
         limits = (self.threshold, self.tolerance, self.spin_limit, self.release)
@@ -110,7 +120,7 @@ class ContactSolver(eqx.Module):
                 fix='Cover(compensator, length_unit="mm"), and the shape in metres.',
             )
 
-    def solve(self, force: Any, moment: Any, doubt: Any = None) -> Contact:
+    def solve(self, force: ArrayLike, moment: ArrayLike, doubt: ArrayLike | None = None) -> Contact:
         """The contacts behind wrenches of any leading shape, each as the first touch of a virgin cover.
 
         **Arguments:** `force` (..., 3), N, and `moment` (..., 3), N m about P_o, both exerted by the load;
@@ -120,7 +130,7 @@ class ContactSolver(eqx.Module):
         force, moment, doubt = _wrenches(force, moment, doubt)
         return _solve(self, force, moment, doubt, _nearby(self, force, moment))
 
-    def candidates(self, force: Any, moment: Any) -> Contact:
+    def candidates(self, force: ArrayLike, moment: ArrayLike) -> Contact:
         """All that one wrench may have touched, the likeliest first: arrays (faces, ...).
 
         The status is OK where the point lies within the surface or the tolerance around it, MISSED beyond.
@@ -138,7 +148,12 @@ class ContactSolver(eqx.Module):
         return Touch(jnp.zeros((), bool), none, place, zero - jnp.inf, self.cover.init(), contact)
 
     def step(
-        self, state: Touch, t: Any, force: Any, moment: Any, doubt: Any = None
+        self,
+        state: Touch,
+        t: ArrayLike | None,
+        force: ArrayLike,
+        moment: ArrayLike,
+        doubt: ArrayLike | None = None,
     ) -> tuple[Touch, Contact]:
         """One wrench of a stream, with the history of the cover at the touched place.
 
@@ -157,10 +172,21 @@ class ContactSolver(eqx.Module):
         t = jnp.asarray(t, force.dtype)
         return _step(self, state, t, force, moment, doubt, _nearby(self, force, moment))
 
-    def simulate(self, t: Any, force: Any, moment: Any, doubt: Any = None) -> Contact:
+    def simulate(
+        self,
+        t: ArrayLike | None,
+        force: ArrayLike,
+        moment: ArrayLike,
+        doubt: ArrayLike | None = None,
+    ) -> Contact:
         """`step` over all wrenches (samples, 3) of a stream, from `init`."""
         force, moment, doubt = _wrenches(force, moment, doubt)
-        samples = (jnp.asarray(t, force.dtype), force, moment, jnp.broadcast_to(doubt, len(force)))
+        samples = (
+            jnp.asarray(t, force.dtype),
+            force,
+            moment,
+            jnp.broadcast_to(jnp.asarray(doubt), len(force)),
+        )
         return _stream(self, (*samples, _nearby(self, force, moment)))
 
     def limits(self) -> Limits:
@@ -215,7 +241,7 @@ def _nearby(solver: ContactSolver, force: Array, moment: Array) -> Array | None:
 def _solve(
     solver: ContactSolver, force: Array, moment: Array, doubt: Any, near: Array | None
 ) -> Contact:
-    def one(force: Array, moment: Array, doubt: Any, near: Array | None) -> Contact:
+    def one(force: Array, moment: Array, doubt: Array, near: Array | None) -> Contact:
         line, crossing, found = solver._virgin(force, moment, near)
         limits = solver.limits()
         best = likeliest(crossing, found, limits)

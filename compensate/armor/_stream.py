@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from ._contact import Contact
 from ._solver import ContactSolver
@@ -53,7 +54,9 @@ class ContactStream:
         """As before the first sample."""
         self._packed = self._first
 
-    def step(self, t: Any, force: Any, moment: Any, doubt: Any = 0) -> Contact:
+    def step(
+        self, t: ArrayLike | None, force: ArrayLike, moment: ArrayLike, doubt: ArrayLike = 0
+    ) -> Contact:
         """The contact at the time `t`, as NumPy values; arguments as of `ContactSolver.step`."""
         sample = np.empty(8, self._dtype)
         sample[0], sample[1:4], sample[4:7], sample[7] = t, force, moment, doubt

@@ -1,12 +1,13 @@
 """Contacts with what noise, calibration and material leave open."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float, Key, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import Scalar, parameter
 
@@ -74,18 +75,18 @@ class UncertainArmor(eqx.Module):
     scatter: Scalar = parameter(0.0, unit="m", fixed=True)
     seed: int = eqx.field(default=0, static=True)
 
-    def solve(self, readings: Any) -> UncertainContact:
+    def solve(self, readings: ArrayLike) -> UncertainContact:
         """The contacts behind readings (..., 6), each by itself, as `Armor.solve`."""
         readings = jnp.asarray(readings, float)
         return UncertainContact(self.armor.solve(readings), _spread(self, None, readings))
 
-    def simulate(self, t: Any, readings: Any) -> UncertainContact:
+    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> UncertainContact:
         """The contacts of a stream of readings (samples, 6), with history, as `Armor.simulate`."""
         readings = jnp.asarray(readings, float)
         t = jnp.asarray(t, readings.dtype)
         return UncertainContact(self.armor.simulate(t, readings), _spread(self, t, readings))
 
-    def alternatives(self, reading: Any, friction: float = FRICTION) -> list[Alternative]:
+    def alternatives(self, reading: ArrayLike, friction: float = FRICTION) -> list[Alternative]:
         """All that one reading (6,) may mean, the most probable first; nothing where nothing is touched.
 
         A line of action may cross several surfaces, and no noise tells which: each draw's vote is divided
@@ -108,7 +109,7 @@ class UncertainArmor(eqx.Module):
         count = next((new.shape[0] for old, new in pairs if new.ndim > old.ndim), 1)
         return jax.random.split(jax.random.key(self.seed), count)
 
-    def axes(self) -> Any:
+    def axes(self) -> PyTree[int | None]:
         """Which leaves of `draws` have the leading axis, for `vmap`."""
         return jax.tree.map(
             lambda old, new: 0 if jnp.ndim(new) > jnp.ndim(old) else None, self.armor, self.draws

@@ -8,8 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
+from hysteresis._parameter import as_float
 
 from .._invert import invert
 from ..runtime._contact_status import ContactStatus
@@ -96,17 +98,28 @@ class WristSensor(eqx.Module):
     reports: str = eqx.field(default="load", static=True)
 
     def __init__(
-        self, matrix: Any = None, bias: Any = 0.0, rotation: Any = None, offset: Any = 0.0, *,
-        reports: str = "load", turn: Any = 0.0, range: Any = float("inf"), mass: Any = 0.0,
-        centre: Any = 0.0, inertia: Any = None, time_constant: Any = 0.0,
+        self,
+        matrix: ArrayLike | None = None,
+        bias: ArrayLike = 0.0,
+        rotation: ArrayLike | None = None,
+        offset: ArrayLike = 0.0,
+        *,
+        reports: str = "load",
+        turn: ArrayLike = 0.0,
+        range: ArrayLike = float("inf"),
+        mass: ArrayLike = 0.0,
+        centre: ArrayLike = 0.0,
+        inertia: ArrayLike | None = None,
+        time_constant: ArrayLike = 0.0,
         hysteresis: Sequence[AbstractModel] | None = None,
-    ):  # fmt: skip
+    ):
         self.matrix = np.eye(6) if matrix is None else matrix
         self.rotation = np.eye(3) if rotation is None else rotation
         self.inertia = np.zeros((3, 3)) if inertia is None else inertia
         self.bias, self.range = _filled(bias, 6), _filled(range, 6)
         self.offset, self.turn, self.centre = (_filled(v, 3) for v in (offset, turn, centre))
-        self.mass, self.time_constant, self.reports = mass, time_constant, reports
+        self.mass, self.time_constant = as_float(mass), as_float(time_constant)
+        self.reports = reports
         self.hysteresis = None if hysteresis is None else tuple(hysteresis)
 
     def __check_init__(self) -> None:
@@ -156,7 +169,7 @@ class WristSensor(eqx.Module):
                 cause="an axis counted backwards in one of the frames.", fix="reverse one column.",
             )  # fmt: skip
 
-    def read(self, readings: Any, motion: Motion = AT_REST) -> Wrench:
+    def read(self, readings: ArrayLike, motion: Motion = AT_REST) -> Wrench:
         """The load's wrenches behind readings (..., 6), one by one: no low-pass, no hysteresis undone."""
         readings = self._readings(readings)
         return self._wrench(readings, self._calibrated(readings), motion)
@@ -172,7 +185,7 @@ class WristSensor(eqx.Module):
         return WristState(none, none[0], plays)
 
     def step(
-        self, state: WristState, t: Any, reading: Any, motion: Motion = AT_REST
+        self, state: WristState, t: ArrayLike | None, reading: ArrayLike, motion: Motion = AT_REST
     ) -> tuple[WristState, Wrench]:
         """One reading of a stream, at the time `t` in s.
 
@@ -200,16 +213,16 @@ class WristSensor(eqx.Module):
         doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
         return after, Wrench(told[:3], told[3:], doubt)
 
-    def simulate(self, t: Any, readings: Any) -> Wrench:
+    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Wrench:
         """`step` over all readings (samples, 6), at rest."""
         readings = self._readings(readings)
         return _scan(self, jnp.asarray(t, readings.dtype), readings)
 
-    def reading_of(self, force: Any, moment: Any) -> Float[Array, "*samples 6"]:
+    def reading_of(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "*samples 6"]:
         """The readings at rest that loads (..., 3) make: `read` run backwards."""
         return self._shown(self._carried(force, moment))
 
-    def respond(self, force: Any, moment: Any) -> Float[Array, "samples 6"]:
+    def respond(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "samples 6"]:
         """The readings at rest of a record of loads (samples, 3): `simulate` run backwards."""
         sound = self._carried(force, moment)
         if self.hysteresis is not None:

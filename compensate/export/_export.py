@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
 
@@ -42,7 +43,7 @@ class Exported(NamedTuple):
 
 
 def export_runtime(
-    model: AbstractModel, path: str | Path, readings: Any, **options: Any
+    model: AbstractModel, path: str | Path, readings: ArrayLike, **options: Any
 ) -> Exported:
     """Write the inverse of a model as JSON for `compensate.runtime.load`.
 
@@ -69,7 +70,12 @@ def export_runtime(
 
 
 def export_c(
-    model: AbstractModel, path: str | Path, readings: Any, *, real: str = "double", **options: Any
+    model: AbstractModel,
+    path: str | Path,
+    readings: ArrayLike,
+    *,
+    real: str = "double",
+    **options: Any,
 ) -> Exported:
     """Write the inverse of a model, and the model, as one C99 header; arguments as of `export_runtime`.
 

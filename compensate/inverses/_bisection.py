@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel
 
@@ -45,7 +46,7 @@ class BracketedState(NamedTuple):
     value: Array
 
 
-class BracketedCompensator(AbstractCompensator[BracketedState]):
+class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     """u from y by bisection of u -> model.step(state, t, u) on [low, high], where that never falls.
 
     The inputs whose output is y but for rounding are an interval. The one nearest to the last
@@ -67,11 +68,15 @@ class BracketedCompensator(AbstractCompensator[BracketedState]):
     def init(self) -> BracketedState:
         return BracketedState(self.model.init(), jnp.asarray(self.low, float))
 
-    def simulate(self, t: Any, y: Any, state: BracketedState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: BracketedState | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         return scan_steps(self, t, y, self.init() if state is None else state)[1]
 
-    def step(self, state: BracketedState, t: Any, y: Any) -> tuple[BracketedState, Estimate]:
+    def step(
+        self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[BracketedState, Estimate]:
         y = jnp.asarray(y, state.value.dtype)
         outputs = jax.vmap(lambda u: self.model.step(state.model, t, u)[1])
         ends = jnp.stack([jnp.full_like(y, self.low), jnp.full_like(y, self.high)])

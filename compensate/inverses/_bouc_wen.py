@@ -5,6 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from hysteresis import BoucWen, BoucWenState
 
@@ -17,7 +18,7 @@ LONGEST = 100.0
 """A way, in parts of yield_at, after which nothing is left to yield."""
 
 
-class BoucWenCompensator(AbstractCompensator[BoucWenState]):
+class BoucWenCompensator(AbstractCompensator[BoucWenState, Estimate]):
     """x from y: the way from the last x by Newton's method.
 
     An output that rises means an input that rises, and on that way the slope of y falls: a concave
@@ -31,11 +32,15 @@ class BoucWenCompensator(AbstractCompensator[BoucWenState]):
     def init(self) -> BoucWenState:
         return self.model.init()
 
-    def simulate(self, t: Any, y: Any, state: BoucWenState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: BoucWenState | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         return scan_steps(self, None, y, self.init() if state is None else state)[1]
 
-    def step(self, state: BoucWenState, t: Any, y: Any) -> tuple[BoucWenState, Estimate]:
+    def step(
+        self, state: BoucWenState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[BoucWenState, Estimate]:
         y = jnp.asarray(y, state.u.dtype)
         model, (u, w) = self.model, state
         rise = y - model.output(u, w)

@@ -4,7 +4,8 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import (
     AbstractModel,
@@ -17,12 +18,12 @@ from hysteresis import (
     is_concrete,
 )
 
-from .._contract import AbstractCompensator, Estimate, Status
+from .._contract import AbstractCompensator, Estimate, State, Status
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 
 
-class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):
+class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
     """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
 
     - `inverses`: of the stages, last to first.
@@ -30,10 +31,12 @@ class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):
 
     inverses: tuple[AbstractCompensator, ...]
 
-    def init(self) -> tuple[Any, ...]:
+    def init(self) -> tuple[PyTree, ...]:
         return tuple(inverse.init() for inverse in self.inverses)
 
-    def step(self, state: tuple[Any, ...], t: Any, y: Any) -> tuple[tuple[Any, ...], Estimate]:
+    def step(
+        self, state: tuple[PyTree, ...], t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[tuple[PyTree, ...], Estimate]:
         after, estimate = [], Estimate(jnp.asarray(y), jnp.asarray(Status.OK, int))
         for inverse, own in zip(self.inverses, state, strict=True):
             own, found = inverse.step(own, t, _passed_on(estimate))
@@ -41,7 +44,9 @@ class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):
             estimate = _first_said(estimate, found)
         return tuple(after), estimate
 
-    def simulate(self, t: Any, y: Any, state: tuple[Any, ...] | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: tuple[PyTree, ...] | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         estimate = Estimate(y, jnp.zeros(y.shape, int))
         states = (None,) * len(self.inverses) if state is None else state
@@ -50,20 +55,20 @@ class SeriesCompensator(AbstractCompensator[tuple[Any, ...]]):
         return estimate
 
 
-class ScaledCompensator(AbstractCompensator[Any]):
+class ScaledCompensator(AbstractCompensator[State, Estimate]):
     """The inner model's inverse of (y - offset) / factor."""
 
-    inner: AbstractCompensator
+    inner: AbstractCompensator[State, Estimate]
     factor: Float[Array, ""]
     offset: Float[Array, ""]
 
-    def init(self) -> Any:
+    def init(self) -> State:
         return self.inner.init()
 
-    def step(self, state: Any, t: Any, y: Any) -> tuple[Any, Estimate]:
-        return self.inner.step(state, t, (y - self.offset) / self.factor)
+    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Estimate]:
+        return self.inner.step(state, t, (jnp.asarray(y, float) - self.offset) / self.factor)
 
-    def simulate(self, t: Any, y: Any, state: Any = None) -> Estimate:
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Estimate:
         return self.inner.simulate(t, (jnp.asarray(y, float) - self.offset) / self.factor, state)
 
 

@@ -2,14 +2,14 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
-from hysteresis import InputError, is_concrete
+from hysteresis import InputError, Scalar, is_concrete
 from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
@@ -19,7 +19,7 @@ from ._inverse_of import inverse_of
 NEWTON_STEPS = 100
 
 
-class AbstractCurveCompensator(AbstractCompensator[Array]):
+class AbstractCurveCompensator(AbstractCompensator[Array, Estimate]):
     """The inverse of a curve. The state is the last estimate: 0 at first."""
 
     @abc.abstractmethod
@@ -29,14 +29,14 @@ class AbstractCurveCompensator(AbstractCompensator[Array]):
     def init(self) -> Array:
         return jnp.asarray(0.0)
 
-    def step(self, state: Array, t: Any, y: Any) -> tuple[Array, Estimate]:
+    def step(self, state: Array, t: ArrayLike | None, y: ArrayLike) -> tuple[Array, Estimate]:
         y = jnp.asarray(y, state.dtype)
         valid = jnp.isfinite(y)
         value, status = self.find(jnp.where(valid, y, 0.0), state)
         value = jnp.where(valid, value, state)
         return value, Estimate(value, jnp.where(valid, status, Status.INVALID))
 
-    def simulate(self, t: Any, y: Any, state: Array | None = None) -> Estimate:
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: Array | None = None) -> Estimate:
         y = jnp.asarray(y, float)
         return scan_steps(self, None, y, self.init() if state is None else state)[1]
 
@@ -127,7 +127,7 @@ class ClipCompensator(AbstractCurveCompensator):
         return Estimate(jnp.clip(y, low, high), jnp.where(outside, Status.SATURATED, at_end))
 
 
-def newton(curve: Callable[[Array], Array], y: Array, low: Any, high: Any) -> Array:
+def newton(curve: Callable[[Array], Array], y: Array, low: Scalar, high: Scalar) -> Array:
     """u with curve(u) = y between `low` and `high`: Newton's steps, halving where one leads out.
 
     A step that has not halved the interval it is in is followed by one that does, so that the end

@@ -1,10 +1,9 @@
 """Inverse of the Bouc-Wen model that wears."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from hysteresis import DegradingBoucWen, DegradingState, InputError, is_concrete
 
@@ -19,7 +18,7 @@ LEAST_SLOPE = 1e-6
 """In parts of k: where there is no more, z gives nothing more either."""
 
 
-class DegradingBoucWenCompensator(AbstractCompensator[DegradingState]):
+class DegradingBoucWenCompensator(AbstractCompensator[DegradingState, Estimate]):
     """x from y: the way from the last x, by Newton's method between bounds that the least slope gives.
 
     The state is the model's own. Outputs that are not found are beyond what the model can have,
@@ -31,11 +30,15 @@ class DegradingBoucWenCompensator(AbstractCompensator[DegradingState]):
     def init(self) -> DegradingState:
         return self.model.init()
 
-    def simulate(self, t: Any, y: Any, state: DegradingState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: DegradingState | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         return scan_steps(self, None, y, self.init() if state is None else state)[1]
 
-    def step(self, state: DegradingState, t: Any, y: Any) -> tuple[DegradingState, Estimate]:
+    def step(
+        self, state: DegradingState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[DegradingState, Estimate]:
         y = jnp.asarray(y, state.u.dtype)
         model, inner = self.model, self.model.inner
         valid = jnp.isfinite(y)

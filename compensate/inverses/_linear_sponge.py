@@ -1,11 +1,10 @@
 """Inverse of the linear sponge."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, LinearSponge, is_concrete
 
@@ -13,7 +12,7 @@ from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
 
 
-class LinearSpongeCompensator(AbstractCompensator[Array]):
+class LinearSpongeCompensator(AbstractCompensator[Array, Estimate]):
     """F = (d - b) / K where the sponge is touched; below its threshold F is not known, and 0.
 
     The state is the last estimate, for samples that are not finite.
@@ -24,12 +23,12 @@ class LinearSpongeCompensator(AbstractCompensator[Array]):
     def init(self) -> Array:
         return jnp.zeros_like(self.model.K)
 
-    def step(self, state: Array, t: Any, y: Any) -> tuple[Array, Estimate]:
+    def step(self, state: Array, t: ArrayLike | None, y: ArrayLike) -> tuple[Array, Estimate]:
         y = jnp.asarray(y, state.dtype)
         estimate = self._line(y, state)
         return estimate.value, estimate
 
-    def simulate(self, t: Any, y: Any, state: Array | None = None) -> Estimate:
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: Array | None = None) -> Estimate:
         y = jnp.asarray(y, float)
         state = self.init() if state is None else state
         estimate, (_, latest) = self._line(y, state), last_valid(y)

@@ -1,29 +1,28 @@
 """Inverse of the output-dependent Preisach model: its curve undone, then its relays."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, OutputDependentPreisach, is_concrete
 
-from .._contract import AbstractCompensator, Estimate
+from .._contract import AbstractCompensator, Estimate, State
 from ._inverse_of import inverse_of
 
 
-class OutputDependentCompensator(AbstractCompensator[Any]):
+class OutputDependentCompensator(AbstractCompensator[State, Estimate]):
     """u = P^-1[g^-1(y)]; the state and the statuses are those of P^-1."""
 
     model: OutputDependentPreisach
-    inner: AbstractCompensator
+    inner: AbstractCompensator[State, Estimate]
 
-    def init(self) -> Any:
+    def init(self) -> State:
         return self.inner.init()
 
-    def step(self, state: Any, t: Any, y: Any) -> tuple[Any, Estimate]:
+    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Estimate]:
         return self.inner.step(state, t, self.model.unscale(jnp.asarray(y, float)))
 
-    def simulate(self, t: Any, y: Any, state: Any = None) -> Estimate:
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Estimate:
         return self.inner.simulate(t, self.model.unscale(jnp.asarray(y, float)), state)
 
 

@@ -1,9 +1,8 @@
 """Inverse of the Prandtl-Ishlinskii model: another one, in closed form."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
+from numpy.typing import ArrayLike
 
 from hysteresis import PlayState, PrandtlIshlinskii
 
@@ -12,7 +11,7 @@ from ._inverse_of import inverse_of
 from ._rate_dependent_play import MovingThresholdsCompensator
 
 
-class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState]):
+class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState, Estimate]):
     """u from y by plays on x = S^-1(y - offset), as many as the model has. Let
 
         W_i = slope + sum_{j <= i} w_j  (lagging)   or   slope + sum_{j > i} w_j  (leading)
@@ -46,7 +45,9 @@ class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState]):
     def init(self) -> PlayState:
         return self.element.init()
 
-    def step(self, state: PlayState, t: Any, y: Any) -> tuple[PlayState, Estimate]:
+    def step(
+        self, state: PlayState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[PlayState, Estimate]:
         y = jnp.asarray(y, state.u.dtype)
         valid = jnp.isfinite(y)
         # A sample that is not finite repeats the one before it, which moves no play.
@@ -54,7 +55,9 @@ class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState]):
         state, value = self.element.step(state, t, x)
         return state, Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
 
-    def simulate(self, t: Any, y: Any, state: PlayState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: PlayState | None = None
+    ) -> Estimate:
         state = self.init() if state is None else state
         y = jnp.asarray(y, state.u.dtype)
         valid, latest = last_valid(y)

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete
 from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
@@ -39,7 +40,7 @@ class _Target(NamedTuple):
     rise: Array
 
 
-class PreisachCompensator(AbstractCompensator[InverseState]):
+class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
     """u from y, exactly. On a branch from the reversal r the output moved by
 
         s (z - z_r) = s (R(u) - R(r)) + 2 s_o E(u, r) =: q(u),   s = +-1 rising or falling,
@@ -85,11 +86,15 @@ class PreisachCompensator(AbstractCompensator[InverseState]):
         loops = past.loops._replace(level=whole(past.loops.extremum, past.loops.level))
         return InverseState(loops, past.u, whole(past.u, past.y), past.rising, past.u)
 
-    def simulate(self, t: Any, y: Any, state: InverseState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: InverseState | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         return scan_steps(self, None, y, self.init() if state is None else state)[1]
 
-    def step(self, state: InverseState, t: Any, y: Any) -> tuple[InverseState, Estimate]:
+    def step(
+        self, state: InverseState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[InverseState, Estimate]:
         y = jnp.asarray(y, state.z.dtype)
         valid = jnp.isfinite(y)
         wanted = jnp.where(valid, y - self.model.offset, state.z)

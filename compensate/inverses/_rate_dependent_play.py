@@ -1,17 +1,16 @@
 """Inverse of the rate-dependent Prandtl-Ishlinskii model: step by step, with the model's own plays."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from hysteresis import PlayState, PrandtlIshlinskii
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 
 
-class MovingThresholdsCompensator(AbstractCompensator[PlayState]):
+class MovingThresholdsCompensator(AbstractCompensator[PlayState, Estimate]):
     """u from y, exactly, for thresholds r that are known before the input, as the model's are.
 
     A step solves x = slope u + sum_i w_i clip(z_i, u - r_i, u + r_i), x = S^-1(y - offset), whose right
@@ -28,7 +27,9 @@ class MovingThresholdsCompensator(AbstractCompensator[PlayState]):
     def init(self) -> PlayState:
         return self.model.init()
 
-    def step(self, state: PlayState, t: Any, y: Any) -> tuple[PlayState, Estimate]:
+    def step(
+        self, state: PlayState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[PlayState, Estimate]:
         y = jnp.asarray(y, state.u.dtype)
         valid = jnp.isfinite(y)
         u = self._solve(state, self.model.unbend(y - self.model.offset))
@@ -37,7 +38,9 @@ class MovingThresholdsCompensator(AbstractCompensator[PlayState]):
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
         return after, Estimate(after.u, jnp.where(valid, Status.OK, Status.INVALID))
 
-    def simulate(self, t: Any, y: Any, state: PlayState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: PlayState | None = None
+    ) -> Estimate:
         t, y = self.model.check_times(t), jnp.asarray(y, float)
         return scan_steps(self, t, y, self.init() if state is None else state)[1]
 

@@ -1,11 +1,11 @@
 """Inverse of a viscoelastic model: the same element driven from its other side."""
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete
 
@@ -13,7 +13,7 @@ from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
 
 
-class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState]):
+class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
     """Each step solves y = direct u + sum of x for the side that was not measured: one division.
 
     `element` is the model with `leading` turned over and no offset.
@@ -25,7 +25,10 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState]):
     def init(self) -> ViscoelasticState:
         return self.element.init()
 
-    def step(self, state: ViscoelasticState, t: Any, y: Any) -> tuple[ViscoelasticState, Estimate]:
+    def step(
+        self, state: ViscoelasticState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[ViscoelasticState, Estimate]:
+        y = jnp.asarray(y, float)
         valid = jnp.isfinite(y)
         after, value = self.element.step(state, t, y - self.offset)
         held = self.element.output(state)
@@ -33,7 +36,9 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState]):
         status = jnp.where(valid, Status.OK, Status.INVALID)
         return after, Estimate(jnp.where(valid, value, held), status)
 
-    def simulate(self, t: Any, y: Any, state: ViscoelasticState | None = None) -> Estimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: ViscoelasticState | None = None
+    ) -> Estimate:
         y = jnp.asarray(y, float)
         state = self.init() if state is None else state
         valid, latest = last_valid(y)

@@ -7,7 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series
 from hysteresis.preisach import NetworkDensity
@@ -78,14 +79,23 @@ class EverettNetwork(AbstractModel[Any, Any]):
         c, tau = 0.05 * jax.nn.softplus(self.relaxing), jnp.array(self.times, dtype)
         return Series([GeneralizedMaxwell(jnp.ones((), dtype), c, tau), relays])
 
-    def init(self, t0: Any = None, u0: Any = None) -> Any:
+    def init(self, t0: ArrayLike | None = None, u0: ArrayLike | None = None) -> PyTree:
         return self.model.init(t0, u0)
 
-    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
+    def step(
+        self, state: PyTree, t: ArrayLike | None, u: ArrayLike
+    ) -> tuple[PyTree, Float[Array, ""]]:
         return self.model.step(state, t, u)
 
-    def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
+    def prepare(
+        self,
+        t: ArrayLike | None,
+        u: ArrayLike,
+        state: PyTree = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> PyTree:
         return self.model.prepare(t, u, state, starts=starts)
 
-    def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
+    def evaluate(self, prepared: PyTree) -> Float[Array, " samples"]:
         return self.model.evaluate(prepared)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scaled, Series
 from hysteresis.networks import StaircaseNetwork
@@ -29,7 +30,7 @@ READING, FORCE = Quantity("reading"), Quantity("force", "N")
 
 
 def export_force(
-    estimator: ForceEstimator, path: str | Path, readings: Any, *, times: Any = None,
+    estimator: ForceEstimator, path: str | Path, readings: ArrayLike, *, times: ArrayLike | None = None,
     channels: Sequence[Quantity] = (READING,), estimate: Quantity = FORCE, title: str = "",
 ) -> Path:  # fmt: skip
     """Write an estimator as JSON for `compensate.runtime.load`, with readings that it replays on loading.

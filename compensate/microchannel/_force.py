@@ -6,7 +6,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
@@ -38,15 +39,22 @@ class BackwardsModel(AbstractModel[Any, BackwardsInput]):
 
     compensator: AbstractCompensator
 
-    def init(self, t0: Any = None, u0: Any = None) -> Any:
+    def init(self, t0: ArrayLike | None = None, u0: ArrayLike | None = None) -> PyTree:
         return self.compensator.init()
 
-    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
+    def step(
+        self, state: PyTree, t: ArrayLike | None, u: ArrayLike
+    ) -> tuple[PyTree, Float[Array, ""]]:
         state, found = self.compensator.step(state, t, u)
         return state, found.value
 
     def prepare(
-        self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)
+        self,
+        t: ArrayLike | None,
+        u: ArrayLike,
+        state: PyTree = None,
+        *,
+        starts: tuple[int, ...] = (0,),
     ) -> BackwardsInput:
         u = jnp.asarray(u, float)
         t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
@@ -75,7 +83,7 @@ class ForceState(NamedTuple):
     value: Float[Array, ""]
 
 
-class ForceEstimator(AbstractCompensator[ForceState]):
+class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
     """Force from a model that runs from reading to force, learnt in that direction:
 
         F = clip(M[z], 0, high),     deviation: how far off it was on readings it did not learn from
@@ -115,7 +123,9 @@ class ForceEstimator(AbstractCompensator[ForceState]):
     def init(self) -> ForceState:
         return ForceState(self.model.init(), jnp.zeros_like(self.deviation))
 
-    def step(self, state: ForceState, t: Any, y: Any) -> tuple[ForceState, UncertainEstimate]:
+    def step(
+        self, state: ForceState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[ForceState, UncertainEstimate]:
         y = jnp.asarray(y, self.deviation.dtype)
         t = jnp.asarray(0.0 if t is None else t, y.dtype)
         valid = jnp.isfinite(y).all() & jnp.isfinite(t)
@@ -130,7 +140,9 @@ class ForceEstimator(AbstractCompensator[ForceState]):
         status = jnp.where(valid, status, Status.INVALID)
         return after, UncertainEstimate(after.value, status, self.deviation)
 
-    def simulate(self, t: Any, y: Any, state: ForceState | None = None) -> UncertainEstimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: ForceState | None = None
+    ) -> UncertainEstimate:
         """`step` over all samples; readings (samples,), of several channels (samples, channels)."""
         y = jnp.asarray(y, float)
         return scan_steps(self, t, y, self.init() if state is None else state)[1]

@@ -1,9 +1,8 @@
 """Gains of two layers found in readings of use, where nobody told which place was pressed or how hard."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -15,7 +14,7 @@ LEAST = 100
 
 
 def gains_in_use(
-    readings: Any, known: Any, *, pressed: float = 0.5, blur: float = 0.03
+    readings: ArrayLike, known: ArrayLike, *, pressed: float = 0.5, blur: float = 0.03
 ) -> Float[np.ndarray, "2 2"]:
     """Gains G of two places in two layers from readings z = G s of both, s >= 0 the signals of the places.
 

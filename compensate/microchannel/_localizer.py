@@ -1,14 +1,15 @@
 """Which place of a soft sensor is pressed, from the readings of its few channels."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -50,7 +51,7 @@ class Located(NamedTuple):
 class Confusion:
     """How often presses at each place (rows) were taken for each (columns); the last is for none."""
 
-    names: tuple[Any, ...]
+    names: tuple[Hashable, ...]
     counts: Int[np.ndarray, "places estimates"]
 
     @property
@@ -85,7 +86,7 @@ class Localizer:
     Both reject a press that is unlike all those seen, by its Mahalanobis distance from every place.
     """
 
-    names: tuple[Any, ...]
+    names: tuple[Hashable, ...]
     presses: tuple[int, ...]
     priors: Float[np.ndarray, " places"]
     clouds: Clouds
@@ -96,12 +97,12 @@ class Localizer:
     @classmethod
     def train(
         cls,
-        readings: Any,
-        places: Sequence[Any] | np.ndarray,
+        readings: ArrayLike,
+        places: Sequence[Hashable] | np.ndarray,
         *,
         method: str = "gaussian",
-        names: Sequence[Any] | None = None,
-        noise: Any = 0.0,
+        names: Sequence[Hashable] | None = None,
+        noise: ArrayLike = 0.0,
         priors: Sequence[float] | str = "equal",
         neighbours: int = 5,
         shared: float = 10.0,
@@ -157,18 +158,18 @@ class Localizer:
             least=5 * float(noise.max()) if least is None else least,
         )
 
-    def locate(self, readings: Any) -> Located:
+    def locate(self, readings: ArrayLike) -> Located:
         """Places of presses (presses, channels). Never raises for what the readings say."""
-        readings = np.asarray(readings, float)
-        if readings.ndim != 2 or readings.shape[1] != len(self.clouds.noise):
+        z = np.asarray(readings, float)
+        if z.ndim != 2 or z.shape[1] != len(self.clouds.noise):
             raise _fault(
-                f"readings of shape {readings.shape}.",
+                f"readings of shape {z.shape}.",
                 f"(presses, {len(self.clouds.noise)}); NaN for a channel that has failed.",
             )
-        finite = np.isfinite(readings).all(axis=1)
-        pressed = finite & (np.where(finite[:, None], readings, 0.0) > self.least).any(axis=1)
+        finite = np.all(np.isfinite(z), axis=1)
+        pressed = finite & (np.where(finite[:, None], z, 0.0) > self.least).any(axis=1)
         # What is no press is looked at as some press, and overwritten below.
-        sound = np.where(pressed[:, None], readings, 1.0)
+        sound = np.where(pressed[:, None], z, 1.0)
         squared, density = self.clouds.distances(sound)
         if self.neighbours is None:
             with np.errstate(divide="ignore"):
@@ -192,14 +193,16 @@ class Localizer:
             np.where(named, place, -1), probability, np.where(pressed, distance, np.nan), status
         )
 
-    def confusion(self, readings: Any, places: Sequence[Any] | np.ndarray) -> Confusion:
+    def confusion(self, readings: ArrayLike, places: Sequence[Hashable] | np.ndarray) -> Confusion:
         """Of presses whose places are known."""
         truth = _indices(np.asarray(readings, float), np.asarray(places), self.names)
         counts = np.zeros((len(self.names), len(self.names) + 1), int)
         np.add.at(counts, (truth, self.locate(readings).place), 1)  # -1 is the last column
         return Confusion(self.names, counts)
 
-    def channel_order(self, readings: Any, places: Sequence[Any] | np.ndarray) -> tuple[int, ...]:
+    def channel_order(
+        self, readings: ArrayLike, places: Sequence[Hashable] | np.ndarray
+    ) -> tuple[int, ...]:
         """The order of the channels in which presses at known places are likeliest, from 0.
 
         (0, 1, ...) when all is well; anything else says which wires were swapped: `readings[:, order]`
@@ -226,7 +229,7 @@ class Localizer:
         return tuple(few)
 
 
-def _indices(readings: np.ndarray, places: np.ndarray, names: tuple[Any, ...]) -> np.ndarray:
+def _indices(readings: np.ndarray, places: np.ndarray, names: tuple[Hashable, ...]) -> np.ndarray:
     if readings.ndim != 2 or readings.shape[1] < 2 or places.shape != readings.shape[:1]:
         raise _fault(
             f"readings of shape {readings.shape}, places of {places.shape}.",
@@ -245,7 +248,7 @@ def _indices(readings: np.ndarray, places: np.ndarray, names: tuple[Any, ...]) -
     return np.array([index[p] for p in places.tolist()], int)
 
 
-def _check_counts(counts: np.ndarray, names: tuple[Any, ...]) -> None:
+def _check_counts(counts: np.ndarray, names: tuple[Hashable, ...]) -> None:
     if len(names) < 2:
         raise _fault(f"{len(names)} place: there is nothing to tell apart.", "press two or more.")
     for name, count in zip(names, counts, strict=True):

@@ -1,8 +1,8 @@
 """What to change in a sensor whose combinations of places collide: found by trying."""
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from itertools import combinations, permutations, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -41,7 +41,7 @@ def apart(
 
 def remedies(
     levels: Float[np.ndarray, "layers places"],
-    names: tuple[Any, ...],
+    names: tuple[Hashable, ...],
     chosen: Bool[np.ndarray, "combinations places"],
     ratio: float,
     most_changes: int,
@@ -68,8 +68,13 @@ def _best(
 
 
 def _fewest_changes(
-    levels: np.ndarray, names: tuple[Any, ...], chosen: np.ndarray, ratio: float, most: int, margin: float
-) -> Remedy | None:  # fmt: skip
+    levels: np.ndarray,
+    names: tuple[Hashable, ...],
+    chosen: np.ndarray,
+    ratio: float,
+    most: int,
+    margin: float,
+) -> Remedy | None:
     best = None
     for count in range(1, most + 1):
         best = _best(_changed(levels, names, count), chosen, ratio)
@@ -79,7 +84,7 @@ def _fewest_changes(
 
 
 def _changed(
-    levels: np.ndarray, names: tuple[Any, ...], count: int
+    levels: np.ndarray, names: tuple[Hashable, ...], count: int
 ) -> Iterable[tuple[str, np.ndarray]]:
     """`count` levels changed, in steps of half the least difference there is, within the levels' range."""
     known = np.unique(levels)
@@ -97,14 +102,14 @@ def _changed(
                 yield _words(levels, table, names), table
 
 
-def _words(levels: np.ndarray, table: np.ndarray, names: tuple[Any, ...]) -> str:
+def _words(levels: np.ndarray, table: np.ndarray, names: tuple[Hashable, ...]) -> str:
     return "; ".join(
         f"level of {names[k]} in layer {layer + 1}: {table[layer, k]:g} instead of {levels[layer, k]:g}"
         for layer, k in zip(*np.nonzero(levels != table), strict=True)
     )
 
 
-def _rewired(levels: np.ndarray, names: tuple[Any, ...]) -> Iterable[tuple[str, np.ndarray]]:
+def _rewired(levels: np.ndarray, names: tuple[Hashable, ...]) -> Iterable[tuple[str, np.ndarray]]:
     """One layer's sections in another order; the first stays as it is if there are several."""
     for layer in range(min(1, len(levels) - 1), len(levels)):
         for order in _orders(levels.shape[1]):
@@ -115,7 +120,7 @@ def _rewired(levels: np.ndarray, names: tuple[Any, ...]) -> Iterable[tuple[str, 
 
 
 def _layered(
-    levels: np.ndarray, names: tuple[Any, ...], chosen: np.ndarray, ratio: float, margin: float
+    levels: np.ndarray, names: tuple[Hashable, ...], chosen: np.ndarray, ratio: float, margin: float
 ) -> Remedy | None:
     """Layers added one by one, each the best beside those there are, up to one for each place."""
     remedy = None
@@ -137,5 +142,5 @@ def _orders(places: int) -> Iterable[list[int]]:
         yield list(order)
 
 
-def _sections(row: np.ndarray, names: tuple[Any, ...]) -> str:
+def _sections(row: np.ndarray, names: tuple[Hashable, ...]) -> str:
     return ", ".join(f"{name} {level:g}" for name, level in zip(names, row, strict=True))

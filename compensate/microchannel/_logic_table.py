@@ -1,15 +1,16 @@
 """Which places of a soft sensor are pressed at once, by sums of levels: no training."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -41,9 +42,9 @@ class LogicStatus(IntEnum):
 class Decision(NamedTuple):
     """The places that are pressed, and what else it could be."""
 
-    places: frozenset[Any]
+    places: frozenset[Hashable]
     """empty with UNKNOWN, NO_PRESS and INVALID"""
-    alternatives: tuple[frozenset[Any], ...]
+    alternatives: tuple[frozenset[Hashable], ...]
     """likeliest first"""
     probability: float
     """of `places` among all combinations, each as frequent as the others before the reading"""
@@ -77,7 +78,7 @@ class LogicTable:
     """
 
     levels: Float[np.ndarray, "layers places"]
-    names: tuple[Any, ...]
+    names: tuple[Hashable, ...]
     unit: tuple[float, float]
     noise: float
     common: float
@@ -86,12 +87,19 @@ class LogicTable:
     doubt: float
 
     def __init__(
-        self, levels: Any, names: Sequence[Any] | None = None, *, unit: Any = 1.0,
-        noise: float = 0.0, common: float = 0.10, differential: float = 0.066,
-        reject: float = 1e-4, doubt: float = 0.05,
-    ):  # fmt: skip
+        self,
+        levels: ArrayLike,
+        names: Sequence[Hashable] | None = None,
+        *,
+        unit: float | Sequence[float] = 1.0,
+        noise: float = 0.0,
+        common: float = 0.10,
+        differential: float = 0.066,
+        reject: float = 1e-4,
+        doubt: float = 0.05,
+    ):
         levels = np.array(levels, float)
-        low, high = (unit, unit) if np.ndim(unit) == 0 else unit
+        low, high = unit if isinstance(unit, Sequence) else (unit, unit)
         if levels.ndim != 2 or not 1 <= levels.shape[1] <= MOST_PLACES:
             raise _fault(
                 f"levels of shape {levels.shape}.",
@@ -113,7 +121,7 @@ class LogicTable:
             object.__setattr__(self, name, value)
 
     @cached_property
-    def combinations(self) -> tuple[frozenset[Any], ...]:
+    def combinations(self) -> tuple[frozenset[Hashable], ...]:
         """All, single places first."""
         return tuple(frozenset(self.names[k] for k in rows) for rows in self._members)
 
@@ -122,7 +130,7 @@ class LogicTable:
         """The levels of each combination added up."""
         return self._chosen.astype(float) @ self.levels.T
 
-    def collisions(self) -> tuple[tuple[frozenset[Any], ...], ...]:
+    def collisions(self) -> tuple[tuple[frozenset[Hashable], ...], ...]:
         """Groups of combinations that no reading tells apart, linked directly or through others."""
         groups, left = [], set(range(len(self.combinations)))
         while left:
@@ -149,7 +157,7 @@ class LogicTable:
             self.levels, self.names, self._chosen, self.unit[1] / self.unit[0], most_changes, margin
         )
 
-    def decide(self, reading: Any) -> Decision:
+    def decide(self, reading: ArrayLike) -> Decision:
         """The places behind one reading (layers,). Never raises for what it says."""
         reading = np.asarray(reading, float)
         if reading.shape != self.levels.shape[:1]:

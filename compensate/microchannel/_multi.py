@@ -1,12 +1,13 @@
 """The forces of several contacts at once, from channels in which their readings add."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -61,7 +62,7 @@ class MultiContactEstimator(eqx.Module):
     reading_sigma: Float[Array, " channels"]
     motion: MotionFilter
 
-    def __init__(self, sensor: AbstractSensor, reading_sigma: Any, motion: MotionFilter):
+    def __init__(self, sensor: AbstractSensor, reading_sigma: ArrayLike, motion: MotionFilter):
         sigma = np.atleast_1d(np.asarray(reading_sigma, float))
         if sigma.ndim != 1 or not (np.isfinite(sigma) & (sigma > 0)).all():
             raise InputError(
@@ -76,7 +77,7 @@ class MultiContactEstimator(eqx.Module):
         return MultiContactState(self.motion.init(self.sensor), last)
 
     def step(
-        self, state: MultiContactState, t: Any, reading: Any
+        self, state: MultiContactState, t: ArrayLike | None, reading: ArrayLike
     ) -> tuple[MultiContactState, ContactForces]:
         """One reading (channels,) in V at time t in s. One with a NaN is INVALID: all is held."""
         z = jnp.asarray(reading, self.reading_sigma.dtype)
@@ -95,7 +96,7 @@ class MultiContactEstimator(eqx.Module):
         return after, after.last._replace(status=status)
 
     def simulate(
-        self, t: Any, readings: Any, state: MultiContactState | None = None
+        self, t: ArrayLike | None, readings: ArrayLike, state: MultiContactState | None = None
     ) -> ContactForces:
         """`step` over readings (samples, channels)."""
         z = jnp.asarray(readings, float)

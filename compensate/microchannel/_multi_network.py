@@ -2,13 +2,14 @@
 
 import itertools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
@@ -137,7 +138,9 @@ class SearchEstimator(eqx.Module):
         """No force in all the past: the paper's ten zeros, and those before them that fill a sequence."""
         return SearchState(jnp.zeros((len(self.networks), self.sequence - 1)))
 
-    def step(self, state: SearchState, t: Any, reading: Any) -> tuple[SearchState, Array]:
+    def step(
+        self, state: SearchState, t: ArrayLike | None, reading: ArrayLike
+    ) -> tuple[SearchState, Array]:
         """One reading (layers,) in, forces (contacts,) in N out; `t` does not matter."""
         z = jnp.asarray(reading, state.past.dtype)
         valid = jnp.isfinite(z).all()
@@ -156,7 +159,9 @@ class SearchEstimator(eqx.Module):
         state = SearchState(jnp.where(valid, after, state.past))
         return state, state.past[:, -1]
 
-    def simulate(self, t: Any, readings: Any) -> Float[Array, "samples contacts"]:
+    def simulate(
+        self, t: ArrayLike | None, readings: ArrayLike
+    ) -> Float[Array, "samples contacts"]:
         """`step` over readings (samples, layers)."""
         return _search(self, jnp.asarray(readings, float))
 

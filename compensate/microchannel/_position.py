@@ -1,12 +1,13 @@
 """Where on a soft sensor of many channels the contact is: a smooth function of their readings."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Kernel
 
@@ -67,7 +68,7 @@ class PositionEstimator(eqx.Module):
     surest: Float[Array, ""]
 
     def __init__(
-        self, readings: Any, places: Any, kernel: Kernel, *,
+        self, readings: ArrayLike, places: ArrayLike, kernel: Kernel, *,
         least: float = 0.0, surest: float = 0.5,
     ):  # fmt: skip
         readings, places = np.asarray(readings, float), np.asarray(places, float)
@@ -88,7 +89,7 @@ class PositionEstimator(eqx.Module):
         self.precision = jax.scipy.linalg.cho_solve(factor, jnp.eye(len(places)))
 
     @eqx.filter_jit
-    def estimate(self, readings: Any) -> Position:
+    def estimate(self, readings: ArrayLike) -> Position:
         """The positions behind readings (..., channels); one that is no number is INVALID, at the mean."""
         readings = jnp.asarray(readings, self.mean.dtype)
         leading = readings.shape[:-1]
@@ -110,7 +111,7 @@ class PositionEstimator(eqx.Module):
 
 
 def standardised(
-    readings: Any,
+    readings: ArrayLike,
 ) -> tuple[Float[Array, "rows features"], Float[Array, " features"], Float[Array, " features"]]:
     """The patterns of readings (rows, channels) less their mean, over their deviation; both."""
     x = pattern(jnp.asarray(readings, float))

@@ -8,8 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
+from hysteresis._parameter import as_float
 
 Values = Float[Array, "..."] | Any
 """Numbers, kept as an array."""
@@ -84,17 +86,28 @@ class Readout(eqx.Module):
     stuck_after: int = eqx.field(default=0, static=True)
 
     def __init__(
-        self, channels: int = 2, *, scale: Any = None, zero: Any = 0.0, resistance: Any = 5.8,
-        current: Any = 0.075, gain: Any = 20.0, low: Any = float("-inf"), high: Any = float("inf"),
-        bits: int | None = None, time_constant: Any = 0.0, longest_gap: Any = float("inf"),
+        self,
+        channels: int = 2,
+        *,
+        scale: ArrayLike | None = None,
+        zero: ArrayLike = 0.0,
+        resistance: ArrayLike = 5.8,
+        current: ArrayLike = 0.075,
+        gain: ArrayLike = 20.0,
+        low: ArrayLike = float("-inf"),
+        high: ArrayLike = float("inf"),
+        bits: int | None = None,
+        time_constant: ArrayLike = 0.0,
+        longest_gap: ArrayLike = float("inf"),
         stuck_after: int = 0,
-    ):  # fmt: skip
-        scale = gain * current * np.asarray(resistance, float) if scale is None else scale
+    ):
+        if scale is None:
+            scale = np.asarray(gain) * np.asarray(current) * np.asarray(resistance, float)
         self.scale, self.zero = (
-            jnp.full(channels, v) if np.ndim(v) == 0 else v for v in (scale, zero)
+            jnp.full(channels, v) if v.ndim == 0 else v for v in map(as_float, (scale, zero))
         )
-        self.low, self.high, self.bits = low, high, bits
-        self.time_constant, self.longest_gap = time_constant, longest_gap
+        self.low, self.high, self.bits = as_float(low), as_float(high), bits
+        self.time_constant, self.longest_gap = as_float(time_constant), as_float(longest_gap)
         self.stuck_after = stuck_after
 
     def __check_init__(self) -> None:
@@ -123,7 +136,7 @@ class Readout(eqx.Module):
         """How many."""
         return self.scale.shape[0]
 
-    def at_rest(self, readings: Any) -> "Readout":
+    def at_rest(self, readings: ArrayLike) -> "Readout":
         """This readout with `zero` the median of readings (samples, channels) without load.
 
         Raises `InputError` where a channel has no finite reading.
@@ -145,7 +158,9 @@ class Readout(eqx.Module):
         none = jnp.full(self.channels, jnp.nan, self.scale.dtype)
         return ReadoutState(none, none, none, jnp.zeros(self.channels, int))
 
-    def step(self, state: ReadoutState, t: Any, readings: Any) -> tuple[ReadoutState, Changes]:
+    def step(
+        self, state: ReadoutState, t: ArrayLike | None, readings: ArrayLike
+    ) -> tuple[ReadoutState, Changes]:
         """One sample (channels,) of a stream, at the time `t` in s; channels do not affect each other."""
         readings, volts = jnp.asarray(readings, self.scale.dtype), self._volts(readings)
         t = jnp.broadcast_to(jnp.asarray(t, volts.dtype), volts.shape)
@@ -171,7 +186,7 @@ class Readout(eqx.Module):
         after = jax.tree.map(lambda new, old: jnp.where(sound, new, old), new, state)
         return after, Changes(jnp.where(jnp.isnan(after.held), 0, after.held), status)
 
-    def simulate(self, t: Any, readings: Any) -> Changes:
+    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Changes:
         """`step` over samples (samples, channels) at the times `t` (samples,), s."""
         volts = self._volts(readings)
         t = jnp.asarray(t, volts.dtype)

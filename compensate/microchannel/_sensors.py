@@ -1,18 +1,19 @@
 """What the filter of a contact's force looks through: fitted channels, or nothing at all."""
 
-from typing import Any
+from collections.abc import Iterable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
 
 from ._motion import AbstractSensor
 
 
-class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
+class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
     """Channels in series: every contact adds its own part to every layer's reading,
 
         z_l = sum_k G_lk M_k[F_k],
@@ -30,7 +31,7 @@ class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
     models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
     gains: Float[Array, "layers locations"]
 
-    def __init__(self, models: Any, gains: Any = None):
+    def __init__(self, models: Iterable[AbstractModel], gains: ArrayLike | None = None):
         self.models = tuple(models)
         self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
         if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
@@ -44,10 +45,10 @@ class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
     def contacts(self) -> int:  # type: ignore[override]
         return len(self.models)
 
-    def init(self) -> tuple[Any, ...]:
+    def init(self) -> tuple[PyTree, ...]:
         return tuple(model.init() for model in self.models)
 
-    def look(self, state: tuple[Any, ...], t: Array, force: Array) -> tuple[Array, Array]:
+    def look(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[Array, Array]:
         found = [
             jax.jvp(lambda u, m=model, s=own: m.step(s, t, u)[1], (F,), (jnp.ones_like(F),))
             for model, own, F in zip(self.models, state, force, strict=True)
@@ -55,6 +56,6 @@ class ChannelSensor(AbstractSensor[tuple[Any, ...]]):
         y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
         return self.gains @ y, self.gains * slope[None]
 
-    def follow(self, state: tuple[Any, ...], t: Array, force: Array) -> tuple[Any, ...]:
+    def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
         each = zip(self.models, state, force, strict=True)
         return tuple(model.step(own, t, F)[0] for model, own, F in each)

@@ -2,7 +2,6 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -16,6 +15,8 @@ from hysteresis._verdict import Level, Verdict
 from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
+from .._estimate import Simulates, estimate
+from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
 from ._loop_widths import Loop, loop_widths
 
@@ -152,7 +153,7 @@ def qualify(
     compensator: AbstractCompensator,
     record: Record,
     model: AbstractModel | None = None,
-    ensemble: Any = None,
+    ensemble: Simulates[UncertainEstimate] | None = None,
     max_error: float | None = None,
     rate: float | None = None,
 ) -> Qualification:
@@ -175,17 +176,17 @@ def qualify(
     """
     _check(record, max_error, rate)
     u, y, used = record.input, record.output, record.mask
-    estimate, status = _run(compensator.simulate, record, y)
-    error = estimate - u
+    value, status = map(np.asarray, estimate(compensator, record)[:2])
+    error = value - u
     fine = used & (status == Status.OK)
     span = float(np.ptp(u[used]))
     errors = _errors(error[used])
     shares = Counter(status[used].tolist())
     back = flat_width = None
     if model is not None:
-        again = _run(model.simulate, record, estimate)
+        again = model.simulate(record.time, value, starts=tuple(record.starts.tolist()))
         back = float(np.abs(again - y)[fine].max(initial=0.0))
-        flat_width = _flat_width(model, record, estimate, used & (status == Status.FLAT))
+        flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     found: dict[str, Any] = {
         "errors": errors,
         "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
@@ -196,7 +197,7 @@ def qualify(
         },
         "by_rate": _thirds("|du/dt|", _speeds(record), error, used),
         "by_level": _thirds(record.input_name, u, error, used),
-        "loop": loop_widths(record, estimate),
+        "loop": loop_widths(record, value),
         "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
         "round_trip": back,
@@ -250,33 +251,15 @@ def _check(record: Record, max_error: float | None, rate: float | None) -> None:
         raise InputError("no-rows", "no row counts.", place=record.source)
 
 
-def _run(simulate: Callable[[Any, Any], Any], record: Record, driving: np.ndarray) -> Any:
-    """`simulate` of each sequence, put together: what it gives, as arrays (..., samples).
-
-    Sequences are drawn out to a power of two, which nothing before notices: few lengths to compile.
-    """
-    found = []
-    for _, rows in record.sequences():
-        n = rows.stop - rows.start
-        more = (1 << (n - 1).bit_length()) - n
-        t = None
-        if record.time is not None:
-            t = record.time[rows]
-            t = np.append(t, t[-1] + (t[-1] - t[0]) / max(n - 1, 1) * np.arange(1, more + 1))
-        values = simulate(t, np.append(driving[rows], np.repeat(driving[rows.stop - 1], more)))
-        found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], values))
-    return jax.tree.map(lambda *parts: np.concatenate(parts, -1), *found)
-
-
 def _flat_width(
-    model: AbstractModel, record: Record, estimate: np.ndarray, flat: Bool[np.ndarray, " rows"]
+    model: AbstractModel, record: Record, value: np.ndarray, flat: Bool[np.ndarray, " rows"]
 ) -> float:
     low, high = float(record.input.min()), float(record.input.max())
     widest = 0.0
     for _, rows in record.sequences():
         if flat[rows].any():
             t = None if record.time is None else record.time[rows]
-            open_ = flat_intervals(model, t, estimate[rows], low, high, flat[rows])
+            open_ = flat_intervals(model, t, value[rows], low, high, flat[rows])
             widest = max(widest, float(open_.width.max()))
     return widest
 
@@ -321,14 +304,13 @@ def _thirds(
     }
 
 
-def _doubt(ensemble: Any, record: Record) -> Doubt:
-    def drawn(t: Any, y: Any) -> tuple[Any, Any, Any]:
-        found = ensemble.simulate(t, y)
-        return found.value, found.deviation, getattr(found, "draws", None)
-
-    value, deviation, draws = _run(drawn, record, record.output)
+def _doubt(ensemble: Simulates[UncertainEstimate], record: Record) -> Doubt:
+    found = estimate(ensemble, record)
+    value, deviation = np.asarray(found.value), np.asarray(found.deviation)
+    draws = getattr(found, "draws", None)
     error, used = np.abs(value - record.input), record.mask
-    worst = error + NORMAL_95 * deviation if draws is None else np.abs(draws - record.input)
+    apart = draws is not None
+    worst = np.abs(np.asarray(draws) - record.input) if apart else error + NORMAL_95 * deviation
     inside = error <= NORMAL_95 * deviation
     return Doubt(float(worst[..., used].max()), float(inside[used].mean()))
 

@@ -1,6 +1,6 @@
 """Vectors, faces and fields of `_armor`, as plain numbers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import exp
 from typing import Any
 
@@ -8,11 +8,11 @@ Vector = tuple[float, float, float]
 Field = Callable[[int, Vector], float]
 
 
-def dot(a: Any, b: Any) -> float:
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def square(a: Any, b: Any) -> float:
+def square(a: Sequence[float], b: Sequence[float]) -> float:
     """|a - b|^2."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return x * x + y * y + z * z

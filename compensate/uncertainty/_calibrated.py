@@ -8,10 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record
 
 from .._contract import AbstractCompensator, Status
+from .._estimate import estimate
 from ._ensemble import UncertainEstimate
 
 SCORES = 200
@@ -38,7 +40,7 @@ class CalibratedState(NamedTuple):
     rising: Array
 
 
-class CalibratedCompensator(AbstractCompensator[CalibratedState]):
+class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstimate]):
     """An inner compensator, with its model's own error beside the spread:
 
         deviation^2 = spread^2 + error(level, branch)^2,     draws = value + deviation scores
@@ -58,16 +60,19 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState]):
         return CalibratedState(self.inner.init(), jnp.asarray(jnp.nan, float), jnp.asarray(1))
 
     def step(
-        self, state: CalibratedState, t: Any, y: Any
+        self, state: CalibratedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[CalibratedState, UncertainEstimate]:
         inner, found = self.inner.step(state.inner, t, y)
         way = _way(self.width, (state.follower, state.rising), (found.value, found.status))
         return CalibratedState(inner, *way), self._widened(found, way[1])
 
-    def simulate(self, t: Any, y: Any, state: CalibratedState | None = None) -> UncertainEstimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState | None = None
+    ) -> UncertainEstimate:
         state = self.init() if state is None else state
         found = self.inner.simulate(t, y, state.inner)
-        return self._widened(found, _ways(self.width, state.follower, state.rising, found))
+        fresh = jnp.zeros(found.value.shape, bool)
+        return self._widened(found, _ways(self.width, state.follower, state.rising, found, fresh))
 
     def around(self, inner: AbstractCompensator) -> "CalibratedCompensator":
         """The same error for another compensator: of the same model, fitted to more."""
@@ -93,12 +98,16 @@ def _way(
 
 
 @eqx.filter_jit
-def _ways(width: float, before: Array, rising: Array, found: Any) -> Array:
+def _ways(width: float, before: Array, rising: Array, found: Any, fresh: Array) -> Array:
+    """The direction of every sample; where one is `fresh`, nothing was before it."""
+
     def step(way: Any, sample: Any) -> tuple[Any, Array]:
-        after = _way(width, way, sample)
+        value, status, first = sample
+        way = jnp.where(first, jnp.nan, way[0]), jnp.where(first, 1, way[1])
+        after = _way(width, way, (value, status))
         return after, after[1]
 
-    return jax.lax.scan(step, (before, rising), (found.value, found.status))[1]
+    return jax.lax.scan(step, (before, rising), (found.value, found.status, fresh))[1]
 
 
 def calibrated(
@@ -176,22 +185,14 @@ def calibrated(
 
 
 def _residuals(compensator: AbstractCompensator, record: Record) -> tuple[Any, ...]:
-    """Value, status and spread, every sequence from the virgin state; whether it rises, and `width`."""
-    longest = int(np.diff([*record.starts, len(record)]).max())
+    """Value, status and spread of every row; whether it rises; `width`."""
     width = TURN / 2 * float(np.ptp(record.input))
-    found, ways = [], []
-    for _, rows in record.sequences():
-        # One length for all, so that one program serves: no reading moves nothing.
-        more = (0, longest - (rows.stop - rows.start))
-        y = jnp.asarray(np.pad(record.output[rows], more, constant_values=np.nan))
-        t = None if record.time is None else jnp.asarray(np.pad(record.time[rows], more, "edge"))
-        estimate = compensator.simulate(t, y)
-        way = _ways(width, jnp.asarray(jnp.nan, float), jnp.asarray(1), estimate)
-        keep = rows.stop - rows.start
-        found.append([np.asarray(part)[:keep] for part in estimate[:3]])
-        ways.append(np.asarray(way)[:keep])
-    parts = [np.concatenate(part) for part in zip(*found, strict=True)]
-    return (*parts, *[np.zeros(len(record))] * (3 - len(parts)), np.concatenate(ways) > 0, width)
+    found = estimate(compensator, record)
+    fresh = np.zeros(len(record), bool)
+    fresh[record.starts] = True
+    rising = _ways(width, jnp.asarray(jnp.nan, float), jnp.asarray(1), found, jnp.asarray(fresh))
+    value, status, *rest = (np.asarray(part) for part in found[:3])
+    return value, status, rest[0] if rest else np.zeros_like(value), np.asarray(rising) > 0, width
 
 
 def _last(record: Record, rows: slice, cycles: int) -> np.ndarray:

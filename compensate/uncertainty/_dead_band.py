@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete
 
-from .._contract import AbstractCompensator
+from .._contract import AbstractCompensator, Found
 
 
 class DeadBandState(NamedTuple):
@@ -18,7 +19,7 @@ class DeadBandState(NamedTuple):
     held: Array
 
 
-class DeadBandCompensator(AbstractCompensator[DeadBandState]):
+class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
     """The inner inverse of v_k = clip(v_(k-1), y_k - width, y_k + width), a play behind the reading.
 
     What it costs: on a way up or down v lies `width` behind y, so the estimate lies width / slope
@@ -32,7 +33,7 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState]):
     Raises `InputError` for a width that is negative or not finite.
     """
 
-    inner: AbstractCompensator
+    inner: AbstractCompensator[Any, Found]
     width: Scalar = 0.0
 
     def __check_init__(self) -> None:
@@ -46,12 +47,16 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState]):
     def init(self) -> DeadBandState:
         return DeadBandState(self.inner.init(), jnp.asarray(jnp.nan, float))
 
-    def step(self, state: DeadBandState, t: Any, y: Any) -> tuple[DeadBandState, Any]:
+    def step(
+        self, state: DeadBandState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[DeadBandState, Found]:
         held, seen = self._play(state.held, jnp.asarray(y, float))
         inner, estimate = self.inner.step(state.inner, t, seen)
         return DeadBandState(inner, held), estimate
 
-    def simulate(self, t: Any, y: Any, state: DeadBandState | None = None) -> Any:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: DeadBandState | None = None
+    ) -> Found:
         state, y = self.init() if state is None else state, jnp.asarray(y, float)
         _, seen = jax.lax.scan(lambda held, y: self._play(held, y), state.held, y)
         return self.inner.simulate(t, seen, state.inner)

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
@@ -23,7 +24,7 @@ class UncertainEstimate(NamedTuple):
     deviation: Float[Array, "*samples"]
     draws: Float[Array, "draws *samples"] | None = None
 
-    def quantile(self, q: Any) -> Array:
+    def quantile(self, q: ArrayLike) -> Array:
         """The input's quantiles, (*q, *samples): of the draws, else value + deviation Phi^-1(q)."""
         q = jnp.asarray(q, float)
         if self.draws is not None:
@@ -39,7 +40,7 @@ class EnsembleState(NamedTuple):
     count: Array
 
 
-class EnsembleCompensator(AbstractCompensator[EnsembleState]):
+class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate]):
     """The inverses of all draws of a model, side by side: value and deviation are their mean and spread.
 
     Draw d sees the reading y_k + sigma_d n_dk, n standard normal by (`seed`, d, k) alone, so that a
@@ -66,9 +67,9 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState]):
     def __init__(
         self,
         models: AbstractModel,
-        output_sigma: Any = None,
+        output_sigma: ArrayLike | None = None,
         seed: int = 0,
-        inverse: Callable[[Any], AbstractCompensator] = inverse_of,
+        inverse: Callable[[AbstractModel], AbstractCompensator] = inverse_of,
     ):
         models = jax.tree.map(jnp.asarray, models)
         inverse(jax.tree.map(lambda leaf: leaf[0], models))  # looks at numbers, which vmap hides
@@ -92,7 +93,9 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState]):
         members = eqx.filter_vmap(lambda member: member.init())(self.members)
         return EnsembleState(members, jnp.asarray(0))
 
-    def step(self, state: EnsembleState, t: Any, y: Any) -> tuple[EnsembleState, UncertainEstimate]:
+    def step(
+        self, state: EnsembleState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[EnsembleState, UncertainEstimate]:
         y = jnp.asarray(y, float)
         run = eqx.filter_vmap(lambda member, own, reading: member.step(own, t, reading))
         readings = self._readings(y, state.count)
@@ -100,7 +103,9 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState]):
         count = state.count + jnp.isfinite(y).astype(state.count.dtype)
         return EnsembleState(members, count), _together(found)
 
-    def simulate(self, t: Any, y: Any, state: EnsembleState | None = None) -> UncertainEstimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: EnsembleState | None = None
+    ) -> UncertainEstimate:
         y = jnp.asarray(y, float)
         state = self.init() if state is None else state
         valid = jnp.isfinite(y).astype(state.count.dtype)

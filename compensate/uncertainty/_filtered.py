@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete
 
@@ -32,7 +34,7 @@ class FilteredState(NamedTuple):
     t: Float[Array, ""]
 
 
-class FilteredCompensator(AbstractCompensator[FilteredState]):
+class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate]):
     """The input that is likeliest if it walks at random and the reading is noisy:
 
         u_k = u_(k-1) + N(0, Q),     y_k = h(u_k) + N(0, R),     R = output_sigma^2,
@@ -74,17 +76,17 @@ class FilteredCompensator(AbstractCompensator[FilteredState]):
     def __init__(
         self,
         model: AbstractModel,
-        input_step: Any,
-        output_sigma: Any,
+        input_step: ArrayLike,
+        output_sigma: ArrayLike,
         *,
         by_time: bool = False,
-        inverse: Callable[[Any], AbstractCompensator] = inverse_of,
+        inverse: Callable[[AbstractModel], AbstractCompensator] = inverse_of,
     ):
         for name, value in {"input_step": input_step, "output_sigma": output_sigma}.items():
-            if is_concrete(value) and not 0 < float(value) < float("inf"):
+            if is_concrete(value) and not 0 < float(np.asarray(value)) < float("inf"):
                 raise InputError(
                     "parameter-out-of-bounds",
-                    f"{name} is {float(value):g}, and has to be positive and finite.",
+                    f"{name} is {np.asarray(value):g}, and has to be positive and finite.",
                     fix="invert(model) is the inverse that takes every reading at its word.",
                 )
         self.model, self.raw, self.by_time = model, inverse(model), by_time
@@ -97,14 +99,18 @@ class FilteredCompensator(AbstractCompensator[FilteredState]):
             self.model.init(), self.raw.init(), jnp.zeros_like(never), unknown, never
         )
 
-    def simulate(self, t: Any, y: Any, state: FilteredState | None = None) -> UncertainEstimate:
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: FilteredState | None = None
+    ) -> UncertainEstimate:
         y = jnp.asarray(y, float)
         if t is None and self.by_time:
             raise InputError("no-time", "steps by time need the times.", fix="give t.")
         t = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
         return _filter(self, t, y, self.init() if state is None else state)
 
-    def step(self, state: FilteredState, t: Any, y: Any) -> tuple[FilteredState, UncertainEstimate]:
+    def step(
+        self, state: FilteredState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[FilteredState, UncertainEstimate]:
         y, t = jnp.asarray(y, float), jnp.asarray(0.0 if t is None else t, float)
         valid, first = jnp.isfinite(y) & jnp.isfinite(t), jnp.isinf(state.variance)
         reading = self.raw.step(state.inverse, t, y)[1]

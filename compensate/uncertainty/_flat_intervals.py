@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel
 
@@ -25,11 +26,11 @@ class FlatInterval(NamedTuple):
 
 def flat_intervals(
     model: AbstractModel,
-    t: Any,
-    estimate: Any,
+    t: ArrayLike | None,
+    estimate: ArrayLike,
     low: float,
     high: float,
-    where: Any = None,
+    where: ArrayLike | None = None,
     tolerance: float = 1e-12,
 ) -> FlatInterval:
     """For each estimate u_k the inputs v within [`low`, `high`] with

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Status, invert
+from compensate import Status, estimate, invert
 from hysteresis import InputError, Record
 
 from ..intake._constant_input import RANGE, later, on_the_clock_of, open_range
@@ -97,10 +97,6 @@ def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
     """The compensator over each sequence, from the virgin state."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    compensator = invert(fitted.model)
-    value, status = np.empty(len(record)), np.empty(len(record), int)
-    for _, rows in record.sequences():
-        t = None if record.time is None else record.time[rows]
-        estimate = compensator.simulate(t, record.output[rows])
-        value[rows], status[rows] = np.asarray(estimate.value), np.asarray(estimate.status)
+    found = estimate(invert(fitted.model), record)
+    value, status = np.asarray(found.value), np.asarray(found.status)
     return fitted.clocks.undone(record, value), status

@@ -1,11 +1,12 @@
 """What a report shows beyond the fit itself: residuals of all rows, and the round trip."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from compensate import AbstractCompensator, Status
+from compensate import AbstractCompensator, Status, estimate
 from hysteresis import AbstractModel, Record
 
 TRIP = 100_000
@@ -85,38 +86,22 @@ class RoundTrip(NamedTuple):
 
 def round_trip(model: AbstractModel, compensator: AbstractCompensator, record: Record) -> RoundTrip:
     """Run the compensator over a record's measured output, and over the model's own."""
-    ends = [*record.starts[1:], len(record)]
-    pieces = [
-        slice(int(a), int(b))
-        for a, b in zip(record.starts, ends, strict=True)
-        if b <= TRIP or a == 0
-    ]
-    # One length, so that the compensator is compiled once; what is added repeats the last sample.
-    longest = max(s.stop - s.start for s in pieces)
-    y = record.output.copy()
-    gap = ~np.isfinite(y)
-    y[gap] = np.interp(np.flatnonzero(gap), np.flatnonzero(~gap), y[~gap])
-    estimates, statuses, exactness = [], [], 0.0
     span = float(np.ptp(record.output[record.mask])) or 1.0
-    for rows in pieces:
-        n = rows.stop - rows.start
-        pad = (0, longest - n)
-        u, measured = (np.pad(x[rows], pad, mode="edge") for x in (record.input, y))
-        t = None
-        if record.time is not None:
-            step = float(np.diff(record.time[rows][-2:])[0]) if n > 1 else 1.0
-            later = record.time[rows.stop - 1] + step * np.arange(1, pad[1] + 1)
-            t = np.concatenate([record.time[rows], later])
-        found = compensator.simulate(t, measured)
-        estimates.append(np.asarray(found.value)[:n])
-        statuses.append(np.where(gap[rows], int(Status.INVALID), np.asarray(found.status)[:n]))
-        own = model.simulate(t, u)
-        back = model.simulate(t, np.asarray(compensator.simulate(t, own).value))
-        exactness = max(exactness, float(np.abs(np.asarray(back - own)[:n]).max()) / span)
-    estimate, status = np.concatenate(estimates), np.concatenate(statuses)
-    counted = record.mask[: len(estimate)] & np.isfinite(estimate) & (status != Status.INVALID)
-    error = (estimate - record.input[: len(estimate)])[counted]
+    few = [label for label, rows in record.sequences() if rows.stop <= TRIP or rows.start == 0]
+    if len(few) < len(record.labels):
+        record = record.take_sequences(few)
+    found = estimate(compensator, record)
+    value, status = np.asarray(found.value), np.asarray(found.status)
+
+    t, starts = record.time, tuple(record.starts.tolist())
+    own = np.asarray(model.simulate(t, record.input, starts=starts))
+    again = estimate(compensator, replace(record, output=own)).value
+    back = np.asarray(model.simulate(t, again, starts=starts))
+    exactness = float(np.abs(back - own).max()) / span
+
+    counted = record.mask & np.isfinite(value) & (status != Status.INVALID)
+    error = (value - record.input)[counted]
     if not len(error):
         error = np.array([np.nan])
     rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-    return RoundTrip(estimate, status, counted, rms, largest, exactness)
+    return RoundTrip(value, status, counted, rms, largest, exactness)

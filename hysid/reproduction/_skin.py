@@ -1,7 +1,7 @@
 """Three experiments of Kim and Park (2018) on one virtual skin, by the paper's methods and by ours:
 (A) the force of one contact, (B) which place is pressed, (C) which places are pressed at once."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
@@ -191,7 +191,7 @@ class Skin:
         )
 
     @cached_property
-    def decisions(self) -> list[tuple[frozenset[str], Decision]]:
+    def decisions(self) -> list[tuple[frozenset[Hashable], Decision]]:
         """Table III: three presses of each of seven combinations, and what the table says of each."""
         pressed = [places for places in self.logic.combinations for _ in range(3)]
         readings = self.rig.press_together(

@@ -73,7 +73,7 @@ def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str
 
 
 def _logic(skin: Skin) -> str:
-    named = {places: "+".join(sorted(places)) for places in skin.logic.combinations}
+    named = {places: "+".join(sorted(map(str, places))) for places in skin.logic.combinations}
     lines = [f"{'pressed':10}{'found':>10}{'other':>10}"]
     for places, name in named.items():
         own = [found.places == places for pressed, found in skin.decisions if pressed == places]

@@ -34,7 +34,7 @@ def record(u: np.ndarray | None = None, **options) -> Record:
     return Record.from_arrays(u, y, 0.01 * np.arange(len(u)), **(units | options))
 
 
-class Off(AbstractCompensator[AbstractCompensator]):
+class Off(AbstractCompensator[AbstractCompensator, Estimate]):
     """The inverse, off by so much, or with a status for every third sample."""
 
     inner: AbstractCompensator

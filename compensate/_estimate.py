@@ -1,0 +1,58 @@
+"""`estimate`: a compensator run over all sequences of a record."""
+
+from typing import Protocol, TypeVar, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hysteresis import InputError, Record
+
+Found = TypeVar("Found", covariant=True)
+
+
+@runtime_checkable
+class Simulates(Protocol[Found]):
+    """An `AbstractCompensator`, or whatever else finds inputs behind a series of outputs."""
+
+    def simulate(self, t: ArrayLike | None, y: ArrayLike) -> Found: ...
+
+
+def estimate(compensator: Simulates[Found], record: Record) -> Found:
+    """The input behind the output of every row of a record:
+
+        estimate(compensator, record)[rows] == compensator.simulate(t[rows], y[rows])     for each sequence
+
+    Every sequence begins in the virgin state, with the record's clock where it has one. All rows are
+    history, those outside the mask too. A gap in the output is INVALID: the last estimate is held.
+
+    **Arguments:**
+
+    - `compensator`: of a model whose output is the output of the record, in its unit.
+    - `record`: its input is not looked at.
+
+    **Returns:** what `compensator.simulate` returns, over the rows (..., samples): `value` in the unit of
+    the model's input, `status`, and for compensators that know their error `deviation` and `draws`.
+
+    **Raises:** `InputError` `no-rows`, and what `compensator.simulate` raises.
+
+    **Example:**
+
+        >>> found = compensate.estimate(compensate.invert(fit.model), record)
+        >>> found.value.shape
+        (101,)
+    """
+    if not len(record):
+        raise InputError("no-rows", "The record has no rows to estimate.", place=record.source)
+    found = []
+    for _, rows in record.sequences():
+        n = rows.stop - rows.start
+        # A program is compiled for each length, which takes longer than running it. So sequences are
+        # lengthened to a power of two by samples without a reading, which change nothing before them.
+        more = (0, (1 << (n - 1).bit_length()) - n)
+        t = None if record.time is None else np.pad(record.time[rows], more, mode="edge")
+        y = np.pad(record.output[rows], more, constant_values=np.nan)
+        whole = compensator.simulate(t, y)
+        found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
+    return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts, axis=-1)), *found)
