@@ -92,13 +92,7 @@ __all__ = sorted(_PACKAGE)
 def __getattr__(name: str) -> Any:
     if name not in _PACKAGE:
         raise AttributeError(f"module 'hysid' has no attribute {name!r}")
-    import_module("hysteresis").draw_with(_html)  # loaded by now, or in the next line
     return getattr(import_module(_PACKAGE[name]), name)
-
-
-def _html(thing: Any) -> str:
-    """What a notebook is shown, by matplotlib, which is loaded when there is something to show."""
-    return import_module("hysid.figures._notebook").html(thing)
 
 
 def __dir__() -> list[str]:

@@ -26,7 +26,8 @@ from identify import predict
 
 from .figures import _base as f
 from .figures import _format as words
-from .figures._notebook import _axes, _image, _path
+from .figures._notebook import MOST_POINTS, _image
+from .figures._plot import axes_of, path
 
 MOST = 12
 """Sliders, at most."""
@@ -85,10 +86,12 @@ class Sliders:
         counted = record.mask & np.isfinite(record.output)
         error = float(np.sqrt(np.mean((modelled - record.output)[counted] ** 2)))
         curves = [
-            f.Curve("measured", *_path(record, record.output, record.mask), f.BLUE, "under"),
-            f.Curve("model", *_path(record, modelled, record.mask), f.VERMILLION),
+            f.Curve(
+                "measured", *path(record, record.output, record.mask, MOST_POINTS), f.BLUE, "under"
+            ),
+            f.Curve("model", *path(record, modelled, record.mask, MOST_POINTS), f.VERMILLION),
         ]
-        figure = f.chart(curves, *_axes(record))
+        figure = f.chart(curves, *axes_of(record))
         said = f"rms error {words.quantity(error, record.output_unit)}"
         self._page.value = f"<p>{said}</p>{_image(figure, 'Measured loop and the model')}"
 

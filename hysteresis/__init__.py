@@ -1,11 +1,11 @@
 """What a material or a sensor does: models with memory, records of measurements, virtual rigs."""
 
 from . import _start_values as _start_values  # registers where our own fits start
+from ._drawing import html_of as html_of
+from ._drawing import plot_of as plot_of
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
 from ._note import Note as Note
-from ._notebook_hook import draw_with as draw_with
-from ._notebook_hook import html_of as html_of
 from ._parameter import ParameterInfo as ParameterInfo
 from ._parameter import Scalar as Scalar
 from ._parameter import is_concrete as is_concrete

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._show import one_line, table
 from ._type_variables import Prepared, State
 
 Series = Float[Array, " samples"] | Any
@@ -83,6 +84,12 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
             "input": input_unit, "output": output_unit, "time": time_unit,
             "force": force, "displacement": displacement,
         }  # fmt: skip
+
+    def __str__(self) -> str:
+        return table(self)
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
     def stream(
         self, t: Series | None, u: Series, state: State | None = None

@@ -276,9 +276,6 @@ hysid.train_force
 hysid.fit_positions
 # hysid/soft_sensor/_sensor_file
 hysid.load_sensor
-# hysteresis/_notebook_hook
-hysteresis.draw_with
-hysteresis.html_of
 # hysteresis/_parameter
 hysteresis.ParameterInfo
 hysteresis.is_concrete

@@ -15,12 +15,11 @@ from hysteresis import InputError, Record, check_identifiable, parameters
 from identify import FitResult, Posterior
 
 from . import _base as f
-from ._format import label, number, plain_name, pretty, quantity
+from ._format import number, plain_name, pretty, quantity
+from ._plot import draw_compensator, draw_fit, draw_record, swept
 
 MOST_ROWS, MOST_POINTS = 12, 1200
 COLOURS = {"PASS": f.GREEN, "CAUTION": f.ORANGE, "FAIL": f.VERMILLION}
-SWEEP = 120
-"""Readings of a compensator's picture."""
 
 
 def html(thing: Any) -> str:
@@ -59,14 +58,12 @@ def _record(record: Record) -> str:
         minded = check_identifiable(record)
     except InputError as error:
         minded = [f"Cannot be used: {error}"]
-    curve = f.Curve("", *_path(record, record.output, record.mask), f.BLUE)
-    figure = f.chart([curve], *_axes(record))
     return _page(
         f"Record {record.source or 'of arrays'}",
         [
-            *_listed("Mind: ", minded),
+            *_listed("Warning: ", minded),
             _table(("", ""), rows),
-            _image(figure, "Output against input"),
+            _image(draw_record(record, MOST_POINTS), "Output against input"),
         ],
     )
 
@@ -83,21 +80,13 @@ def _fit(fit: FitResult) -> str:
          f"{m.r2:.4f}")
         for part, m in fit.metrics.items() if m is not None
     ]  # fmt: skip
-    curves = []
-    for record, colour, words in ((fit.train, f.BLUE, "training"), (fit.test, f.GREEN, "held out")):
-        if record is not None:
-            curves.append(f.Curve(f"measured, {words}",
-                                  *_path(record, record.output, record.mask), colour, "under"))  # fmt: skip
-    seen = fit.train if fit.test is None else fit.test
-    curves.append(f.Curve(fit.name, *_path(seen, fit.predict(seen), seen.mask), f.VERMILLION))
-    figure = f.chart(curves, *_axes(seen))
     return _page(
         fit.name,
         [
             *_listed("", reasons),
             _table(("parameter", "value", "error", "unit", "status"), rows),
             _table(("rows", "rms error", "of the range", "R²"), errors),
-            _image(figure, f"Measured loops, and the {fit.name} model"),
+            _image(draw_fit(fit, MOST_POINTS), f"Measured loops, and the {fit.name} model"),
         ],
         badge,
     )
@@ -150,18 +139,10 @@ def _compensator(compensator: AbstractCompensator) -> str:
             else f"{x.size:,} numbers, mean {number(float(x.mean()))}"
         )
         rows.append((name, text, pretty(info.unit), info.meaning))
-    low, high = _reach(compensator)
-    y = np.interp(np.linspace(0, 3, SWEEP), [0, 1, 2, 3], [low, high, low, (low + high) / 2])
-    found = compensator.simulate(np.linspace(0, 3, SWEEP), y)
-    value, ok = np.asarray(found.value, float), np.asarray(found.status) == Status.OK
-    held = [Status(int(s)).name for s in np.unique(np.asarray(found.status)[~ok])]
-    curves = [
-        f.Curve("held or continued", y, np.where(ok, np.nan, value), f.GREY),
-        f.Curve("", y, np.where(ok, value, np.nan), f.BLUE),
-    ]
-    figure = f.chart(curves if held else curves[1:], "reading", "estimate of the input")
+    y, _, status = swept(compensator)
+    held = [Status(int(s)).name for s in np.unique(status) if s != Status.OK]
     said = [
-        f"From readings to estimates: from {number(low)} to {number(high)}, back, and up again."
+        f"Readings go from {number(y.min())} to {number(y.max())}, back, and half way up again."
     ]
     if held:
         said.append(f"Parts of it are {', '.join(held)}.")
@@ -170,27 +151,9 @@ def _compensator(compensator: AbstractCompensator) -> str:
         [
             *_listed("", said),
             _table(("parameter", "value", "unit", "meaning"), rows),
-            _image(figure, "Estimates of the input against readings"),
+            _image(draw_compensator(compensator), "Estimates of the input against readings"),
         ],
     )
-
-
-def _reach(compensator: Any) -> tuple[float, float]:
-    """Readings that its model can have where it is known, else 0 to 1."""
-    part = getattr(compensator, "members", compensator)
-    ends = (np.asarray(getattr(part, end, np.nan), float) for end in ("floor", "ceiling"))
-    low, high = (float(np.mean(x)) for x in ends)
-    return (low, high) if np.isfinite([low, high]).all() and low < high else (0.0, 1.0)
-
-
-def _path(record: Record, y: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return f.trace(record.input, np.asarray(y, float), keep, record.starts, MOST_POINTS)
-
-
-def _axes(record: Record) -> tuple[str, str]:
-    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
-    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
-    return x, y
 
 
 def _page(title: str, parts: Iterable[str], level: str = "", word: str = "") -> str:

@@ -10,10 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._drawing import html_of, plot_of
 from .._errors import InputError
 from .._format import quantity
 from .._note import Note
-from .._notebook_hook import html_of
+from .._show import at_most
 from ._abstract_record import AbstractRecord
 from ._arrays import fill, numbers, same_length
 from ._common_part import common_part
@@ -307,6 +308,22 @@ class Record(AbstractRecord):
     def describe(self, loop: str | None = None) -> str:
         """The summary for a reader, and the history; `loop` replaces the line about the loops."""
         return describe(self, loop)
+
+    def plot(self) -> Any:
+        """Output against input as a matplotlib `Figure`; rows that do not count are grey.
+
+        **Returns:** a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        **Raises:** `InputError` `missing-extra` where matplotlib cannot be imported.
+        """
+        return plot_of(self)
+
+    def __str__(self) -> str:
+        return "\n".join(at_most(self.describe().split("\n")))
+
+    def __repr__(self) -> str:
+        sides = f"{self.input_name!r} -> {self.output_name!r}"
+        return f"<Record of {len(self)} rows, {len(self.labels)} sequences: {sides}>"
 
     def _repr_html_(self) -> str | None:
         return html_of(self)

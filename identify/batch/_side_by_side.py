@@ -107,7 +107,7 @@ def structure(model: AbstractModel) -> Hashable:
     """All of a model that is compiled: everything but its numbers."""
     arrays, static = eqx.partition(model, eqx.is_array)
     shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(arrays))
-    return jax.tree.structure(arrays), shapes, repr(static)
+    return jax.tree.structure(arrays), shapes, eqx.tree_pformat(static)
 
 
 def unfit(problems: Sequence[Problem]) -> dict[int, InputError]:

@@ -1,12 +1,14 @@
 """What the data leave open: a posterior's draws, and what can be said of each parameter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import html_of
+from hysteresis import html_of, plot_of
+from hysteresis._show import aligned, at_most
 
 from ._convergence import has_two_modes, rhat
 from ._pointwise import PerRow
@@ -79,6 +81,42 @@ class Posterior:
     def converged(self) -> bool:
         """R-hat below 1.01 and a hundred effective draws of every parameter, from chains that can tell."""
         return self.long_enough and all(s.rhat < 1.01 and s.ess > 100 for s in self.summaries)
+
+    def summary(self) -> str:
+        """The posterior in at most 30 lines: how it was drawn, and each parameter's figures."""
+        head = ("parameter", "mean", "sd", "5 %", "95 %", "R-hat", "ESS", "")
+        rows = [
+            (s.name, *(f"{x:.4g}" for x in (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}",
+             f"{s.ess:.0f}", ", ".join(s.words))
+            for s in self.summaries
+        ]  # fmt: skip
+        ensembles, draws, _ = self.draws.shape
+        state = "converged" if self.converged else "not converged"
+        return "\n".join([
+            f"Posterior: {ensembles * draws} draws by {self.method}, {state}",
+            *at_most(self.notes, 8),
+            *at_most(aligned([head, *rows]), 20),
+        ])  # fmt: skip
+
+    def plot(self, names: Sequence[str] | None = None) -> Any:
+        """Histograms of parameters and scatter plots of their pairs, as a matplotlib `Figure`.
+
+        **Arguments:**
+
+        - `names`: the parameters to draw; the first six unless given.
+
+        **Returns:** a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        **Raises:** `InputError` `unknown-parameter`; `missing-extra` where matplotlib cannot be imported.
+        """
+        return plot_of(self, names=names)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        ensembles, draws, count = self.draws.shape
+        return f"<Posterior of {count} parameters, {ensembles * draws} draws by {self.method}>"
 
     def _repr_html_(self) -> str | None:
         return html_of(self)

@@ -6,7 +6,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of
+from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of, plot_of
+from hysteresis._format import quantity
+from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
 
 from ..noise._model import NoiseModel
@@ -146,8 +148,63 @@ class FitResult:
             outside |= beyond(record, self.channels)
         return outside
 
+    def summary(self) -> str:
+        """The fit in at most 30 lines: verdict, errors, parameters with units, candidates.
+
+        **Example:**
+
+            >>> print(fit.summary())
+            LinearSponge: CAUTION
+            ...
+        """
+        unit = self.train.output_unit
+        errors = [
+            (f"  {part}", f"{quantity(m.rmse, unit, 3)} rms", f"{m.nrmse_percent:.3g} % of the range",
+             f"R2 {m.r2:.4f}")
+            for part, m in self.metrics.items() if m is not None
+        ]  # fmt: skip
+        rows = [_row(p) for p in self.parameters]
+        ranked = [f"{fit.name} {fit.score:.3g} %" for fit in self.candidates]
+        return "\n".join([
+            f"{self.name}: {self.verdict.level}",
+            *at_most([f"  {reason}" for reason in self.verdict.reasons], 9),
+            "Errors",
+            *aligned(errors),
+            "Parameters",
+            *at_most(aligned(rows), 14),
+            *([f"Candidates by held-out error: {', '.join(ranked)}"] if len(ranked) > 1 else []),
+        ])  # fmt: skip
+
+    def plot(self) -> Any:
+        """Measured loops of the training and the held-out rows, and the model, as a matplotlib `Figure`.
+
+        **Returns:** a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        **Raises:** `InputError` `missing-extra` where matplotlib cannot be imported.
+        """
+        return plot_of(self)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        return f"<FitResult {self.name}: {self.verdict.level}, {len(self.train)} rows>"
+
     def _repr_html_(self) -> str | None:
         return html_of(self)
+
+
+def _row(p: Parameter) -> tuple[str, ...]:
+    """A parameter as cells: name, value and error, unit, 90 % interval, status."""
+    error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
+    interval = "" if p.low is None or p.high is None else f"90 %: {p.low:.4g} to {p.high:.4g}"
+    return (
+        f"  {p.name}",
+        f"{p.value:.5g}{error}",
+        "" if p.unit == "1" else p.unit,
+        interval,
+        p.status,
+    )
 
 
 def check_unit(name: str, unit: str, fitted: str) -> None:

@@ -1,0 +1,110 @@
+"""What `plot()` of a record, a fit, a posterior and a compensator draws: a matplotlib Figure out."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from compensate import AbstractCompensator, Status
+from hysteresis import InputError, Record
+from identify import FitResult, Posterior
+
+from . import _base as f
+from ._format import label, plain_name
+
+CORNER = 6
+"""Parameters of a corner plot, where none are named."""
+SWEEP = 120
+"""Readings of a compensator's picture."""
+
+
+def plot(thing: Any, **options: Any) -> Figure:
+    """The figure of a record, a fit, a posterior or a compensator. Raises `no-picture` for others."""
+    for kind, draw in _DRAWN.items():
+        if isinstance(thing, kind):
+            return draw(thing, **options)
+    raise InputError(
+        "no-picture",
+        f"A {type(thing).__name__} cannot be drawn.",
+        fix="give a Record, a FitResult, a Posterior or a compensator.",
+    )
+
+
+def draw_record(record: Record, most: int = f.MOST) -> Figure:
+    """Output against input; rows that do not count are grey."""
+    others = f.Curve("does not count", *path(record, record.output, ~record.mask, most), f.GREY)
+    counted = f.Curve("counts", *path(record, record.output, record.mask, most), f.BLUE)
+    if record.mask.all():
+        return f.chart([counted._replace(label="")], *axes_of(record))
+    return f.chart([others, counted], *axes_of(record))
+
+
+def draw_fit(fit: FitResult, most: int = f.MOST) -> Figure:
+    """Measured loops of training and held-out rows, and the model over the rows it is judged on."""
+    curves = []
+    for record, colour, words in ((fit.train, f.BLUE, "training"), (fit.test, f.GREEN, "held out")):
+        if record is not None:
+            line = path(record, record.output, record.mask, most)
+            curves.append(f.Curve(f"measured, {words}", *line, colour, "under"))
+    seen = fit.train if fit.test is None else fit.test
+    line = path(seen, fit.predict(seen), seen.mask, most)
+    return f.chart([*curves, f.Curve(fit.name, *line, f.VERMILLION)], *axes_of(seen))
+
+
+def draw_posterior(posterior: Posterior, names: Sequence[str] | None = None) -> Figure:
+    """Histograms of parameters and scatters of their pairs, see `Posterior.plot`."""
+    chosen = posterior.names[:CORNER] if names is None else tuple(names)
+    for name in chosen:
+        if name not in posterior.names:
+            known = ", ".join(posterior.names)
+            raise InputError("unknown-parameter", f"No parameter {name!r}; have {known}.")
+    at = [posterior.names.index(name) for name in chosen]
+    draws = posterior.draws.reshape(-1, len(posterior.names))[:, at]
+    return f.corner(chosen, draws, [np.nan] * len(at))
+
+
+def draw_compensator(compensator: AbstractCompensator) -> Figure:
+    """Estimates while the reading goes up, down and half way up again; grey where the status is not OK."""
+    y, value, status = swept(compensator)
+    ok = status == Status.OK
+    curves = [
+        f.Curve("held or continued", y, np.where(ok, np.nan, value), f.GREY),
+        f.Curve("", y, np.where(ok, value, np.nan), f.BLUE),
+    ]
+    return f.chart(curves[int(ok.all()) :], "reading", "estimate of the input")
+
+
+def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Readings that go up, down and half way up again, their estimates and statuses."""
+    part = getattr(compensator, "members", compensator)
+    ends = (np.asarray(getattr(part, end, np.nan), float) for end in ("floor", "ceiling"))
+    low, high = (float(np.mean(x)) for x in ends)
+    if not (np.isfinite([low, high]).all() and low < high):
+        low, high = 0.0, 1.0
+    t = np.linspace(0, 3, SWEEP)
+    y = np.interp(t, [0, 1, 2, 3], [low, high, low, (low + high) / 2])
+    found = compensator.simulate(t, y)
+    return y, np.asarray(found.value, float), np.asarray(found.status)
+
+
+def axes_of(record: Record) -> tuple[str, str]:
+    """Labels of input and output, with their units."""
+    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
+    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
+    return x, y
+
+
+def path(
+    record: Record, y: np.ndarray, keep: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A series over the record's input, of the rows to keep, with gaps and at most so many points."""
+    return f.trace(record.input, np.asarray(y, float), keep, record.starts, most)
+
+
+_DRAWN: dict[type, Any] = {
+    Record: draw_record,
+    FitResult: draw_fit,
+    Posterior: draw_posterior,
+    AbstractCompensator: draw_compensator,
+}

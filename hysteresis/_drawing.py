@@ -1,0 +1,58 @@
+"""How our objects are drawn: the one place where lower packages ask hysid, which has all drawing code."""
+
+from importlib import import_module
+from typing import Any
+
+from ._errors import InputError
+
+
+def html_of(thing: Any) -> str | None:
+    """The HTML by which a notebook shows one of our objects; None without hysid, and then it shows text.
+
+    **Arguments:**
+
+    - `thing`: a record, a fit, a posterior or a compensator.
+
+    **Raises:** `InputError` `no-picture` for anything else.
+
+    **Example:**
+
+        >>> hysteresis.html_of(record)[:19]
+        '<div class="hysid">'
+    """
+    drawing = _drawing("_notebook")
+    return None if drawing is None else drawing.html(thing)
+
+
+def plot_of(thing: Any, **options: Any) -> Any:
+    """The matplotlib `Figure` that `thing.plot()` gives back.
+
+    **Arguments:**
+
+    - `thing`: a record, a fit, a posterior or a compensator.
+    - `options`: those of its `plot`.
+
+    **Raises:** `InputError` `missing-extra` without hysid or matplotlib, `no-picture` for anything else.
+
+    **Example:**
+
+        >>> hysteresis.plot_of(record).axes[0].get_xlabel()
+        'force (N)'
+    """
+    drawing = _drawing("_plot")
+    if drawing is None:
+        raise InputError(
+            "missing-extra",
+            "Figures are drawn by hysid with matplotlib, and one of them cannot be imported.",
+            fix="pip install hysid",
+        )
+    return drawing.plot(thing, **options)
+
+
+def _drawing(name: str) -> Any:
+    # Imports otherwise run from hysid to us. By name and at the first use, because matplotlib takes half a
+    # second to load and nobody who only computes should wait for it; nothing is registered anywhere.
+    try:
+        return import_module(f"hysid.figures.{name}")
+    except ImportError:
+        return None
