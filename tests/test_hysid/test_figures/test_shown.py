@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from compensate import invert
-from hysteresis import Burgers, InputError, PrandtlIshlinskii, Preisach, Record, Series, Sum
+from hysteresis import Burgers, InputError, Note, PrandtlIshlinskii, Preisach, Record, Series, Sum
 from hysteresis import plot_of as plot
 from hysteresis.curves import PolynomialCurve
 from hysteresis.preisach import GridDensity
@@ -63,8 +63,9 @@ def test_models_print_their_numbers(name: str):
 def test_a_model_prints_values_units_and_meanings():
     line = next(x for x in str(MODELS["burgers"]).split("\n") if x.startswith("  E1"))
     assert "1.25" in line
-    assert "input / output" in line
-    assert repr(MODELS["burgers"]) == "Burgers(E1=1.25, eta1=20, E2=3, eta2=4)"
+    assert "force / displacement" in line
+    said = "Burgers(E1=1.25, eta1=20, E2=3, eta2=4, offset=0, leading=False, hold='linear')"
+    assert repr(MODELS["burgers"]) == said
 
 
 def test_a_model_prints_while_it_is_traced():
@@ -80,7 +81,7 @@ def test_a_model_prints_while_it_is_traced():
 
 
 def test_a_record_prints():
-    text = short(str(replace(record(), history=("Done.",) * 60)))
+    text = short(str(replace(record(), history=(Note("remark", "Done."),) * 60)))
     assert "force (N)" in text
     assert (
         repr(record()) == f"<Record of {len(record())} rows, 1 sequences: 'force (N)' -> 'x (mm)'>"
