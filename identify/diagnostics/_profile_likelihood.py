@@ -82,8 +82,8 @@ def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
     **Example:**
 
         >>> slope = identify.profile(fit, "K")
-        >>> f"{slope.low:.2f} to {slope.high:.2f} {slope.unit}"
-        '1.23 to 1.40 mm / N'
+        >>> f"{slope.low:.1f} to {slope.high:.1f} {slope.unit}"
+        '1.2 to 1.4 mm / N'
     """
     (found,) = profiles(fit, (name,), level=level)
     return found

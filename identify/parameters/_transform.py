@@ -132,8 +132,10 @@ class Transform(NamedTuple):
         self, model: eqx.Module, other: eqx.Module | None
     ) -> Float[np.ndarray, "points parameters"]:
         """The free vector of a model, and that of another one if the same parameters move in it."""
-        alike = other is not None and transform(other, 1.0).names == self.names
-        return np.stack([self.to_free(one) for one in ((model, other) if alike else (model,))])
+        points = [self.to_free(model)]
+        if other is not None and transform(other, 1.0).names == self.names:
+            points.append(self.to_free(other))
+        return np.stack(points)
 
     def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
         """The parameters of a model that move."""
