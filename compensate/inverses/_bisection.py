@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel
+from hysteresis import AbstractModel, register
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 
@@ -46,6 +46,7 @@ class BracketedState(NamedTuple):
     value: Array
 
 
+@register
 class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     """u from y by bisection of u -> model.step(state, t, u) on [low, high], where that never falls.
 

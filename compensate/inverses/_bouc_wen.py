@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import BoucWen, BoucWenState
+from hysteresis import BoucWen, BoucWenState, register
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import ROUNDING
@@ -18,6 +18,7 @@ LONGEST = 100.0
 """A way, in parts of yield_at, after which nothing is left to yield."""
 
 
+@register
 class BoucWenCompensator(AbstractCompensator[BoucWenState, Estimate]):
     """x from y: the way from the last x by Newton's method.
 

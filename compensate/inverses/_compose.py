@@ -16,6 +16,7 @@ from hysteresis import (
     Softening,
     Sum,
     is_concrete,
+    register,
 )
 
 from .._contract import AbstractCompensator, Estimate, State, Status
@@ -23,6 +24,7 @@ from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 
 
+@register
 class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
     """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
 
@@ -55,6 +57,7 @@ class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
         return estimate
 
 
+@register
 class ScaledCompensator(AbstractCompensator[State, Estimate]):
     """The inner model's inverse of (y - offset) / factor."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete
+from hysteresis import InputError, Scalar, is_concrete, register
 from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
@@ -41,6 +41,7 @@ class AbstractCurveCompensator(AbstractCompensator[Array, Estimate]):
         return scan_steps(self, None, y, self.init() if state is None else state)[1]
 
 
+@register
 class FoamCurveCompensator(AbstractCurveCompensator):
     """Compression from force, by Newton's method between bounds that the smallest slope gives."""
 
@@ -54,6 +55,7 @@ class FoamCurveCompensator(AbstractCurveCompensator):
         return Estimate(value, jnp.full_like(y, Status.OK, int))
 
 
+@register
 class MonotoneCurveCompensator(AbstractCurveCompensator):
     """u from y by search for its cell. A flat cell holds the nearest u, FLAT.
 
@@ -96,6 +98,7 @@ class MonotoneCurveCompensator(AbstractCurveCompensator):
         return Estimate(jnp.clip(held, first, last), jnp.where(below | above, beyond, inside))
 
 
+@register
 class PolynomialCurveCompensator(AbstractCurveCompensator):
     """u from y by Newton's method between `low` and `high`, and along the tangents beyond."""
 
@@ -115,6 +118,7 @@ class PolynomialCurveCompensator(AbstractCurveCompensator):
         return Estimate(value, jnp.where(jnp.abs(over) > margin, beyond, Status.OK))
 
 
+@register
 class ClipCompensator(AbstractCurveCompensator):
     """y itself. At an end every input beyond gives it, FLAT; farther out is SATURATED."""
 

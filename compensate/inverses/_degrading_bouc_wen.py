@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import DegradingBoucWen, DegradingState, InputError, is_concrete
+from hysteresis import DegradingBoucWen, DegradingState, InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import ROUNDING
@@ -18,6 +18,7 @@ LEAST_SLOPE = 1e-6
 """In parts of k: where there is no more, z gives nothing more either."""
 
 
+@register
 class DegradingBoucWenCompensator(AbstractCompensator[DegradingState, Estimate]):
     """x from y: the way from the last x, by Newton's method between bounds that the least slope gives.
 

@@ -6,12 +6,13 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, LinearSponge, is_concrete
+from hysteresis import InputError, LinearSponge, is_concrete, register
 
 from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
 
 
+@register
 class LinearSpongeCompensator(AbstractCompensator[Array, Estimate]):
     """F = (d - b) / K where the sponge is touched; below its threshold F is not known, and 0.
 

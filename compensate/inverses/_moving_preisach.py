@@ -4,13 +4,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import MovingPreisach
+from hysteresis import MovingPreisach, register
 from hysteresis.preisach import saturated_outputs
 
 from .._contract import AbstractCompensator, Estimate, State, Status, scan_steps
 from ._inverse_of import inverse_of
 
 
+@register
 class MovingCompensator(AbstractCompensator[tuple[State, Array], Estimate]):
     """u = P^-1[y] - feedback y, explicitly: y is known, so nothing has to be solved for.
 

@@ -4,12 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, OutputDependentPreisach, is_concrete
+from hysteresis import InputError, OutputDependentPreisach, is_concrete, register
 
 from .._contract import AbstractCompensator, Estimate, State
 from ._inverse_of import inverse_of
 
 
+@register
 class OutputDependentCompensator(AbstractCompensator[State, Estimate]):
     """u = P^-1[g^-1(y)]; the state and the statuses are those of P^-1."""
 

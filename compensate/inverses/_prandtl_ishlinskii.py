@@ -4,13 +4,14 @@ import jax
 import jax.numpy as jnp
 from numpy.typing import ArrayLike
 
-from hysteresis import PlayState, PrandtlIshlinskii
+from hysteresis import PlayState, PrandtlIshlinskii, register
 
 from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
 from ._rate_dependent_play import MovingThresholdsCompensator
 
 
+@register
 class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState, Estimate]):
     """u from y by plays on x = S^-1(y - offset), as many as the model has. Let
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, is_concrete
+from hysteresis import InputError, is_concrete, register
 from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
@@ -40,6 +40,7 @@ class _Target(NamedTuple):
     rise: Array
 
 
+@register
 class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
     """u from y, exactly. On a branch from the reversal r the output moved by
 

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import PlayState, PrandtlIshlinskii
+from hysteresis import PlayState, PrandtlIshlinskii, register
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 
 
+@register
 class MovingThresholdsCompensator(AbstractCompensator[PlayState, Estimate]):
     """u from y, exactly, for thresholds r that are known before the input, as the model's are.
 

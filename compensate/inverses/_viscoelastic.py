@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete
+from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete, register
 
 from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
 
 
+@register
 class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
     """Each step solves y = direct u + sum of x for the side that was not measured: one division.
 

@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series
+from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series, register
 from hysteresis.preisach import NetworkDensity
 
 
+@register
 class EverettNetwork(AbstractModel[Any, Any]):
     """Force from a reading by sums over the reading's extremum stack of a network that cannot go wrong:
 

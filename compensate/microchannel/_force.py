@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, is_concrete
+from hysteresis import AbstractModel, InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Status, scan_steps
 from ..uncertainty._ensemble import UncertainEstimate
@@ -31,6 +31,7 @@ class BackwardsInput(NamedTuple):
     start: Array
 
 
+@register
 class BackwardsModel(AbstractModel[Any, BackwardsInput]):
     """A compensator as a model from reading to force, without its status: y = compensator[u].value.
 
@@ -83,6 +84,7 @@ class ForceState(NamedTuple):
     value: Float[Array, ""]
 
 
+@register
 class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
     """Force from a model that runs from reading to force, learnt in that direction:
 

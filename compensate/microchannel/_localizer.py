@@ -11,7 +11,7 @@ import scipy
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError
+from hysteresis import InputError, register
 
 from ._localizer_gaussian import Clouds, train_clouds
 from ._localizer_neighbours import Neighbours
@@ -73,6 +73,7 @@ class Confusion:
         return "\n".join(line.rstrip() for line in lines)
 
 
+@register
 @dataclass(frozen=True)
 class Localizer:
     """Tells from one reading of each channel which place is pressed, whatever the force.

@@ -6,10 +6,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import helmert
 
+from hysteresis import register
+
 _ROUNDS = 100
 """Of expectation and maximisation: 5 settle W where N is small beside it, 100 where N is as large."""
 
 
+@register
 @dataclass(frozen=True)
 class Clouds:
     """Places as normal distributions of z = H ln V, H the contrasts that no common factor changes.

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from hysteresis import InputError
+from hysteresis import InputError, register
 
 
+@register
 @dataclass(frozen=True)
 class Neighbours:
     """k nearest neighbours among the training presses, by the readings' Euclidean distance.

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Kernel
+from hysteresis import InputError, Kernel, register
 
 from ._localizer import PlaceStatus
 
@@ -35,6 +35,7 @@ def pattern(readings: Float[Array, "*readings channels"]) -> Float[Array, "*read
     return jnp.concatenate([readings / size, jnp.log(size)], axis=-1)
 
 
+@register
 class PositionEstimator(eqx.Module):
     """The mean and deviation of a Gaussian process of the `pattern` x, given presses at known places:
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete, parameter
+from hysteresis import InputError, Scalar, is_concrete, parameter, register
 from hysteresis._parameter import as_float
 
 Values = Float[Array, "..."] | Any
@@ -48,6 +48,7 @@ class ReadoutState(NamedTuple):
     repeats: Array
 
 
+@register
 class Readout(eqx.Module):
     """The electronics behind a soft channel, run backwards:
 

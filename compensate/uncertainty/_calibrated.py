@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Record
+from hysteresis import InputError, Record, register
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
@@ -40,6 +40,7 @@ class CalibratedState(NamedTuple):
     rising: Array
 
 
+@register
 class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstimate]):
     """An inner compensator, with its model's own error beside the spread:
 

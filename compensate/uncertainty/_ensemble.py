@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, is_concrete
+from hysteresis import AbstractModel, InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Status
 from ..inverses import inverse_of
@@ -40,6 +40,7 @@ class EnsembleState(NamedTuple):
     count: Array
 
 
+@register
 class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate]):
     """The inverses of all draws of a model, side by side: value and deviation are their mean and spread.
 

@@ -12,20 +12,16 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from compensate import invert
 from compensate.runtime._file import checksum
 from hysteresis import InputError
+from hysteresis._serialisation import Arrays, described, rebuilt
 from identify.internal import plain, write_json
 
-from ._module_file import Arrays, described, made
 from ._sensor import Quantity, SoftSensor
 
 SCHEMA = 1
 KIND = "hysid soft sensor"
 WORDS, ARRAYS = "soft_sensor.json", "soft_sensor.npz"
-
-CLASSES = (invert, SoftSensor)
-"""With them all classes are loaded that a part can be made of."""
 
 PARTS = ("readout", "force", "localizer", "position")
 
@@ -37,7 +33,7 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
     """
     folder = Path(folder)
     arrays: Arrays = {}
-    parts = {name: described(getattr(sensor, name), name, arrays) for name in PARTS}
+    parts = {name: described(getattr(sensor, name), name, arrays)[0] for name in PARTS}
     packed = io.BytesIO()
     np.savez_compressed(packed, allow_pickle=False, **arrays)  # type: ignore[arg-type]
     document = {
@@ -77,7 +73,7 @@ def load_sensor(folder: str | Path) -> SoftSensor:
             step=float(document["step"]), time_unit=document["time_unit"],
             force_in=Quantity(**document["force_in"]),
             position_in=tuple(Quantity(**words) for words in document["position_in"]),
-            **{name: made(document[name], arrays) for name in PARTS},
+            **{name: rebuilt(document[name], arrays) for name in PARTS},
         )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
         raise _damaged(folder, WORDS, error) from error

@@ -9,9 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._registry import register
+
 Hold = Literal["linear", "constant"]
 
 
+@register
 class Chain(NamedTuple):
     """A linear element with decoupled internal states, all at rest where it has had no input:
 

@@ -16,9 +16,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._registry import register
+
 Tree = TypeVar("Tree")
 
 
+@register
 class EverettTable(NamedTuple):
     """E between grid nodes (n+1, n+1), symmetric, and the masses of the diagonal half cells (n,)."""
 

@@ -14,6 +14,7 @@ from ._everett import GridPairs, bilinear, everett_table, read
 from ._preisach import Preisach
 
 
+@register
 class RidgeTable(NamedTuple):
     """E between grid nodes, and the mass of the cell beyond each node; (n+1, n+1), symmetric."""
 
