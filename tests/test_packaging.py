@@ -16,6 +16,9 @@ import pytest
 import typer
 
 from hysid.cli._app import app
+from hysid.cli._fit import MODELS
+from hysteresis._registry import OURS, find_model
+from identify.fitting._candidates import names
 from tests.test_hysid.command import ENVIRONMENT
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -174,3 +177,14 @@ def test_every_command_shows_an_example(words: str):
     needed = [p.name for p in command.params if p.required]
     assert [name for name in needed if context.params.get(name) in (None, ())] == []
     assert example in command.get_help(context)
+
+
+def test_help_lists_the_models():
+    ours = [
+        name
+        for name in names()
+        if (known := find_model(name)) is None or known.kind.__module__.startswith(OURS)
+    ]
+    assert sorted(MODELS) == sorted(ours)
+    (option,) = (p for p in COMMANDS["fit"].params if p.name == "model")
+    assert ", ".join(MODELS) in option.help

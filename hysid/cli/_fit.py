@@ -19,6 +19,9 @@ from ._console import (
 )  # fmt: skip
 from ._selection import takes_selection
 
+MODELS = ("LinearSponge", "Burgers", "Preisach", "Composition", "FoamCurve", "BoucWen")
+"""Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
+
 
 @takes_selection()
 def fit(
@@ -26,7 +29,13 @@ def fit(
     out: Out,
     selection: dict[str, Any],
     config: Config = None,
-    model: Annotated[str, typer.Option(help="auto, or NAME[,NAME].")] = "auto",
+    model: Annotated[
+        str,
+        typer.Option(
+            help=f"auto, or NAME[,NAME], in any case: {', '.join(MODELS)}, or a model of an installed"
+            " distribution (entry-point group hysid.models)."
+        ),
+    ] = "auto",
     initial: Annotated[
         str,
         typer.Option(
