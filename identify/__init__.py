@@ -39,7 +39,7 @@ from .posterior._predictive import LEVELS, Bands, predictive
 from .posterior._sample import sample
 from .records._run_model import predict
 from .results._detail import Composition, DiscreteSpectrum, GridWeights, Parametric
-from .results._fit_result import FitResult, Parameter, Starts
+from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
 from .spectra._spectrum import Spectrum, spectrum
 from .training._gaussian_process import fit_kernel
@@ -52,6 +52,7 @@ __all__ = [
     "Breakdown",
     "Calibrated",
     "Calibration",
+    "Candidate",
     "Change",
     "ChangeOverTime",
     "Choice",

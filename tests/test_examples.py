@@ -28,6 +28,7 @@ import doctest
 import inspect
 import textwrap
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,19 @@ def grid_fit() -> identify.FitResult:
 def posterior() -> identify.Posterior:
     """A short run of the sampler on `fit`."""
     return identify.sample(fit(), steps=100, seed=0)
+
+
+@prepared
+def specimens() -> list[identify.FitResult]:
+    """`LinearSponge` fitted to three sponges: as `record`, and softer by 20 % and by 40 %."""
+    softer = [replace(record(), output=factor * record().output) for factor in (1.0, 1.2, 1.4)]
+    return [identify.fit(one, "LinearSponge", noise="gaussian", starts=2) for one in softer]
+
+
+@prepared
+def curves() -> tuple[identify.Forc, ...]:
+    """First-order reversal curves of `loops`, those from 0, 4, 8, 12 and 16 N."""
+    return identify.forc_curves(loops())[2:]
 
 
 @prepared
@@ -382,42 +396,21 @@ hysteresis.rigs.MicrochannelRig
 hysteresis.rigs.SpongeCycles
 hysteresis.rigs.SpongeRig
 # identify/batch/_fit_many
-identify.fit_many
 # identify/batch/_folder
-identify.Batch
 # identify/calibration/_calibrate
-identify.Calibration
-identify.calibrate
 # identify/calibration/_optimal_design
-identify.choose
 # identify/comparison/_change
-identify.change
 # identify/comparison/_compare
-identify.Comparison
-identify.compare
-identify.compare_candidates
 # identify/comparison/_pooling
-identify.pool
 # identify/comparison/_psis_loo
-identify.loo
 # identify/comparison/_trend
-identify.change_over_time
 # identify/files/_fit_folder
-identify.load
-identify.save
 # identify/files/_posterior
-identify.load_posterior
-identify.save_posterior
 # identify/forc/_curves
-identify.forc_curves
 # identify/forc/_diagram
-identify.forc_diagram
 # identify/forc/_everett
-identify.everett_surface
 # identify/training/_gaussian_process
-identify.fit_kernel
 # identify/training/_train
-identify.train
 """
 """Names that lack an example, below the file that holds them."""
 

@@ -109,7 +109,13 @@ def fit_many(
     - `extra`: added to batch.json and to every fit.json.
     - all others: as in `fit`.
 
-    Raises `InputError` where double precision is off, or `out` holds a batch with other settings.
+    Raises `InputError` if double precision is off, or `out` holds a batch with other settings.
+
+    **Example:**
+
+        >>> batch = identify.fit_many({"new": record, "worn": record}, "LinearSponge", starts=2)
+        >>> [(row["name"], round(row["K"], 2)) for row in batch.table()]
+        [('new', 1.32), ('worn', 1.32)]
     """
     require_double(bool(options.get("allow_float32", False)))
     if function is fit:

@@ -1,4 +1,4 @@
-"""Which measurements to take: those after which what is wanted is known best."""
+"""Optimal experimental design: pick the measurements that most reduce the variance of the goals."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -17,10 +17,10 @@ System = TypeVar("System", bound=eqx.Module)
 
 
 class Choice(NamedTuple):
-    """Candidates in the order in which they were chosen, and what is then known.
+    """Candidate measurements in the order in which they were chosen.
 
-    - `chosen`: numbers of the candidates; one may come more than once, a measurement that is repeated.
-    - `expected`: root mean square deviation of the goals after none, one, two, ... of them.
+    - `chosen`: indices of the candidates; one that appears twice is a measurement to repeat.
+    - `expected`: root mean square standard deviation of the goals after none, one, two, ... of them.
     """
 
     chosen: Int[np.ndarray, " count"]
@@ -34,23 +34,41 @@ def choose(
     deviations: Mapping[str, Any],
     count: int,
 ) -> Choice:
-    """Choose `count` of many possible measurements, one after the other, for a calibration.
+    """Choose `count` of many possible measurements for a calibration, one after the other (A-optimal).
 
-    Each time the one that leaves the least variance of the goals, the trace of G S G', with S = (1 +
-    sum of J_c'J_c)^-1 the covariance in the free space of `calibrate` after all that were chosen: A-optimal
-    for what is wanted, not for the numbers themselves. No measurement need have been made: J and G are
-    taken at `system`, which has to be near enough to the truth.
+    Each step takes the candidate c that leaves the least total variance of the goals,
+
+        trace(G S G'),      S = (1 + sum over the chosen of J_c'J_c)^-1,
+
+    with J_c the Jacobian of its residuals and G that of the goals, in the unconstrained space of
+    `calibrate`. Nothing needs to have been measured: J and G are taken at `system`, which must be near
+    enough to the truth.
 
     **Arguments:**
 
-    - `residuals`: of a system, (candidates, ...), over their noise, as `calibrate` takes them.
-    - `goals`: of a system, an array of any shape: what is to be known.
-    - `deviations`: as of `calibrate`.
+    - `system`: a Module with the values expected before the measurements.
+    - `residuals`: function of a system; returns (candidates, ...), divided by the noise's standard
+      deviation, as for `calibrate`.
+    - `goals`: function of a system; returns an array of any shape, the quantities to be known.
+    - `deviations`: prior standard deviations by name, as for `calibrate`.
+    - `count`: how many measurements to choose.
 
-    Raises `InputError` where `count` is less than one, and as `calibrate` for the deviations.
+    Raises `InputError` `bad-option` if `count` is less than one, and as `calibrate` for the deviations.
+
+    Source: Atkinson, Donev, Tobias, Optimum Experimental Designs, with SAS (2007), chapter 10.
+
+    **Example:** which force tells most about the stiffness of a line?
+
+        >>> sponge = hysteresis.LinearSponge(K=1.2, b=6.0, threshold=1.5)
+        >>> def residuals(system):
+        ...     return (system.K * jnp.array([5.0, 10.0, 20.0]) + system.b) / 0.1
+        >>> identify.choose(sponge, residuals, lambda s: s.K, {"K": 0.2, "b": 1.0}, 2).chosen.tolist()
+        [2, 0]
     """
     if count < 1:
-        raise InputError("bad-option", f"{count} measurements to choose.", fix="one or more.")
+        raise InputError(
+            "bad-option", f"{count} measurements cannot be chosen.", fix="ask for one or more."
+        )
     prior = prior_of(system, deviations)
     start = jnp.zeros(len(prior.names))
 

@@ -15,16 +15,17 @@ from ..posterior._posterior import Posterior
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
 
 CLEAR = 0.05
-"""p value below which a change is called one."""
+"""A change counts as significant if its p value, corrected by Holm, is below this."""
 
 
 class ParameterChange(NamedTuple):
-    """What became of one parameter.
+    """The change of one parameter between two fits.
 
     - `before`, `after`: in `unit`; `difference`: after - before, and `error`: its standard error.
     - `ratio`: after / before of a positive parameter, with its 90 % interval (`ratio_low`, `ratio_high`).
-    - `changed`: the probability that it moved by more than the margin, `increased`: that it grew.
-    - `p`: how often equal specimens differ so much; `p_holm`: corrected for the number of parameters.
+    - `changed`: the probability that it changed by more than the margin; `increased`: that it grew.
+    - `p`: the probability of a difference this large if nothing changed; `p_holm`: the same, corrected for
+      the number of parameters (Holm).
     """
 
     name: str
@@ -43,7 +44,7 @@ class ParameterChange(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether it has changed beyond chance."""
+        """Whether the change is statistically significant: `p_holm` is below 0.05."""
         return self.p_holm < CLEAR
 
 
@@ -51,8 +52,8 @@ class ParameterChange(NamedTuple):
 class Change:
     """Two fits of one specimen, or of two, compared.
 
-    - `parameters`: those known in both. `left_out`: the others, and why.
-    - `margin`: the part of its value by which a parameter has to move for `changed`.
+    - `parameters`: those that both fits know. `left_out`: the excluded ones, with the reason.
+    - `margin`: the fraction of its value by which a parameter must change for `changed`.
     - `chi_square`, `degrees`, `p`: Wald's test of all parameters together.
     """
 
@@ -65,7 +66,7 @@ class Change:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What was found, in sentences."""
+        """The results in sentences."""
         said = [_together(self.p, self.chi_square, self.degrees)]
         said += [_sentence(p, self.margin) for p in self.parameters]
         return (*said, *untested(self.left_out))
@@ -78,32 +79,40 @@ def change(
     margin: float = 0.05,
     posteriors: Sequence[Posterior | None] | None = None,
 ) -> Change:
-    """Has the specimen changed between two records?
+    """Test whether a specimen has changed between two records, parameter by parameter.
 
-    In the free space of the parameters (logarithms of positive ones) the fits are Gaussian and their data
-    independent, so that with d = z_after - z_before, V = V_before + V_after
+    In the unconstrained space of the parameters (logarithms of positive ones) the fits are Gaussian, and
+    their data are independent. So with d = z_after - z_before, V = V_before + V_after
 
-        W = d' V^-1 d  ~  chi^2 (number of parameters)     where nothing has changed (Wald),
-        p_k = 2 Phi(-|d_k| / sqrt(V_kk)),                  corrected by Holm's steps,
+        W = d' V^-1 d  ~  chi^2 (number of parameters)     if nothing has changed (Wald),
+        p_k = 2 Phi(-|d_k| / sqrt(V_kk)),                  corrected by Holm's method,
         P(more than the margin m) = 1 - P(z_before(1 - m) < z_after < z_before(1 + m)).
 
-    V is the covariance of the fit (Laplace), or that of a posterior's draws, where there is one. The data
-    have to be the record's own: two fits of one record are compared by `compare`.
+    V is the covariance of the posterior's draws if there is a posterior, otherwise that of the fit
+    (Laplace). The fits must be of different records; `compare` ranks fits of the same record.
 
     **Arguments:**
 
     - `before`, `after`: fits of one kind of model, or their folders.
-    - `margin`: what counts as a change, as a part of the value before.
-    - `posteriors`: of each fit, or None; by default those in the folders.
+    - `margin`: the smallest change that matters, as a fraction of the value before.
+    - `posteriors`: one for each fit, or None; by default those saved in the folders.
 
-    Raises `InputError` where the fits share no parameter with an error (`not-comparable`), or are of the
-    same rows (`given-twice`).
+    Raises `InputError` `not-comparable` if the fits share no parameter with a standard error, and
+    `given-twice` if both are fits of the same rows.
 
     Source: Wald, Trans. AMS 54 (1943); Holm, Scandinavian Journal of Statistics 6 (1979).
+
+    **Example:** the second specimen is softer by 40 %.
+
+        >>> found = identify.change(specimens[0], specimens[2])
+        >>> [(p.name, f"{p.difference:.2f}", p.clear) for p in found.parameters]
+        [('K', '0.53', True), ('b', '2.46', True)]
     """
     if not 0 <= margin < 1:
         raise InputError(
-            "bad-option", f"margin={margin:g}: a part of the value, at least 0, below 1."
+            "bad-option",
+            f"margin={margin:g} is not a fraction of the value.",
+            fix="give at least 0, below 1.",
         )
     fits, found = opened((before, after), posteriors)
     records = [fit.train for fit in fits]
@@ -130,8 +139,8 @@ def between(one: Estimate, other: Estimate, margin: float, left_out: dict[str, s
         sum(np.diagonal(e.covariance) * s**2 for e, s in zip((one, other), slopes, strict=True))
     )
     # A value beyond its bound has no z: that side of the margin cannot be reached.
-    away = margin * np.abs(before)
-    low, high = (one.bounds.from_values(before + side) - one.free for side in (-away, away))
+    step = margin * np.abs(before)
+    low, high = (one.bounds.from_values(before + side) - one.free for side in (-step, step))
     below = np.nan_to_num(scipy.stats.norm.cdf((low - d) / error))
     above = np.nan_to_num(scipy.stats.norm.sf((high - d) / error))
     listed = []
@@ -153,7 +162,8 @@ def _number(x: Any) -> Any:
 
 
 def holm(p: Float[np.ndarray, " tests"]) -> Float[np.ndarray, " tests"]:
-    """p values corrected so that one test in twenty of nothing finds anything at all."""
+    """p values corrected by Holm's method: if nothing has changed, one family of tests in twenty finds
+    something."""
     order = np.argsort(p)
     steps = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
     corrected = np.empty_like(p)
@@ -162,27 +172,27 @@ def holm(p: Float[np.ndarray, " tests"]) -> Float[np.ndarray, " tests"]:
 
 
 def chance(p: float) -> str:
-    """A p value as a reader wants it."""
+    """A p value in words."""
     return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
 def likely(probability: float) -> str:
-    """A probability as a reader wants it: nothing is certain."""
+    """A probability in words, never 0 or 1."""
     if 0.01 <= probability <= 0.99:
         return f"{probability:.2f}"
     return "above 0.99" if probability > 0.5 else "below 0.01"
 
 
 def untested(left_out: dict[str, str], what: str = "tested") -> list[str]:
-    """What was left out, and why."""
+    """A sentence on the excluded parameters, with the reasons."""
     if not left_out:
         return []
     return [f"Not {what}: {', '.join(f'{name} ({why})' for name, why in left_out.items())}."]
 
 
 def _together(p: float, chi_square: float, degrees: int) -> str:
-    said = "It has changed" if p < CLEAR else "No change is seen"
-    return f"{said}: chi-square {chi_square:.4g} with {degrees} parameters, {chance(p)}."
+    verdict = "The specimen has changed" if p < CLEAR else "No significant change"
+    return f"{verdict}: chi-square {chi_square:.4g} with {degrees} parameters, {chance(p)}."
 
 
 def _sentence(p: ParameterChange, margin: float) -> str:
@@ -193,7 +203,7 @@ def _sentence(p: ParameterChange, margin: float) -> str:
         error = 100 * (p.ratio_high - p.ratio_low) / (2 * NORMAL_95)
         size = f"{abs(100 * (p.ratio - 1)):.3g} ± {error:.2g} %"
     if not p.clear:
-        said = f"{p.name}: no change beyond chance ({size})"
+        said = f"{p.name}: no significant change ({size})"
     else:
         way = "rose" if p.difference > 0 else "fell"
         said = f"{p.name} {way} from {p.before:.4g} to {p.after:.4g}{unit}, by {size}"

@@ -1,4 +1,4 @@
-"""What a fit knows of its parameters, as a Gaussian in the free space: what fits are compared by."""
+"""The Gaussian estimate of a fit's parameters in the unconstrained space, by which fits are compared."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,12 +22,12 @@ Fitted = FitResult | str | Path
 
 
 class Estimate(NamedTuple):
-    """Free parameters of a fit: z ~ N(free, covariance).
+    """The free parameters of a fit: z ~ N(free, covariance).
 
-    - `bounds`: between z and values; unbounded parameters have the scale 1, so that z of different records
-      compare.
+    - `bounds`: the transform between z and values; unbounded parameters have the scale 1, so that the z of
+      different records can be compared.
     - `units`: of the values.
-    - `left_out`: parameters without an honest error, and why: "fixed", "at bound", "unidentified".
+    - `left_out`: parameters without a standard error, and why: "fixed", "at bound", "unidentified".
     """
 
     bounds: Transform
@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
         return np.asarray(jax.vmap(self.bounds.to_values)(flat)).reshape(z.shape)
 
     def of(self, names: Sequence[str]) -> "Estimate":
-        """These parameters alone, whatever the others are."""
+        """The marginal estimate of these parameters."""
         at = [self.bounds.names.index(name) for name in names]
         low, high = (tuple(limits[k] for k in at) for limits in (self.bounds.low, self.bounds.high))
         bounds = Transform(tuple(names), low, high, 1.0)
@@ -89,16 +89,16 @@ def _bounds(fit: FitResult, names: tuple[str, ...]) -> Transform:
 def in_common(
     estimates: Sequence[Estimate], parameters: Sequence[str] | None = None
 ) -> tuple[list[Estimate], dict[str, str]]:
-    """The parameters that every fit knows, and why the others are left out.
+    """The parameters that every fit knows, and the reasons why others are excluded.
 
-    Raises `InputError` `not-comparable` where there is none, `unknown-parameter` for a name that is no
-    fit's.
+    Raises `InputError` `not-comparable` if there is none, `unknown-parameter` for a name that no fit has.
     """
     every = dict.fromkeys(n for e in estimates for n in (*e.bounds.names, *e.left_out))
     wanted = list(every) if parameters is None else list(parameters)
     if unknown := [name for name in wanted if name not in every]:
         raise InputError(
-            "unknown-parameter", f"No parameter {unknown[0]!r}; have {', '.join(every)}."
+            "unknown-parameter",
+            f"no fit has a parameter {unknown[0]!r}; they have {', '.join(every)}.",
         )
     left_out = {
         name: e.left_out.get(name, "not in every fit")
@@ -120,14 +120,16 @@ def in_common(
 def opened(
     fits: Sequence[Fitted], posteriors: Sequence[Posterior | None] | None = None
 ) -> tuple[list[FitResult], list[Posterior | None]]:
-    """Fits, those in folders loaded, with their posteriors: those given, else those in the folders.
+    """Fits, loaded if they are folders, with their posteriors: those given, otherwise those in the folders.
 
-    Raises `InputError` for fewer than two fits, or another number of posteriors.
+    Raises `InputError` for fewer than two fits, or another number of posteriors than fits.
     """
     if len(fits) < 2:
-        raise InputError("too-few-fits", f"{len(fits)} fit: it takes two to compare.")
+        raise InputError(
+            "too-few-fits", f"{len(fits)} fit cannot be compared.", fix="give two or more."
+        )
     if posteriors is None:
         posteriors = [None if isinstance(f, FitResult) else load_posterior(f) for f in fits]
     if len(posteriors) != len(fits):
-        raise InputError("length-mismatch", f"{len(fits)} fits, and {len(posteriors)} posteriors.")
+        raise InputError("length-mismatch", f"{len(fits)} fits but {len(posteriors)} posteriors.")
     return [f if isinstance(f, FitResult) else load(f) for f in fits], list(posteriors)

@@ -1,4 +1,4 @@
-"""What several specimens have in common, and what the next one may be: a random-effects model."""
+"""Pooling of specimens: a random-effects model of their parameters, sampled by Gibbs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,21 +11,22 @@ from ..posterior._posterior import Posterior
 from ._change import untested
 from ._gaussian_estimate import Fitted, estimate, in_common, opened
 
-LANES = 16
+CHAINS = 16
 """Chains that run side by side."""
 
-SETTLING = 50
-"""Sweeps before the first draw; neighbours are nearly independent, since specimens are integrated out."""
+BURN_IN = 50
+"""Sweeps before the first draw. Successive draws are nearly independent, because the specimens are
+integrated out."""
 
 PRIOR = 0.5
-"""Median of tau's prior: of a positive parameter half of its specimens then lie within a factor of 1.4."""
+"""Median of tau's prior: half of the specimens then lie within a factor of 1.4 in a positive parameter."""
 
 RATIO = 1.1
-"""Between neighbours on the grid of tau; draws are spread evenly in between."""
+"""Ratio of neighbouring values on the grid of tau; draws are spread evenly in between."""
 
 
 class Interval(NamedTuple):
-    """A median with the ends of its 90 % interval."""
+    """A median and the ends of its 90 % interval."""
 
     value: float
     low: float
@@ -35,9 +36,9 @@ class Interval(NamedTuple):
 class PooledParameter(NamedTuple):
     """One parameter over the specimens.
 
-    - `mean`: of the population; `spread`: its standard deviation between specimens, both in `unit`.
-    - `new`: a specimen that was not measured.
-    - `specimens`: each of those measured, drawn towards the mean as far as its own data leave open.
+    - `mean`: of the population; `spread`: the standard deviation between specimens; both in `unit`.
+    - `new`: the prediction for a specimen that was not measured.
+    - `specimens`: each measured one, shrunk towards the mean as far as its own data allow.
     """
 
     name: str
@@ -52,8 +53,8 @@ class PooledParameter(NamedTuple):
 class Pooled:
     """Specimens pooled: summaries, and draws in the parameters' units.
 
-    - `parameters`: those known in every fit. `left_out`: the others, and why.
-    - `new`, `specimens`: draws of a new specimen, and of each measured one.
+    - `parameters`: those that every fit knows. `left_out`: the excluded ones, with the reason.
+    - `new`, `specimens`: draws for a new specimen, and for each measured one, in the parameters' units.
     """
 
     parameters: tuple[PooledParameter, ...]
@@ -63,12 +64,12 @@ class Pooled:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What was found, in sentences."""
+        """The results in sentences."""
         return (*map(_sentence, self.parameters), *untested(self.left_out, "pooled"))
 
 
 class Draws(NamedTuple):
-    """Draws in the free space: of the mean, of tau, and of every specimen."""
+    """Draws in the unconstrained space: of the mean, of tau, and of every specimen."""
 
     mean: Float[np.ndarray, "*draws parameters"]
     tau: Float[np.ndarray, "*draws parameters"]
@@ -83,27 +84,35 @@ def pool(
     draws: int = 4000,
     seed: int = 0,
 ) -> Pooled:
-    """Pool fits of several specimens by a random-effects model in the parameters' free space:
+    """Pool fits of several specimens by a random-effects model in the unconstrained parameter space:
 
-        z_s ~ N(theta_s, V_s)            what the fit of specimen s says (Laplace, or a posterior's draws),
+        z_s ~ N(theta_s, V_s)            the fit of specimen s (Laplace, or the draws of a posterior),
         theta_s ~ N(mu, diag(tau^2))     specimens differ; logarithms of positive parameters,
         p(mu) = 1,   tau_k ~ half-Cauchy(A_k)
 
     A_k is 0.5 for a bounded parameter and half the root mean square of the estimates for an unbounded one.
-    tau is not set to one value: three specimens that happen to agree do not show that the next will.
+    tau is sampled and not set to one estimate, because three specimens that happen to agree do not show
+    that the next one will.
 
     **Arguments:**
 
     - `fits`: of one kind of model, one of each specimen, or their folders.
     - `parameters`: names of those to pool; by default all that every fit knows.
-    - `posteriors`: of each fit, or None; by default those in the folders.
-    - `draws`, `seed`: see `population_draws`.
+    - `posteriors`: one for each fit, or None; by default those saved in the folders.
+    - `draws`: how many draws to return; `seed`: of the random numbers.
 
-    Raises `InputError` for fewer than two fits, or where no parameter is known in all of them.
+    Raises `InputError` `too-few-fits` for fewer than two fits, and `not-comparable` if no parameter is
+    known in all of them.
 
     Source: Gelman, Prior distributions for variance parameters in hierarchical models, Bayesian Analysis 1
     (2006); Higgins, Thompson, Spiegelhalter, A re-evaluation of random-effects meta-analysis, J. R.
     Statist. Soc. A 172 (2009).
+
+    **Example:** the stiffness of three specimens.
+
+        >>> pooled = identify.pool(specimens, ["K"], draws=200)
+        >>> pooled.new.shape, pooled.specimens.shape
+        ((208, 1), (208, 3, 1))
     """
     opened_fits, found = opened(fits, posteriors)
     each = [estimate(*pair) for pair in zip(opened_fits, found, strict=True)]
@@ -113,11 +122,11 @@ def pool(
     bounded = np.isfinite(bounds.low) | np.isfinite(bounds.high)
     prior = PRIOR * np.where(bounded, 1.0, np.sqrt(np.mean(z**2, 0)))
     random = np.random.default_rng(seed)
-    lanes = np.broadcast_to(z, (LANES, *z.shape))
+    chains = np.broadcast_to(z, (CHAINS, *z.shape))
     free = Draws(
         *(
             a.reshape(-1, *a.shape[2:])
-            for a in population_draws(lanes, V, prior, -(-draws // LANES), random)
+            for a in population_draws(chains, V, prior, -(-draws // CHAINS), random)
         )
     )
     new = values(free.mean + free.tau * random.normal(size=free.tau.shape))
@@ -135,15 +144,16 @@ def pool(
 
 
 def population_draws(
-    z: Float[np.ndarray, "lanes specimens parameters"],
+    z: Float[np.ndarray, "chains specimens parameters"],
     V: Float[np.ndarray, "specimens parameters parameters"],
     prior: Float[np.ndarray, " parameters"],
     count: int,
     random: np.random.Generator,
 ) -> Draws:
-    """`count` draws in every lane from the posterior of a random-effects model; shapes (lanes, count, ...).
+    """Draws from the posterior of a random-effects model, `count` in every chain: (chains, count, ...).
 
-    Gibbs' sampler on mu and tau, the specimens integrated out, so that a small tau holds nothing back. With
+    A Gibbs sampler on mu and tau. The specimens are integrated out, so the chains mix even if tau is small.
+    With
     C_s = V_s + diag(tau^2) and its inverse A_s,
 
         mu | tau      N(M^-1 sum A_s z_s, M^-1),  M = sum A_s
@@ -153,53 +163,53 @@ def population_draws(
 
         log |C_s| + r'C_s^-1 r  =  constant + log(1 + tau_k^2 g) - tau_k^2 (a'r)^2 / (1 + tau_k^2 g).
     """
-    lanes, specimens, size = z.shape
+    chains, specimens, size = z.shape
     deviation = np.sqrt(np.diagonal(V, axis1=1, axis2=2))
     least = 1e-2 * np.minimum(deviation.min(0), prior)
     most = 50 * np.maximum(np.ptp(z, axis=1).max(0), np.maximum(prior, deviation.max(0)))
     grids = [np.geomspace(a, b, _cells(a, b)) for a, b in zip(least, most, strict=True)]
-    tau, found = np.broadcast_to(prior, (lanes, size)).copy(), []
+    tau, found = np.broadcast_to(prior, (chains, size)).copy(), []
     eye = np.eye(size)
-    for sweep in range(SETTLING + count):
+    for sweep in range(BURN_IN + count):
         A = np.linalg.inv(V + (tau**2)[:, None, :, None] * eye)
         M = A.sum(1)
         root = np.linalg.cholesky(np.linalg.inv(M))
         mu = np.linalg.solve(M, (A @ z[..., None]).sum(1))
-        mu = (mu + root @ random.normal(size=(lanes, size, 1)))[..., 0]
+        mu = (mu + root @ random.normal(size=(chains, size, 1)))[..., 0]
         r = z - mu[:, None]
         for k in range(size):
             others = np.where(np.arange(size) == k, 0.0, tau**2)
             A = np.linalg.inv(V + others[:, None, :, None] * eye)
             tau[:, k] = _draw_tau(A[..., k, k], (A[..., k] * r).sum(-1), grids[k], prior[k], random)
-        if sweep >= SETTLING:
+        if sweep >= BURN_IN:
             found.append((mu, tau.copy()))
     mean, tau = (np.stack(a, 1) for a in zip(*found, strict=True))
-    # A specimen given mu and tau: one of the population, moved by what its data say against it.
-    away = tau[:, :, None] * random.normal(size=(lanes, count, specimens, size))
-    error = (np.linalg.cholesky(V) @ random.normal(size=(*away.shape, 1)))[..., 0]
-    anyone = mean[:, :, None] + away
+    # Matheron's rule: draw a specimen from the population, then move it by its data's misfit.
+    deviation = tau[:, :, None] * random.normal(size=(chains, count, specimens, size))
+    error = (np.linalg.cholesky(V) @ random.normal(size=(*deviation.shape, 1)))[..., 0]
+    anyone = mean[:, :, None] + deviation
     D = (tau**2)[:, :, None, :, None] * eye
     moved = D @ np.linalg.solve(V + D, (z[:, None] - anyone - error)[..., None])
     return Draws(mean, tau, anyone + moved[..., 0])
 
 
 def _draw_tau(
-    g: Float[np.ndarray, "lanes specimens"],
-    ar: Float[np.ndarray, "lanes specimens"],
+    g: Float[np.ndarray, "chains specimens"],
+    ar: Float[np.ndarray, "chains specimens"],
     grid: Float[np.ndarray, " cells"],
     prior: float,
     random: np.random.Generator,
-) -> Float[np.ndarray, " lanes"]:
-    """One of its conditional distribution in every lane; a cell of the grid weighs density times width."""
+) -> Float[np.ndarray, " chains"]:
+    """One of its conditional distribution in every chain; a cell of the grid weighs density times width."""
     squares = (grid**2)[:, None, None]
     wide = 1 + squares * g
     log_density = (squares * ar**2 / wide - np.log(wide)).sum(-1) / 2
     log_density += np.log(grid / (1 + (grid / prior) ** 2))[:, None]
     chances = np.cumsum(np.exp(log_density - log_density.max(0)), 0)
-    lanes = len(g)
-    cell = (chances < random.random(lanes) * chances[-1]).sum(0)
+    chains = len(g)
+    cell = (chances < random.random(chains) * chances[-1]).sum(0)
     step = np.log(grid[1] / grid[0])
-    return grid[cell] * np.exp(step * random.uniform(-0.5, 0.5, lanes))
+    return grid[cell] * np.exp(step * random.uniform(-0.5, 0.5, chains))
 
 
 def _cells(low: float, high: float) -> int:

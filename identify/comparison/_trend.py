@@ -1,4 +1,4 @@
-"""How a specimen changes over many records: a line in time with scatter between the records."""
+"""Change over time: a line through many records of one specimen, with scatter between the records."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,24 +16,24 @@ from ._gaussian_estimate import Fitted, estimate, in_common, opened
 
 
 class Line(NamedTuple):
-    """a + b t through estimates with errors, and what scatters beyond them.
+    """A line a + b t through estimates with standard errors, and the scatter beyond these.
 
-    - `at`: (a, b); `covariance` of both; `scatter`: tau.
+    - `coefficients`: (a, b); `covariance`: of both; `scatter`: tau.
     """
 
-    at: Float[np.ndarray, "2"]
+    coefficients: Float[np.ndarray, "2"]
     covariance: Float[np.ndarray, "2 2"]
     scatter: float
 
 
 class ParameterTrend(NamedTuple):
-    """How one parameter goes with time.
+    """The trend of one parameter.
 
     - `first`, `last`: the line at the first and last time, in `unit`.
-    - `rate`: b, per unit of time, of the logarithm where the parameter is positive (`relative`), else in
+    - `rate`: b, per unit of time: of the logarithm if the parameter is positive (`relative`), otherwise in
       `unit`; `low`, `high`: its 90 % interval.
-    - `scatter`: tau, between records beyond their own errors, likewise.
-    - `p`: how often a specimen that stays the same shows such a trend; `p_holm`: corrected.
+    - `scatter`: tau, the standard deviation between records beyond their own errors, in the same measure.
+    - `p`: the probability of a trend this large if nothing changes; `p_holm`: corrected (Holm).
     """
 
     name: str
@@ -50,13 +50,13 @@ class ParameterTrend(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether there is a trend beyond chance."""
+        """Whether the trend is statistically significant: `p_holm` is below 0.05."""
         return self.p_holm < CLEAR
 
 
 @dataclass(frozen=True)
 class ChangeOverTime:
-    """Trends of the parameters known in every fit; `left_out`: the others, and why."""
+    """Trends of the parameters that every fit knows; `left_out`: the excluded ones, with the reason."""
 
     times: Float[np.ndarray, " records"]
     parameters: tuple[ParameterTrend, ...]
@@ -64,7 +64,7 @@ class ChangeOverTime:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What was found, in sentences."""
+        """The results in sentences."""
         return (*map(_sentence, self.parameters), *untested(self.left_out))
 
 
@@ -74,19 +74,37 @@ def change_over_time(
     *,
     posteriors: Sequence[Posterior | None] | None = None,
 ) -> ChangeOverTime:
-    """The trend of every parameter over records taken at `times`, see `line_in_time`.
+    """Fit a trend in time to every parameter of a specimen that was measured repeatedly.
 
-    Raises `InputError` for fewer than three records or times that do not differ (`too-few-fits`),
-    another number of times (`length-mismatch`), and as `change`.
+        z_i ~ N(a + b t_i, variance_i + tau^2)      in the unconstrained space of the parameters
+
+    b is the rate and tau the scatter between records beyond their standard errors; see `line_in_time`.
+
+    **Arguments:**
+
+    - `fits`: fits of one kind of model, or their folders, three at least.
+    - `times`: when each record was taken, in any unit (hours, cycles, days).
+    - `posteriors`: one for each fit, or None; by default those saved in the folders.
+
+    Raises `InputError` `too-few-fits` for fewer than three different times, `length-mismatch` for another
+    number of times than fits, and as `change`.
+
+    Source: Patterson, Thompson, Biometrika 58 (1971); Knapp, Hartung, Statistics in Medicine 22 (2003).
+
+    **Example:** three records, ten hours apart.
+
+        >>> found = identify.change_over_time(specimens, [0.0, 10.0, 20.0])
+        >>> [(p.name, f"{p.rate:.3f}", p.unit) for p in found.parameters]
+        [('K', '0.026', 'mm / N'), ('b', '0.123', 'mm')]
     """
     opened_fits, found = opened(fits, posteriors)
     t = np.asarray(times, float)
     if len(t) != len(opened_fits):
-        raise InputError("length-mismatch", f"{len(opened_fits)} fits, and {len(t)} times.")
+        raise InputError("length-mismatch", f"{len(opened_fits)} fits but {len(t)} times.")
     if len(np.unique(t)) < 3:
         raise InputError(
             "too-few-fits",
-            f"{len(np.unique(t))} different times show no trend beyond scatter.",
+            f"{len(np.unique(t))} different times cannot tell a trend from scatter.",
             fix="take three records or more, or compare two (change).",
         )
     shared, left_out = in_common([estimate(*pair) for pair in zip(opened_fits, found, strict=True)])
@@ -95,10 +113,10 @@ def change_over_time(
     z = np.array([e.free for e in shared])
     variance = np.array([np.diagonal(e.covariance) for e in shared])
     lines = [line_in_time(t - first, z[:, k], variance[:, k]) for k in range(z.shape[1])]
-    ends = np.array([line.at @ [[1, 1], [0, last - first]] for line in lines]).T
+    ends = np.array([line.coefficients @ [[1, 1], [0, last - first]] for line in lines]).T
     values = shared[0].values(ends)
     slope = np.where(positive, 1.0, bounds.slope(ends[0]))
-    rate = slope * [line.at[1] for line in lines]
+    rate = slope * [line.coefficients[1] for line in lines]
     error = np.abs(slope) * [np.sqrt(line.covariance[1, 1]) for line in lines]
     scatter = np.abs(slope) * [line.scatter for line in lines]
     p = 2 * scipy.stats.t.sf(np.abs(rate) / error, len(t) - 2)
@@ -123,10 +141,11 @@ def line_in_time(
 
         z_i ~ N(a + b t_i, variance_i + tau^2),   tau by restricted maximum likelihood,
 
-        -2 log L = sum log(variance_i + tau^2) + log |X'WX| + sum w_i (z_i - a - b t_i)^2,   w the inverse.
+        -2 log L = sum log(variance_i + tau^2) + log |X'WX| + sum w_i (z_i - a - b t_i)^2,
 
-    The covariance (X'WX)^-1 is widened where the records scatter more than they should at that tau, and
-    intervals take Student's t with two degrees less than records: tau is known as badly as they are few.
+    with w_i = 1 / (variance_i + tau^2). The covariance (X'WX)^-1 is widened if the records scatter more
+    than tau explains. Intervals use Student's t with two degrees of freedom less than records, because few
+    records determine tau poorly.
 
     Source: Patterson, Thompson, Biometrika 58 (1971); Knapp, Hartung, Statistics in Medicine 22 (2003).
     """
@@ -140,7 +159,7 @@ def line_in_time(
         deviance = squares - np.log(w).sum() + np.linalg.slogdet(normal)[1]
         return at, normal, squares, float(deviance)
 
-    # The least tau that shows and the largest there can be; between them the deviance has one minimum.
+    # Between the smallest tau that matters and the largest possible one the deviance has one minimum.
     plain = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     low, high = 1e-3 * np.sqrt(variance.min()), 3 * np.sqrt(plain @ plain + variance.max())
     least: Any = scipy.optimize.minimize_scalar(
@@ -160,5 +179,5 @@ def _sentence(p: ParameterTrend) -> str:
     factor, unit = (100, " %") if p.relative else (1, "" if p.unit == "1" else f" {p.unit}")
     rate, low, high = (f"{factor * x:+.3g}" for x in (p.rate, p.low, p.high))
     size = f"{rate}{unit} per unit of time ({low} to {high}, {chance(p.p_holm)})"
-    said = f"{p.name}: {size}" if p.clear else f"{p.name}: no trend beyond chance, {size}"
+    said = f"{p.name}: {size}" if p.clear else f"{p.name}: no significant trend, {size}"
     return f"{said}; records scatter by {factor * p.scatter:.2g}{unit} beyond their errors."

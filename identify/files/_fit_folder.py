@@ -24,7 +24,7 @@ from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
 from ..results._detail import detail_of
-from ..results._fit_result import FitResult, Parameter, Starts
+from ..results._fit_result import Candidate, FitResult, Parameter, Starts
 from ..results._metrics import Metrics
 from ..storage._json import check_free, read_json, write_json
 from ..storage._provenance import versions
@@ -40,12 +40,24 @@ def save(
     overwrite: bool = False,
     extra: dict[str, Any] | None = None,
 ) -> Path:
-    """Write a fit to a folder, which is made; a folder with results in it only with `overwrite`.
+    """Write a fit to a folder of JSON and plain arrays.
 
-    `extra` is added to fit.json. A posterior or report of an earlier fit is removed.
+    **Arguments:**
 
-    Raises `InputError` where results are there already, the folder cannot be written, or the model is of a
+    - `folder`: is made if it is not there. A posterior or report of an earlier fit in it is removed.
+    - `overwrite`: write although the folder holds results.
+    - `extra`: plain data that is added to fit.json.
+
+    Returns the folder.
+
+    Raises `InputError` if results are there already, the folder cannot be written, or the model is of a
     class that is not registered (`hysteresis.register`), so that the folder could not be loaded.
+
+    **Example:**
+
+        >>> place = identify.save(fit, folder / "sponge")
+        >>> sorted(file.name for file in place.iterdir())
+        ['data.npz', 'fit.json', 'fit.npz', 'model.npz']
     """
     folder = Path(folder)
     check_free(folder, overwrite)
@@ -86,10 +98,20 @@ def save(
 
 
 def load(folder: str | Path) -> FitResult:
-    """A fit from the folder `save` wrote. Candidates come back with their figures only.
+    """Read a fit from the folder that `save` wrote.
 
-    Raises `InputError` for a missing or damaged file, a changed checksum, a newer schema, an
-    unknown model; nothing in the folder is executed.
+    The models that the fit tried come back as `Candidate`: their figures, without model and residuals.
+    Nothing in the folder is executed.
+
+    Raises `InputError` for a missing or damaged file, a changed checksum, a newer schema, and a model that
+    is not registered.
+
+    **Example:**
+
+        >>> place = identify.save(fit, folder / "sponge")
+        >>> again = identify.load(place)
+        >>> again.name, [candidate.verdict.level for candidate in again.candidates]
+        ('LinearSponge', ['PASS'])
     """
     folder = Path(folder)
     document = read_document(folder)
@@ -141,32 +163,43 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
     model = rebuilt(document["structure"], arrays)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
-        name=document["model"],
+        **_figures(document),
         model=model,
-        parameters=_parameters(document["parameters"]),
         covariance=extra["covariance"],
         residuals=extra["residuals"],
-        metrics=_metrics(document["metrics"]),
-        success=document["success"],
-        score=math.nan if (score := document["score_percent"]) is None else score,
-        noise=Noise(**document["noise"]),
-        blocks=None if document.get("blocks") is None else np.array(document["blocks"]),
-        noise_model=_noise_model(document.get("noise_model")),
-        noise_evidence=document.get("noise_evidence", {}),
         settings=from_words(document.get("settings", {})),
         train=records["train"],
         test=records.get("test"),
-        notes=tuple(document["notes"]),
         starts=Starts(**starts) if starts else None,
         used=extra["used"],
         detail=detail_of(document, extra, model),
-        verdict=Verdict(document["verdict"]["level"], tuple(document["verdict"]["reasons"])),
+        candidates=tuple(
+            Candidate(**_figures(candidate), parameter_count=candidate.get("numbers"))
+            for candidate in document["candidates"]
+        ),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
         seed=document["seed"],
-        seconds=document["seconds"],
     )
+
+
+def _figures(saved: dict[str, Any]) -> dict[str, Any]:
+    """The inverse of `summary`: the fields that `FitResult` and `Candidate` share."""
+    return {
+        "name": saved["model"],
+        "parameters": _parameters(saved["parameters"]),
+        "metrics": _metrics(saved["metrics"]),
+        "success": saved["success"],
+        "score": math.nan if (score := saved["score_percent"]) is None else score,
+        "noise": Noise(**saved["noise"]),
+        "blocks": None if saved.get("blocks") is None else np.array(saved["blocks"]),
+        "noise_model": _noise_model(saved.get("noise_model")),
+        "noise_evidence": saved.get("noise_evidence", {}),
+        "notes": tuple(saved["notes"]),
+        "verdict": Verdict(saved["verdict"]["level"], tuple(saved["verdict"]["reasons"])),
+        "seconds": saved["seconds"],
+    }
 
 
 def read_document(folder: str | Path) -> dict[str, Any]:
@@ -218,7 +251,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
     return plain(document)
 
 
-def summary(fit: FitResult) -> dict[str, Any]:
+def summary(fit: FitResult | Candidate) -> dict[str, Any]:
     """The part of a fit that its candidates have too."""
     return {
         "model": fit.name,

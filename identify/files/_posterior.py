@@ -37,9 +37,18 @@ def posterior_json(posterior: Posterior) -> dict[str, Any]:
 def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
     """Write posterior.json, posterior.nc (ArviZ's groups and dimensions) and the models' arrays.
 
-    The groups are `posterior`, and where a sampler walked `sample_stats` (lp, acceptance_rate, ...),
-    `prior`, and by the counted rows of the record `log_likelihood`, `posterior_predictive` and
+    The groups are `posterior` and, if it was sampled by Markov chains, `sample_stats` (lp,
+    acceptance_rate, ...), `prior`, and for the rows of the fit `log_likelihood`, `posterior_predictive` and
     `observed_data`.
+
+    **Arguments:** `folder`: the folder of the fit, which must exist.
+
+    Returns the path of posterior.nc.
+
+    **Example:**
+
+        >>> identify.save_posterior(posterior, folder).name
+        'posterior.nc'
     """
     import h5netcdf
 
@@ -91,9 +100,15 @@ def _named(
 
 
 def load_posterior(folder: str | Path) -> Posterior | None:
-    """The posterior of a fit's folder, or None where it was not sampled.
+    """The posterior in the folder of a fit, or None if it was not sampled.
 
-    Raises `InputError` where its files are damaged.
+    Raises `InputError` `damaged-file` if its files cannot be read.
+
+    **Example:**
+
+        >>> place = identify.save_posterior(posterior, folder)
+        >>> identify.load_posterior(folder).names
+        ('K', 'b', 'sigma')
     """
     import h5netcdf
 

@@ -28,16 +28,24 @@ class Forc(NamedTuple):
 
 
 def forc_curves(record: Record) -> tuple[Forc, ...]:
-    """The first-order reversal curves of a record, the lowest reversal first.
+    """Find the first-order reversal curves of a record; they come with the lowest reversal first.
 
-    The record's top is what lies within a hundredth of the range of its greatest input. Each
-    excursion from the top and back gives one curve: it starts at the lowest input reached, and
-    holds the samples whose input exceeds all since. Smaller loops on the way down or up are wiped
-    out and do no harm. What comes before the first visit to the top is left out, unless it is all
-    there is of a sequence: then the sequence is taken to start in positive saturation, or on the
-    descent from it.
+    The top of a record is everything within a hundredth of the input's range from its maximum. Each
+    excursion from the top and back gives one curve: it starts at the lowest input reached, and holds the
+    samples whose input exceeds all earlier ones of the rise. Smaller loops on the way are wiped out and do
+    no harm. Rows before the first visit to the top are excluded, unless a sequence has no others: then it
+    is taken to start in positive saturation, or on the descent from it.
 
-    Rows outside the mask are left out. Raises `InputError` `too-few-curves` where there is no curve.
+    **Arguments:** `record`: input and output in any units; rows outside its mask are excluded.
+
+    Raises `InputError` `too-few-curves` if there is no curve.
+
+    Source: Mayergoyz, Mathematical models of hysteresis and their applications (2003), section 1.2.
+
+    **Example:**
+
+        >>> [curve.reversal for curve in identify.forc_curves(loops)]
+        [0.0, 0.0, 0.0, 4.0, 8.0, 12.0, 16.0]
     """
     top = float(record.input.max() - np.ptp(record.input) / 100)
     found = []
@@ -57,7 +65,7 @@ def forc_curves(record: Record) -> tuple[Forc, ...]:
     if not found:
         raise InputError(
             "too-few-curves",
-            "the record has no first-order reversal curve.",
+            "the record does not contain a first-order reversal curve.",
             place=record.source,
             cause="the input never rises again after a descent from its top.",
             fix="name the column that tells the curves apart (--group COL), or measure such curves.",
@@ -66,18 +74,18 @@ def forc_curves(record: Record) -> tuple[Forc, ...]:
 
 
 def check_curves(curves: tuple[Forc, ...], least: int) -> None:
-    """Raises `InputError` unless there are `least` curves, sorted, with different reversals."""
+    """Raise `InputError` unless there are `least` curves, sorted, with different reversals."""
     reversals = [curve.reversal for curve in curves]
     if len(curves) < least:
         raise InputError(
             "too-few-curves",
-            f"{len(curves)} curves where at least {least} are needed.",
+            f"there are {len(curves)} curves, and at least {least} are needed.",
             fix="measure more curves, or smooth over fewer.",
         )
     if (k := next((k for k, (a, b) in enumerate(pairwise(reversals)) if b <= a), None)) is not None:
         raise InputError(
             "not-increasing",
             f"the reversals of curves {k} and {k + 1} are {reversals[k]:g} and {reversals[k + 1]:g}.",
-            cause="a curve measured twice, or curves that are not sorted.",
+            cause="a curve was measured twice, or the curves are not sorted.",
             fix="keep one of them, and give the curves with the lowest reversal first.",
         )

@@ -1,4 +1,4 @@
-"""The FORC diagram: a material's density straight from its first-order reversal curves."""
+"""The FORC diagram: a material's density directly from its first-order reversal curves."""
 
 from typing import NamedTuple
 
@@ -35,29 +35,37 @@ class ForcDiagram(NamedTuple):
 
 
 def forc_diagram(curves: tuple[Forc, ...], smoothing: int = 3) -> ForcDiagram:
-    """rho = -1/2 d^2 y / (db du) at every measured point, by a local quadratic surface.
+    """The density rho = -1/2 d^2 y / (db du) at every measured point, by a local quadratic surface.
 
-    About each point (b0, u0) the surface
+    Around each point (b0, u0) the surface
 
         y = a0 + a1 B + a2 B^2 + a3 U + a4 U^2 + a5 B U,      B = b - b0, U = u - u0
 
-    is fitted by least squares to (2 smoothing + 1)^2 neighbours: as many curves, and on each of them
-    as many samples about u0; spacings need not be even. rho = -a5 / 2. The error grows with the
-    smoothing where the surface is no quadratic, as smoothing^2; that of noise falls as smoothing^-3.
-    Points with less than half of their neighbours measured are left out.
+    is fitted by least squares to (2 smoothing + 1)^2 neighbours: 2 smoothing + 1 curves, and on each of
+    them as many samples around u0; spacings need not be even. Then rho = -a5 / 2. Where the surface is not
+    quadratic the error grows as smoothing^2; the effect of noise falls as smoothing^-3. Points with fewer
+    than half of their neighbours measured are excluded.
 
     **Arguments:**
 
-    - `curves`: from `forc_curves`.
+    - `curves`: from `forc_curves`, each reversal once.
     - `smoothing`: the smoothing factor SF, 1 or more.
 
     Raises `InputError` `bad-option`, `too-few-curves`, `too-few-rows`, `not-increasing`.
 
     Source: Pike, Roberts, Verosub, Characterizing interactions in fine magnetic particle systems
     using first order reversal curves, J. Appl. Phys. 85 (1999).
+
+    **Example:**
+
+        >>> diagram = identify.forc_diagram(curves, smoothing=1)
+        >>> diagram.density.shape == diagram.standard_error.shape == diagram.bias.shape
+        True
     """
     if smoothing < 1:
-        raise InputError("bad-option", f"a smoothing of {smoothing}.", fix="give 1 or more.")
+        raise InputError(
+            "bad-option", f"a smoothing of {smoothing} is too small.", fix="give 1 or more."
+        )
     width = 2 * smoothing + 1
     check_curves(curves, width)
     if max(len(curve.input) for curve in curves) < width:
@@ -84,7 +92,7 @@ def forc_diagram(curves: tuple[Forc, ...], smoothing: int = 3) -> ForcDiagram:
 def _padded(curve: Forc, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Input, output and whether measured, with `width` places more at either end, evenly spaced.
 
-    So a window near an end finds what was not measured instead of what lies further in.
+    A window near an end then finds padding instead of samples that lie further in.
     """
     u, more = curve.input, np.arange(1, width + 1)
     below, above = u[0] - (u[1] - u[0]) * more[::-1], u[-1] + (u[-1] - u[-2]) * more

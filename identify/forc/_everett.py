@@ -1,4 +1,4 @@
-"""A Preisach model straight from first-order reversal curves, without a fit.
+"""A Preisach model directly from first-order reversal curves, without a fit.
 
 On a grid whose nodes include every reversal, curve j rises by r_ij over the cell i (a row: switch-up
 thresholds). Two curves differ in the relays between their reversals alone, so
@@ -6,8 +6,8 @@ thresholds). Two curves differ in the relays between their reversals alone, so
     r_ij / 2 = R_i / 2 + sum of the masses w_ic over the columns c from reversal j up to the diagonal,
 
 R the reversible part. Between two reversals r_i is interpolated; its differences are the masses. A
-column between the last reversal below row i and the diagonal was not asked: the density goes on into
-it as it was beside it, and what is left of the rise is R_i.
+column between the last reversal below row i and the diagonal was not measured: there the density
+continues as in the column beside it, and the remainder of the rise is R_i.
 """
 
 from typing import NamedTuple
@@ -23,14 +23,14 @@ from ._curves import Forc, check_curves
 
 
 class EverettSurface(NamedTuple):
-    """What first-order reversal curves say about E(u, b) = (y(u | b) - y(b | b)) / 2.
+    """The Everett function E(u, b) = (y(u | b) - y(b | b)) / 2 of first-order reversal curves.
 
     - `nodes` (n + 1,): inputs; every reversal is one.
     - `everett` (n + 1, n + 1): E between nodes, symmetric; the reversible part R adds
       (R(u) - R(b)) / 2 to it.
-    - `closure` (curves,): by how much each curve misses the others where all must meet, above the
-      greatest input: the repeatability of the curves, if they were measured up to there.
-    - `model`: the Preisach model with this surface, in positive saturation at first.
+    - `closure` (curves,): the distance of each curve from their mean at the greatest input, where all must
+      meet: the repeatability of the curves, if they were measured up to there.
+    - `model`: the Preisach model with this surface; it starts in positive saturation.
     """
 
     nodes: Float[np.ndarray, " nodes"]
@@ -40,21 +40,29 @@ class EverettSurface(NamedTuple):
 
 
 def everett_surface(curves: tuple[Forc, ...], cells: int = 400) -> EverettSurface:
-    """The Preisach model that reproduces every curve at the nodes, to rounding.
+    """The Preisach model that reproduces every first-order reversal curve at the nodes, to rounding.
 
-    From curve to curve the rises are interpolated by monotone cubics: masses between curves are
-    negative only where measured ones are. Noise and drift make some so; the density then is `signed`.
-    One cell above the greatest input all curves meet; whatever a curve lacks there is
-    spread over the cells that it did not reach, after a rise as that of the others.
+    Between curves the rises are interpolated by monotone cubics, so masses there are negative only if
+    measured ones are. Noise and drift can cause that; the density is then `signed`. All curves meet one
+    cell above the greatest input. A curve that ends earlier continues with the mean rise of the others,
+    and its remaining difference is spread over the cells that it did not reach.
 
     **Arguments:**
 
-    - `curves`: from `forc_curves`. The highest reversal should lie where the loop is closed: above
-      it everything is taken to be reversible.
-    - `cells`: about as many at most, but at least one between two reversals. Up to there the gaps
-      between reversals are divided as finely as the curves are sampled.
+    - `curves`: from `forc_curves`, each reversal once. The highest reversal should lie where the loop is
+      closed, because everything above it is taken to be reversible.
+    - `cells`: about the largest number of cells, but at least one between two reversals. Within this limit
+      the gaps between reversals are divided as finely as the curves are sampled.
 
     Raises `InputError` `too-few-curves`, `not-increasing`.
+
+    Source: Mayergoyz, Mathematical models of hysteresis and their applications (2003), section 1.2.
+
+    **Example:**
+
+        >>> surface = identify.everett_surface(curves)
+        >>> surface.closure.shape, surface.model.initial
+        ((5,), 'positive')
     """
     check_curves(curves, 2)
     nodes, first = _nodes(curves, cells)
@@ -96,7 +104,7 @@ def _rises(
     rises = np.where(row >= first, np.diff(y, axis=0), 0.0)
     unknown = np.isnan(rises)
     measured = (row >= first) & ~unknown
-    # As steep as the curves that were measured there; beyond all of them, as in the cell before.
+    # As steep as the mean of the curves measured there; beyond all of them, as in the cell before.
     typical = np.where(measured, rises, 0.0).sum(1) / np.maximum(measured.sum(1), 1)
     typical[-1] = typical[-2]
     rises = np.where(unknown, typical[:, None], rises)
@@ -127,9 +135,9 @@ def _masses(
                 masses[i, last : i + 1] = beside * width[last : i + 1]
                 masses[i, i] /= 2  # half a cell
         rise, beyond = half[i, known - 1], masses[i, last : i + 1]
-        if (total := beyond.sum()) > rise:  # more than there is room for
+        if (total := beyond.sum()) > rise:  # the extrapolated masses exceed the measured rise
             beyond *= max(rise / total, 0.0) if total > 0 else 1.0
-        left = rise - beyond.sum()
-        reversible[i] = 2 * max(left, 0.0)
-        masses[i, i] += min(left, 0.0)
+        remainder = rise - beyond.sum()
+        reversible[i] = 2 * max(remainder, 0.0)
+        masses[i, i] += min(remainder, 0.0)
     return masses, reversible

@@ -1,4 +1,4 @@
-"""What is known of a parameter before the data are seen."""
+"""Prior distributions of a parameter."""
 
 import re
 from typing import Any, Literal, NamedTuple, get_args
@@ -20,14 +20,14 @@ MEANING = {
 
 
 class Prior(NamedTuple):
-    """A distribution of one number:
+    """A prior distribution of one parameter:
 
-        normal(m, s)        x Gaussian about m with deviation s
-        log-normal(m, f)    log x Gaussian about log m with deviation log f: two thirds within m / f and m f
-        half-normal(s)      |x| for x Gaussian about 0 with deviation s
-        uniform(a, b)       x anywhere between a and b
+        normal(m, s)        x is Gaussian with mean m and standard deviation s
+        log-normal(m, f)    log x is Gaussian with mean log m and standard deviation log f
+        half-normal(s)      |x|, where x is Gaussian with mean 0 and standard deviation s
+        uniform(a, b)       x is uniform between a and b
 
-    `default`: taken from the data's scale, so weak that a fit leaves it out.
+    `default`: derived from the scale of the data, and so weak that a fit ignores it.
     """
 
     kind: Kind
@@ -41,26 +41,27 @@ class Prior(NamedTuple):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The numbers it allows lie between these."""
+        """The interval outside which the density is zero."""
         if self.kind == "uniform":
             return self.first, self.second
         return (-float("inf") if self.kind == "normal" else 0.0), float("inf")
 
     def penalty(self, x: Float[Array, ""]) -> Float[Array, ""]:
-        """-log density in the number's own measure, up to a constant; infinite outside the support."""
+        """-log density up to a constant, with respect to x, or to log x if log-normal; infinite outside the
+        support."""
         if self.kind == "normal":
             return ((x - self.first) / self.second) ** 2 / 2
         if self.kind == "uniform":
             return jnp.where((x > self.first) & (x < self.second), 0.0, jnp.inf)
         inside = jnp.where(x > 0, x, 1.0)
         if self.kind == "half-normal":
-            away = inside / self.first
+            z = inside / self.first
         else:
-            away = jnp.log(inside / self.first) / np.log(self.second)
-        return jnp.where(x > 0, away**2 / 2, jnp.inf)
+            z = jnp.log(inside / self.first) / np.log(self.second)
+        return jnp.where(x > 0, z**2 / 2, jnp.inf)
 
     def log_density(self, x: Float[Array, ""]) -> Float[Array, ""]:
-        """log p(x), normalised."""
+        """log p(x), normalised with respect to x."""
         if self.kind == "uniform":
             return -self.penalty(x) - np.log(self.second - self.first)
         if self.kind == "half-normal":
@@ -71,7 +72,7 @@ class Prior(NamedTuple):
         return -self.penalty(x) - log_deviation - 0.5 * np.log(2 * np.pi)
 
     def draws(self, random: np.random.Generator, count: int) -> Float[np.ndarray, " count"]:
-        """Independent numbers from it."""
+        """Independent draws."""
         if self.kind == "uniform":
             return random.uniform(self.first, self.second, count)
         z = random.normal(size=count)
@@ -81,9 +82,9 @@ class Prior(NamedTuple):
 
 
 def prior(said: Any, of: str = "a parameter") -> Prior:
-    """A prior from words such as "log-normal(100, 2)", or as it is.
+    """A prior from text such as "log-normal(100, 2)"; a `Prior` is returned as it is.
 
-    Raises `InputError` where it is none, or its numbers make no distribution.
+    Raises `InputError` `bad-prior` if the text is not a prior, or its numbers are not valid.
     """
     if isinstance(said, Prior):
         return said
@@ -96,7 +97,7 @@ def prior(said: Any, of: str = "a parameter") -> Prior:
     except (AssertionError, ValueError):
         raise InputError(
             "bad-prior",
-            f"{said!r} is no prior of {of}.",
+            f"{said!r} is not a prior for {of}.",
             fix=f"write one of {'; '.join(MEANING.values())}.",
         ) from None
     made = Prior(found[1], *numbers)  # type: ignore[arg-type]
@@ -110,7 +111,7 @@ def prior(said: Any, of: str = "a parameter") -> Prior:
     if not (sound and all(np.isfinite(numbers))):
         raise InputError(
             "bad-prior",
-            f"{made} of {of} is no distribution.",
-            cause="a deviation is above 0, a factor above 1, a median above 0, and low below high.",
+            f"{made} for {of} is not a distribution.",
+            fix="give a deviation above 0, a factor above 1, a median above 0, and low below high.",
         )
     return made

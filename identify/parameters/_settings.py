@@ -1,4 +1,4 @@
-"""What a user says of a parameter: where it starts, between which bounds, how likely, fixed, tied."""
+"""User settings of parameters: start value, bounds, prior, fixed, tied."""
 
 import difflib
 import re
@@ -19,10 +19,10 @@ KEYS = ("start", "bounds", "prior", "fixed", "tied")
 
 
 class Setting(NamedTuple):
-    """What is said of one number of a model.
+    """The settings of one parameter.
 
-    - `bounds`: between which it is sought. `prior`: how likely its values are.
-    - `fixed`: it stays at the start. `tied`: (name, factor), it is that many times another one.
+    - `bounds`: the fit stays between them. `prior`: its prior distribution.
+    - `fixed`: it keeps its start value. `tied`: (name, factor): it equals that factor times another one.
     """
 
     bounds: tuple[float, float] | None = None
@@ -35,13 +35,13 @@ Settings = dict[str, Setting]
 
 
 def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[Model, Settings]:
-    """The model with the starts and fixed values that were given, and what else was said.
+    """The model with the given start and fixed values, and the other settings.
 
     `said`: name of a parameter -> {"start": number, "bounds": [low, high], "prior": "log-normal(100, 2)",
     "fixed": true or a number, "tied": "2 * E1"}; the numbers of an array are "tau.0", "tau.1".
 
-    Raises `InputError` for an unknown name or key, bounds the wrong way round, a start on or outside them
-    or where the prior has no density, a tie to what is tied.
+    Raises `InputError` for an unknown name or key, bounds in the wrong order, a start on or outside them or
+    where the prior density is zero, and a tie to a parameter that is tied itself.
     """
     numbers = {name: info for name, info, _ in numbers_of(model)}
     settings: Settings = {}
@@ -60,7 +60,7 @@ def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[
             continue
         source, factor = setting.tied
         if source not in numbers:
-            raise InputError("bad-tie", f"{name} is tied to {source!r}: no such parameter.")
+            raise InputError("bad-tie", f"{name} is tied to {source!r}, which is not a parameter.")
         if source == name or settings.get(source, Setting()).tied is not None:
             raise InputError("bad-tie", f"{name} is tied to {source}, which is tied itself.")
         model = replaced(model, name, factor * float(parameter_at(model, source)))
@@ -68,7 +68,7 @@ def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[
 
 
 def in_words(settings: Settings) -> dict[str, dict[str, Any]]:
-    """Settings as plain data, of which `from_words` makes them again."""
+    """Settings as plain data; `from_words` is the inverse."""
     return {
         name: {
             "bounds": None if s.bounds is None else list(s.bounds),
@@ -103,7 +103,7 @@ def from_words(words: Mapping[str, Mapping[str, Any]]) -> Settings:
 
 
 def numbers_of(model: eqx.Module) -> list[tuple[str, ParameterInfo, float]]:
-    """Every number among a model's parameters, those of a one-dimensional array by their places."""
+    """Every scalar parameter of a model; entries of a one-dimensional array are named by their index."""
     return [
         (name if value.ndim == 0 else f"{name}.{k}", info, float(number))
         for name, info, value in parameters(model)
@@ -113,7 +113,7 @@ def numbers_of(model: eqx.Module) -> list[tuple[str, ParameterInfo, float]]:
 
 
 def replaced(model: Model, name: str, value: Any) -> Model:
-    """The model with one number changed."""
+    """The model with one parameter changed."""
     whole, _, place = name.rpartition(".")
     if place.isdigit() and eqx.is_array(array := parameter_at(model, whole)):
         return eqx.tree_at(lambda m: parameter_at(m, whole), model, array.at[int(place)].set(value))
@@ -136,7 +136,9 @@ def _said(
         model = replaced(model, name, _number(name, start))
     tied = None if words.get("tied") is None else _tie(name, str(words["tied"]))
     if tied is not None and (fixed or start is not None):
-        raise InputError("bad-tie", f"{name} cannot be tied and fixed or started.")
+        raise InputError(
+            "bad-tie", f"{name} is tied, so it cannot also be fixed or have a start value."
+        )
     value = float(parameter_at(model, name))
     low, high = bounds or info.bounds
     if not fixed and tied is None and not low < value < high:
@@ -144,8 +146,8 @@ def _said(
         raise InputError(
             "start-out-of-bounds",
             f"{name} starts at {value:g}, {where} of ({low:g}, {high:g}).",
-            cause="no slope leads away from a bound." if value in (low, high) else "",
-            fix="start inside, or fix it (fixed = true).",
+            cause="the gradient vanishes on a bound." if value in (low, high) else "",
+            fix="start inside the bounds, or fix the parameter (fixed = true).",
         )
     if (
         belief is not None
@@ -154,11 +156,11 @@ def _said(
     ):
         raise InputError(
             "start-out-of-bounds",
-            f"{name} starts at {value:g}, where its prior {belief} has no density.",
-            fix="start where the prior has some, or widen the prior.",
+            f"{name} starts at {value:g}, where the density of its prior {belief} is zero.",
+            fix="start inside the prior's support, or widen the prior.",
         )
     if belief is not None:
-        # Sought where the prior has a density: a positive number by its logarithm.
+        # Search inside the prior's support; a positive parameter is then searched by its logarithm.
         bounds = max(low, belief.support[0]), min(high, belief.support[1])
     return model, Setting(bounds, belief, bool(fixed), tied)
 
@@ -167,20 +169,22 @@ def _number(name: str, said: Any) -> float:
     try:
         return float(said)
     except (TypeError, ValueError):
-        raise InputError("not-numbers", f"{said!r} is no number for {name}.") from None
+        raise InputError("not-numbers", f"{said!r}, given for {name}, is not a number.") from None
 
 
 def _bounds(name: str, said: Any) -> tuple[float, float]:
     try:
         low, high = (float(x) for x in said)
     except (TypeError, ValueError):
-        raise InputError("bad-bounds", f"{said!r} are no bounds of {name}: [low, high].") from None
+        raise InputError(
+            "bad-bounds", f"{said!r}, given for {name}, are not bounds.", fix="write [low, high]."
+        ) from None
     if not low < high:
         raise InputError(
             "bad-bounds",
             f"{name} has the bounds [{low:g}, {high:g}].",
-            cause="the lower one has to be below the upper one.",
-            fix="turn them round, or fix the parameter.",
+            cause="the lower bound must be below the upper one.",
+            fix="swap them, or fix the parameter.",
         )
     return low, high
 
@@ -192,5 +196,5 @@ def _tie(name: str, said: str) -> tuple[str, float]:
         return found[2], float(found[1] or 1)
     except (AssertionError, ValueError):
         raise InputError(
-            "bad-tie", f"{said!r} is no tie of {name}.", fix='write "E1" or "2 * E1".'
+            "bad-tie", f"{said!r}, given for {name}, is not a tie.", fix='write "E1" or "2 * E1".'
         ) from None

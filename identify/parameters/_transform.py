@@ -1,4 +1,4 @@
-"""Bounded parameters and the free vector an optimiser or sampler moves, defined once."""
+"""The transform between bounded parameters and the unconstrained space of optimisers and samplers."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -19,20 +19,20 @@ DECADES = 1e3
 
 Model = TypeVar("Model", bound=eqx.Module)
 Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
-"""On the host, where nothing has to be compiled, or JAX's."""
+"""NumPy's arrays, which need no compilation, or JAX's."""
 
 
 class Transform(NamedTuple):
-    """Between the parameters of a model and a free vector z, one entry for each number:
+    """The map between the parameters of a model and an unconstrained vector z, one entry for each:
 
         no bounds       value = scale * z
         low < value     value = low + exp(z)
         value < high    value = high - exp(z)
         both            value = low + (high - low) / (1 + exp(-z))
 
-    - `names`: the numbers that move, those of an array by their places: "E.0", "E.1".
-    - `low`, `high`: their bounds; `scale`: those of the unbounded ones, or one for all.
-    - `priors`: what is known of each beforehand. `ties`: (name, source, factor) of numbers that follow one.
+    - `names`: the free parameters; the entries of an array are "E.0", "E.1".
+    - `low`, `high`: their bounds. `scale`: of the unbounded ones, or one for all.
+    - `priors`: of each. `ties`: (name, source, factor) of parameters that are multiples of another one.
     """
 
     names: tuple[str, ...]
@@ -43,7 +43,7 @@ class Transform(NamedTuple):
     ties: tuple[tuple[str, str, float], ...] = ()
 
     def to_free(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
-        """z of a model's present parameters."""
+        """z of a model's current parameters."""
         return self.from_values(self.values(model))
 
     def from_values(
@@ -59,7 +59,7 @@ class Transform(NamedTuple):
         return np.where(has_low | has_high, bounded, x / self.scale)
 
     def to_values(self, z: Vector) -> Vector:
-        """Parameters of a free vector."""
+        """The parameters of an unconstrained vector."""
         xp: Any = np if isinstance(z, np.ndarray) else jnp
         low, high = np.isfinite(self.low), np.isfinite(self.high)
         floor, ceiling = np.where(low, self.low, 0.0), np.where(high, self.high, 1.0)
@@ -69,7 +69,7 @@ class Transform(NamedTuple):
         return xp.where(low & high, both, xp.where(low | high, one_sided, self.scale * z))
 
     def slope(self, z: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " parameters"]:
-        """d value / d z, to carry errors over."""
+        """d value / d z, by which standard errors are converted."""
         h = 1e-6
         up, down = (self.to_values(z + d) for d in (h, -h))
         return (up - down) / (2 * h)
@@ -82,24 +82,24 @@ class Transform(NamedTuple):
         return jnp.where(low & high, both, jnp.where(low | high, z, jnp.log(self.scale)))
 
     def log_prior(self, z: Float[Array, " parameters"]) -> Float[Array, ""]:
-        """log of the priors' density in z."""
+        """log of the prior density with respect to z."""
         values = self.to_values(z)
         terms = [prior.log_density(x) for prior, x in zip(self.priors, values, strict=True)]
         return jnp.sum(jnp.stack(terms) + self.log_slope(z))
 
     @property
     def asked(self) -> bool:
-        """Whether any prior was asked for."""
+        """Whether the user specified any prior."""
         return not all(prior.default for prior in self.priors)
 
     @property
     def for_fit(self) -> "Transform":
-        """Without priors unless some were asked for: the default ones are of each record's own scale, and a
-        compiled function knows them by value."""
+        """The transform without its priors, unless the user specified some. Default priors depend on the
+        record, and a program would be compiled anew for every one."""
         return self if self.asked else self._replace(priors=())
 
     def penalty(self, z: Float[Array, " parameters"]) -> Float[Array, ""]:
-        """What the priors that were asked for add to -log of the likelihood, each in its own measure."""
+        """-log density of the user's priors up to a constant, see `Prior.penalty`."""
         asked = zip(self.priors, self.to_values(z), strict=bool(self.priors))
         terms = [prior.penalty(x) for prior, x in asked if not prior.default]
         return sum(terms, start=jnp.zeros((), z.dtype))
@@ -138,7 +138,7 @@ class Transform(NamedTuple):
         return np.stack(points)
 
     def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
-        """The parameters of a model that move."""
+        """The free parameters of a model."""
         return np.array([float(parameter_at(model, name)) for name in self.names])
 
 
@@ -149,9 +149,11 @@ def transform(
     settings: Settings | None = None,
     time_scale: float = 1.0,
 ) -> Transform:
-    """The transform of a model's free parameters, numbers and one-dimensional arrays that lie within their
-    bounds; `scale` and `input_scale` are the sizes of output and input, for unbounded ones, and with
-    `time_scale` for the default priors."""
+    """The transform of a model's free parameters: scalars and one-dimensional arrays inside their bounds.
+
+    `scale` and `input_scale` are the sizes of output and input. They scale unbounded parameters and, with
+    `time_scale`, the default priors.
+    """
     sizes = {"input": input_scale, "output / input": scale / input_scale, "1": 1.0}
     of_words = {"input": input_scale, "output": scale, "time": time_scale}
     if isinstance(model, AbstractModel):
@@ -180,7 +182,9 @@ def transform(
 def transform_for(model: eqx.Module, record: Record, settings: Settings | None = None) -> Transform:
     """The transform of a model's free parameters on the scale of a record."""
     y, u = record.output[record.mask], record.input[record.mask]
-    across = float(np.ptp(u)) or float(np.max(np.abs(u))) or 1.0  # of a step the input is constant
+    across = (
+        float(np.ptp(u)) or float(np.max(np.abs(u))) or 1.0
+    )  # the input of a creep test is constant
     time = 1.0
     if record.time is not None:
         steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]

@@ -17,7 +17,8 @@ from hysteresis._serialisation import described
 
 from ..results._detail import Composition, DiscreteSpectrum, GridWeights
 from ..results._fit_result import FitResult
-from ..storage._checkpoint import Checkpoint, Identity, digest
+from ..storage._checkpoint import Checkpoint, Identity
+from ..storage._checkpoint_file import digest
 from ..storage._provenance import versions
 from ._chains import Chains, Progress
 from ._emcee import sample_ensembles

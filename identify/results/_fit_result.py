@@ -49,6 +49,33 @@ class Starts(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Candidate:
+    """The figures of a model that a fit tried, as they are saved with the fit; see `FitResult`.
+
+    Its model and residuals are not saved. `parameter_count`: how many parameters were fitted, or None.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    metrics: dict[str, Metrics | None]
+    success: bool
+    score: float
+    noise: Noise
+    notes: tuple[str, ...]
+    blocks: Float[np.ndarray, " blocks"] | None
+    noise_model: NoiseModel | None
+    noise_evidence: dict[str, float]
+    verdict: Verdict
+    seconds: float
+    parameter_count: int | None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the answer can be used: the verdict is not FAIL and the solver converged."""
+        return self.success and self.verdict.level != "FAIL"
+
+
+@dataclass(frozen=True)
 class FitResult:
     """A model fitted to a record, with everything needed to judge it.
 
@@ -66,7 +93,7 @@ class FitResult:
     - `used`: rows that were fitted, (samples,).
     - `detail`: what kind of fit it is, and what that kind holds: `Parametric`, `GridWeights`, `Composition`
       or `DiscreteSpectrum`.
-    - `candidates`: the other models tried, best first, this one included.
+    - `candidates`: all models tried, this one included, best first; of a loaded fit their figures alone.
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.
     - `channels`: what combined several channels into that input, None where there is one.
@@ -96,7 +123,7 @@ class FitResult:
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)
     verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
-    candidates: tuple["FitResult", ...] = ()
+    candidates: tuple["FitResult | Candidate", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
     clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
     channels: ChannelMap | None = None

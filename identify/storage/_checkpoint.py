@@ -1,11 +1,8 @@
-"""Chains kept on disk while they are drawn, so that a kill at any moment costs some seconds of work."""
+"""Checkpoints of Markov chains: a run that is killed at any moment loses a few seconds of work."""
 
-import hashlib
 import io
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,20 +10,20 @@ from jaxtyping import Float, Int
 
 from hysteresis import InputError
 
+from ._checkpoint_file import CheckpointFile, check_identity, digest
+
 FORMAT = 1
 ARRAYS = ("points", "log_probability", "accepted", "random_keys", "random_rest", "place", "root")
-AT_MOST = 0.1
-"""Part of the time that writing may take; long chains are written less often."""
 
 
 class History(NamedTuple):
-    """Everything a run goes on from.
+    """All that a run needs to resume.
 
     - `points`, `log_probability`: (ensembles, steps + 1, walkers, parameters) and the same without the
       parameters, the first walkers included.
     - `accepted`: proposals taken by each walker so far.
     - `random`: the state of NumPy's Mersenne twister, as `RandomState.get_state` gives it.
-    - `place`, `root`: where proposals are drawn from, see `SideBySide`.
+    - `place`, `root`: the affine map of the proposals, see `SideBySide`.
     """
 
     points: Float[np.ndarray, "ensembles rows walkers parameters"]
@@ -38,7 +35,7 @@ class History(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """What has to be the same for chains to go on bit for bit, each a digest or a few words."""
+    """What must be the same for chains to resume bit for bit: a digest or a few words each."""
 
     model: str = ""
     data: str = ""
@@ -52,15 +49,13 @@ class Identity(NamedTuple):
 
 @dataclass
 class Checkpoint:
-    """An HDF5 file of the chains, and beside it the one before: `chains.h5`, `chains.previous.h5`.
+    """An HDF5 file of the chains, and the one before it: `chains.h5` and `chains.previous.h5`.
 
-    HDF5 cut off in mid-write cannot be read. So a checkpoint is made in memory, written to a new file,
-    synced to the disk, and only then given the name; the file of that name becomes the previous one.
-    A kill between any two of these leaves at least one whole file.
+    A kill at any moment leaves at least one complete file, see `CheckpointFile`.
 
     - `file`: its name; None keeps nothing.
-    - `identity`: what the chains belong to. `resume`: go on from them. `every`: seconds between writes.
-    - `said`: what to tell the user of its reading.
+    - `identity`: which run the chains belong to. `resume`: continue it. `every`: seconds between writes.
+    - `said`: notes for the user about what was read.
     """
 
     file: Path | None
@@ -68,53 +63,36 @@ class Checkpoint:
     resume: bool = False
     every: float = 10.0
     said: list[str] = field(default_factory=list)
-    _safe: int = 0
-    _cost: float = 0.0
+    _safe_steps: int = 0
+    _kept: CheckpointFile = field(init=False)
 
-    @property
-    def previous(self) -> Path:
-        """The file that was written before."""
-        assert self.file is not None
-        return self.file.with_suffix(f".previous{self.file.suffix}")
+    def __post_init__(self) -> None:
+        self._kept = CheckpointFile(self.file, self.every, keeps_previous=True)
 
     def is_due(self, since: float) -> bool:
-        """Whether to write again, `since` seconds after the last time."""
-        return since >= max(self.every, self._cost / AT_MOST)
+        """Whether to write again, `since` seconds after the last write."""
+        return self._kept.is_due(since)
 
     def write(self, history: History) -> None:
-        """Keep the chains. Raises `InputError` where the disk does not take them; what was there stays."""
+        """Keep the chains. Raises `InputError` if they cannot be written; the old file stays."""
         if self.file is None:
             return
-        begin, new = perf_counter(), self.file.with_suffix(f".new{self.file.suffix}")
-        try:
-            with new.open("wb") as handle:
-                handle.write(_to_bytes(history, self.identity))
-                handle.flush()
-                os.fsync(handle.fileno())
-            if self.file.exists():
-                os.replace(self.file, self.previous)
-            os.replace(new, self.file)
-            _sync_folder(self.file.parent)
-        except OSError as error:
-            new.unlink(missing_ok=True)
-            raise InputError(
-                "cannot-write",
-                f"the chains cannot be written: {error.strerror or error}. {self._safe:,} steps of every"
-                f" ensemble are safe, of {_steps(history):,}.",
-                place=str(self.file),
-                cause="the disk or a quota is full, or the folder may not be written to.",
-                fix="make room, then go on: hysid sample DIR --resume (in Python resume=True).",
-            ) from error
-        self._safe, self._cost = _steps(history), perf_counter() - begin
+        self._kept.write(
+            _to_bytes(history, self.identity),
+            "the chains",
+            safe=f"{self._safe_steps:,} steps of every ensemble are safe, of {_steps(history):,}.",
+            fix="make room, then resume: hysid sample DIR --resume (in Python resume=True).",
+        )
+        self._safe_steps = _steps(history)
 
     def read(self) -> History | None:
-        """The chains to go on from; None without `resume`, or where nothing was kept yet.
+        """The chains to resume; None without `resume`, or if nothing was kept yet.
 
-        Raises `InputError` where they belong to something else, or neither file can be read.
+        Raises `InputError` if they belong to another run, or if neither file can be read.
         """
         if self.file is None or not self.resume:
             return None
-        there = [file for file in (self.file, self.previous) if file.exists()]
+        there = [file for file in (self.file, self._kept.previous) if file.exists()]
         faults = []
         for file in there:
             try:
@@ -122,12 +100,16 @@ class Checkpoint:
             except (OSError, KeyError, ValueError, RuntimeError) as error:
                 faults.append(f"{file.name}: {error}")
                 continue
-            self._check(file, identity)
-            self._safe = _steps(history)
+            check_identity(
+                file, self.identity._asdict(), identity, verb="the chains were drawn",
+                shown=("seed", "ensembles", "walkers", "versions"),
+                fix="give the options of then, or another file, or sample without --resume.",
+            )  # fmt: skip
+            self._safe_steps = _steps(history)
             if faults:
                 self.said.append(
-                    f"{self.file.name} is damaged, so {file.name} was gone on from, at step"
-                    f" {self._safe:,}: {faults[0]}."
+                    f"{self.file.name} is damaged, so the run resumed from {file.name}, at step"
+                    f" {self._safe_steps:,}: {faults[0]}."
                 )
             return history
         if there:
@@ -138,11 +120,13 @@ class Checkpoint:
                 cause="the files were cut off or changed, or another version wrote them.",
                 fix="sample from the beginning, without --resume.",
             )
-        self.said.append(f"no chains were kept in {self.file.name}: sampled from the beginning.")
+        self.said.append(
+            f"no chains were kept in {self.file.name}, so sampling began from the start."
+        )
         return None
 
     def check_length(self, steps: int | None, done: int) -> None:
-        """Raise `InputError` where more steps were kept than are asked for: none are thrown away."""
+        """Raise `InputError` if more steps were kept than are asked for, because none are thrown away."""
         if steps is not None and done > steps:
             raise InputError(
                 "more-steps-kept",
@@ -151,35 +135,6 @@ class Checkpoint:
                 cause="steps count from the beginning, those of before included.",
                 fix=f"ask for at least {done:,}, or sample without --resume.",
             )
-
-    def _check(self, file: Path, identity: dict[str, str]) -> None:
-        own = self.identity._asdict()
-        other = [name for name in own if identity.get(name) != own[name]]
-        if other:
-            told = ("seed", "ensembles", "walkers", "versions")
-            differ = [
-                f"{name} ({identity.get(name)}, now {own[name]})" if name in told else name
-                for name in other
-            ]
-            raise InputError(
-                "other-checkpoint",
-                f"the chains were drawn with another {', another '.join(differ)}.",
-                place=str(file),
-                cause="the fit was made again, or other options were given.",
-                fix="give the options of then, or another file, or sample without --resume.",
-            )
-
-
-def digest(*parts: Any) -> str:
-    """A short digest of arrays and of whatever `repr` tells apart."""
-    made = hashlib.sha256()
-    for part in parts:
-        if isinstance(part, np.ndarray):
-            made.update(f"{part.dtype.str}{part.shape}".encode())
-            made.update(np.ascontiguousarray(part).tobytes())
-        else:
-            made.update(repr(part).encode())
-    return made.hexdigest()[:16]
 
 
 def _steps(history: History) -> int:
@@ -215,7 +170,7 @@ def _to_bytes(history: History, identity: Identity) -> bytes:
 
 
 def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
-    """Raises `OSError`, `KeyError`, `ValueError` or `RuntimeError` where it is damaged."""
+    """Raises `OSError`, `KeyError`, `ValueError` or `RuntimeError` if it is damaged."""
     import h5py
 
     with h5py.File(io.BytesIO(image), "r") as file:
@@ -228,13 +183,3 @@ def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
     keys, (place, has_gauss, gauss) = arrays.pop("random_keys"), arrays.pop("random_rest")
     random = ("MT19937", keys, int(place), int(has_gauss), float(gauss))
     return History(**arrays, random=random), words
-
-
-def _sync_folder(folder: Path) -> None:
-    """So that the new name survives a power cut; there is no such thing on Windows."""
-    if os.name == "posix":
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -1,11 +1,9 @@
-"""A training run kept on disk: an .npz without pickles, refused where it belongs to another run."""
+"""Checkpoints of a training run: an .npz without pickles, refused if it belongs to another run."""
 
 import io
 import json
-import os
 from importlib.metadata import version
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 from zipfile import BadZipFile
 
@@ -15,17 +13,17 @@ import numpy as np
 
 from hysteresis import InputError
 
-from ..storage._checkpoint import AT_MOST, digest
+from ..storage._checkpoint_file import CheckpointFile, check_identity, digest
 
 FORMAT = 1
-EVERY_S = 10.0
 
 
 def training_identity(
     module: Any, data: Any, held_out: Any, loss: Any, **settings: Any
 ) -> dict[str, str]:
-    """What has to be the same for a run to go on bit for bit, each a digest or a few words."""
-    # Names and values of the weights: what a tree's own text says of functions changes with every start.
+    """What must be the same for a run to resume bit for bit: a digest or a few words each."""
+    # Names and values of the weights: the repr of a tree holds addresses of functions, which differ from
+    # one process to the next.
     weights = jax.tree.leaves_with_path(eqx.filter(module, eqx.is_array))
     name = f"{loss.__module__}.{loss.__qualname__}" if hasattr(loss, "__qualname__") else ""
     optimizer = jax.tree.structure(settings.pop("optimizer"))
@@ -42,54 +40,44 @@ def training_identity(
 
 
 class TrainingFile:
-    """The file of a run: written to a new one, synced, then given the name, so that one is always whole.
+    """The checkpoint of a training run, see `CheckpointFile`.
 
-    - `file`: its name; None keeps nothing. `identity`: what the run belongs to.
-    - `said`: what to tell the user of its reading.
+    - `file`: its name; None keeps nothing. `identity`: which run it belongs to.
+    - `said`: notes for the user about what was read.
     """
 
     def __init__(self, file: Path | None, identity: dict[str, str]):
         self.file, self.identity = file, identity
         self.said: list[str] = []
-        self._cost = 0.0
+        self._kept = CheckpointFile(file)
 
     def is_due(self, since: float) -> bool:
-        """Whether to write again, `since` seconds after the last time."""
-        return since >= max(EVERY_S, self._cost / AT_MOST)
+        """Whether to write again, `since` seconds after the last write."""
+        return self._kept.is_due(since)
 
     def write(self, run: Any) -> None:
-        """Keep the run. Raises `InputError` where the disk does not take it; what was there stays."""
+        """Keep the run. Raises `InputError` if it cannot be written; the old file stays."""
         if self.file is None:
             return
-        begin, new = perf_counter(), self.file.with_suffix(f".new{self.file.suffix}")
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(run)]
         words = {**self.identity, "format": FORMAT, "checksum": digest(*leaves)}
         arrays = {f"leaf{k}": leaf for k, leaf in enumerate(leaves)}
-        try:
-            with new.open("wb") as handle:
-                np.savez(handle, words=np.array(json.dumps(words)), **arrays)  # type: ignore[arg-type]
-                handle.flush()
-                os.fsync(handle.fileno())
-            os.replace(new, self.file)
-        except OSError as error:
-            new.unlink(missing_ok=True)
-            raise InputError(
-                "cannot-write",
-                f"the training cannot be kept: {error.strerror or error}.",
-                place=str(self.file),
-                cause="the disk or a quota is full, or the folder may not be written to.",
-                fix="make room, then train again with resume=True.",
-            ) from error
-        self._cost = perf_counter() - begin
+        packed = io.BytesIO()
+        np.savez(packed, words=np.array(json.dumps(words)), **arrays)  # type: ignore[arg-type]
+        self._kept.write(
+            packed.getvalue(), "the training", fix="make room, then train again with resume=True."
+        )
 
     def read(self, like: Any) -> Any:
-        """The run that was kept, in the shape of `like`; `like` itself where nothing was kept yet.
+        """The run that was kept, in the structure of `like`; `like` itself if nothing was kept yet.
 
-        Raises `InputError` where the file belongs to something else, or cannot be read.
+        Raises `InputError` if the file belongs to another run, or cannot be read.
         """
         assert self.file is not None
         if not self.file.exists():
-            self.said.append(f"nothing was kept in {self.file.name}: trained from the beginning.")
+            self.said.append(
+                f"nothing was kept in {self.file.name}, so training began from the start."
+            )
             return like
         leaves, structure = jax.tree.flatten(like)
         try:
@@ -106,14 +94,10 @@ class TrainingFile:
                 cause="it was cut off or changed, or another version wrote it.",
                 fix="train from the beginning, without resume.",
             ) from error
-        other = [name for name, own in self.identity.items() if words.get(name) != own]
-        if other or len(kept) != len(leaves):
-            raise InputError(
-                "other-checkpoint",
-                f"the checkpoint is of a training with another {', another '.join(other)}.",
-                place=str(self.file),
-                cause="the data or the settings have changed since.",
-                fix="give those of then, or another file, or train without resume.",
-            )
-        self.said.append(f"gone on from {self.file.name}.")
+        check_identity(
+            self.file, {**self.identity, "number of arrays": str(len(leaves))},
+            {**words, "number of arrays": str(len(kept))}, verb="the network was trained",
+            fix="give the data and settings of then, or another file, or train without resume.",
+        )  # fmt: skip
+        self.said.append(f"resumed from {self.file.name}.")
         return jax.tree.unflatten(structure, kept)

@@ -1,4 +1,4 @@
-"""A smooth function of several variables from scattered values: the scales of a Gaussian process."""
+"""Gaussian-process regression: the kernel's scales by maximum marginal likelihood."""
 
 import jax
 import jax.numpy as jnp
@@ -10,8 +10,8 @@ from hysteresis import InputError, Kernel
 
 from ..parameters._precision import require_double
 
-MOST = 600
-"""Rows by which the scales are chosen: evidence takes the cube of their number, and more say little."""
+MOST_ROWS = 600
+"""Rows used to choose the scales. The cost grows with their cube, and more rows change little."""
 
 STEPS = 200
 
@@ -22,38 +22,57 @@ def fit_kernel(
     seed: int = 0,
     allow_float32: bool = False,
 ) -> Kernel:
-    """The kernel under which values are likeliest, outputs being independent functions of one kind:
+    """Fit the scales of a squared-exponential kernel by maximum marginal likelihood:
 
         log p(y) = -sum_o y_o' K^-1 y_o / 2 - (outputs / 2) log det K + const,     K = k(x, x) + noise^2
 
-    **Arguments:** `x`: each feature on a scale of its own, say of deviation 1. `y`: about their mean. Of
-    more rows than 600 that many are drawn by `seed`.
+    The outputs are independent functions with the same kernel.
 
-    Raises `InputError` for less than ten rows, values that are not finite, and without double precision.
+    **Arguments:**
+
+    - `x`: features, each scaled to about standard deviation 1.
+    - `y`: values with their mean subtracted, in any unit.
+    - `seed`: draws 600 rows if there are more.
+    - `allow_float32`: fit although JAX's double precision is off.
+
+    Returns the kernel: its size and noise in the unit of `y`, one length for each feature.
+
+    Raises `InputError` `too-few-rows` for fewer than ten rows, `not-finite`, and without double precision.
 
     Source: Rasmussen and Williams, Gaussian processes for machine learning (2006), equation 5.8.
+
+    **Example:**
+
+        >>> x = np.linspace(-2, 2, 30)[:, None]
+        >>> kernel = identify.fit_kernel(x, np.sin(2 * x))
+        >>> kernel.length.shape, float(kernel.noise) < 1e-3
+        ((1,), True)
     """
     require_double(allow_float32)
     if len(x) < 10 or len(x) != len(y):
         raise InputError(
-            "too-few-rows", f"{len(x)} rows of features, {len(y)} of values.", fix="ten of both."
+            "too-few-rows",
+            f"there are {len(x)} rows of features and {len(y)} of values.",
+            fix="give at least ten rows of both.",
         )
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise InputError("not-finite", "a feature or a value is no number.", fix="leave it out.")
+        raise InputError(
+            "not-finite", "a feature or a value is not a finite number.", fix="exclude that row."
+        )
     rows = np.arange(len(x))
-    if len(x) > MOST:
-        rows = np.sort(np.random.default_rng(seed).choice(len(x), MOST, replace=False))
+    if len(x) > MOST_ROWS:
+        rows = np.sort(np.random.default_rng(seed).choice(len(x), MOST_ROWS, replace=False))
     start = np.log(np.concatenate([[y.std()], np.full(x.shape[1], 3.0), [0.1 * y.std()]]))
-    return _likeliest(jnp.asarray(x[rows]), jnp.asarray(y[rows]), jnp.asarray(start))
+    return _maximised(jnp.asarray(x[rows]), jnp.asarray(y[rows]), jnp.asarray(start))
 
 
 def kernel_of(point: Float[Array, " unknowns"]) -> Kernel:
-    """From the logarithms of size, lengths and noise."""
-    found = jnp.exp(point)
-    return Kernel(found[0], found[1:-1], found[-1])
+    """The kernel with these logarithms of size, lengths and noise."""
+    scales = jnp.exp(point)
+    return Kernel(scales[0], scales[1:-1], scales[-1])
 
 
-def evidence(
+def log_marginal_likelihood(
     kernel: Kernel, x: Float[Array, "rows features"], y: Float[Array, "rows outputs"]
 ) -> Float[Array, ""]:
     """log p(y), see `fit_kernel`."""
@@ -64,10 +83,10 @@ def evidence(
 
 
 @jax.jit
-def _likeliest(x: Array, y: Array, start: Array) -> Kernel:
-    def unlikely(point: Array, given: tuple[Array, Array]) -> Array:
-        return -evidence(kernel_of(point), *given) / y.size
+def _maximised(x: Array, y: Array, start: Array) -> Kernel:
+    def objective(point: Array, given: tuple[Array, Array]) -> Array:
+        return -log_marginal_likelihood(kernel_of(point), *given) / y.size
 
     solver = optimistix.BFGS(rtol=1e-4, atol=1e-4)
-    found = optimistix.minimise(unlikely, solver, start, args=(x, y), max_steps=STEPS, throw=False)
+    found = optimistix.minimise(objective, solver, start, args=(x, y), max_steps=STEPS, throw=False)
     return kernel_of(found.value)

@@ -99,7 +99,7 @@ def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path):
     whole = train(line(0.1), squares, DATA, **FAST)
     assert bool(eqx.tree_equal(rest.module, whole.module))
     np.testing.assert_array_equal(rest.train, whole.train)
-    assert rest.said == ("gone on from run.npz.",)
+    assert rest.said == ("resumed from run.npz.",)
 
 
 def test_a_checkpoint_of_another_run_is_refused(tmp_path):
@@ -118,7 +118,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
 def test_nothing_kept_begins_anew(tmp_path):
     file = tmp_path / "none.npz"
     found = train(line(), squares, DATA, **FAST, checkpoint=file, resume=True)
-    assert found.said == ("nothing was kept in none.npz: trained from the beginning.",)
+    assert found.said == ("nothing was kept in none.npz, so training began from the start.",)
 
 
 @pytest.mark.parametrize(

@@ -379,7 +379,7 @@ def test_a_checkpoint_cut_off_is_gone_on_from_the_one_before(folder, fitted):
     assert found["parameters"] == whole["parameters"]
     assert found["draws"] == whole["draws"]
     said = " ".join(found["notes"])
-    for word in ("chains.h5 is damaged", "chains.previous.h5 was gone on from", "at step 20"):
+    for word in ("chains.h5 is damaged", "resumed from chains.previous.h5", "at step 20"):
         assert word in said
 
 
@@ -438,7 +438,7 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
     ),
     "21: on a bound": (
         lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"start": 50, "bounds": [0, 50]}}),
-        "start-out-of-bounds", ("on a bound", "no slope leads away", "start inside"),
+        "start-out-of-bounds", ("on a bound", "gradient vanishes", "start inside"),
     ),
     "21: turned": (
         lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"bounds": [50, 0]}}),

@@ -81,7 +81,7 @@ def test_an_interrupted_training_goes_on(tmp_path):
     whole = train_force(RECORDS, checkpoint=tmp_path, **FAST)
     rest = train_force(RECORDS, checkpoint=tmp_path, resume=True, **FAST)
     np.testing.assert_array_equal(whole.held_out, rest.held_out)
-    assert "gone on from" in rest.curves[0].said[0]
+    assert "resumed from" in rest.curves[0].said[0]
 
 
 def test_what_is_held_out_is_whole():

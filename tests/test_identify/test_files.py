@@ -1,0 +1,66 @@
+"""Fits on disk: what `load` gives back of the models that a fit tried."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from hysid import plots
+from hysteresis import LinearSponge, Record
+from identify import Candidate, FitResult, compare_candidates, fit, load, save
+from identify.internal import to_json
+
+
+@pytest.fixture(scope="module")
+def both() -> FitResult:
+    """A line and a stiffer line, fitted to the same loop, as the candidates of one fit."""
+    u = np.concatenate([np.linspace(2, 20, 40), np.linspace(20, 2, 40)])
+    y = 1.3 * u + 6 + 0.5 * np.sin(u)
+    record = Record.from_arrays(u, y, np.arange(80.0), input_unit="N", output_unit="mm")
+    line, fixed = (
+        fit(
+            record, LinearSponge(K=1.3, b=6.0, threshold=1.5), starts=1, noise="gaussian", **options
+        )
+        for options in ({}, {"parameters": {"K": {"fixed": 1.2}}})
+    )
+    return replace(line, candidates=(line, replace(fixed, name="LinearSponge of 1.2 mm/N")))
+
+
+def test_candidates_come_back_with_their_figures(both: FitResult, tmp_path) -> None:
+    again = load(save(both, tmp_path / "fit"))
+    assert all(isinstance(candidate, Candidate) for candidate in again.candidates)
+    for tried, read in zip(both.candidates, again.candidates, strict=True):
+        own = asdict(read)
+        assert own.pop("seconds") == pytest.approx(tried.seconds, abs=1e-3)  # ms in the file
+        np.testing.assert_array_equal(own.pop("blocks"), tried.blocks)
+        np.testing.assert_equal(own.pop("score"), tried.score)
+        for name in ("noise", "noise_model", "metrics", "parameters"):
+            assert (
+                repr(getattr(read, name)) == repr(getattr(again, name)) or read.name != again.name
+            )
+        for name in (
+            "name",
+            "success",
+            "trusted",
+            "parameter_count",
+            "notes",
+            "verdict",
+            "metrics",
+        ):
+            assert getattr(read, name) == getattr(tried, name)
+
+
+def test_a_loaded_fit_says_and_compares_what_the_fit_does(both: FitResult, tmp_path) -> None:
+    first = save(both, tmp_path / "one")
+    again = load(first)
+    assert to_json(again)["candidates"] == to_json(both)["candidates"]
+    second = save(again, tmp_path / "two")
+    assert compare_candidates(first).words == compare_candidates(second).words
+
+
+def test_the_figure_of_candidates_has_content_after_load(both: FitResult, tmp_path) -> None:
+    axes = plots.candidates(load(save(both, tmp_path / "fit"))).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        candidate.name for candidate in both.candidates
+    ]
+    assert [bar.get_width() for bar in axes.patches] == [c.score for c in both.candidates]
