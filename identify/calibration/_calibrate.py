@@ -94,7 +94,9 @@ class Calibration(Generic[System]):
     - `point`, `root`: the mode in the unconstrained space, and a root of the covariance there.
     - `prior`, `residuals`: what it was calibrated with.
 
-    **Example:** one parameter, measured as 2.1 with a standard deviation of 0.1; expected was 2 ± 0.5.
+    In the example: one parameter, measured as 2.1 with a standard deviation of 0.1; expected was 2 ± 0.5.
+
+    **Example:**
 
         >>> sponge = hysteresis.LinearSponge(K=2.0, b=6.0, threshold=1.5)
         >>> found = identify.calibrate(sponge, lambda s: (s.K[None] - 2.1) / 0.1, {"K": 0.5})
@@ -185,7 +187,9 @@ def calibrate(
 
     Source: Gelman and others, Bayesian Data Analysis (2013), section 4.1, for the normal approximation.
 
-    **Example:** three readings of a line, with a noise of 0.1 mm.
+    In the example: three readings of a line, with a noise of 0.1 mm.
+
+    **Example:**
 
         >>> sponge = hysteresis.LinearSponge(K=1.2, b=6.0, threshold=1.5)
         >>> force, reading = jnp.array([5.0, 10.0, 20.0]), jnp.array([12.6, 19.1, 32.1])

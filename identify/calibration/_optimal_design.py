@@ -57,7 +57,9 @@ def choose(
 
     Source: Atkinson, Donev, Tobias, Optimum Experimental Designs, with SAS (2007), chapter 10.
 
-    **Example:** which force tells most about the stiffness of a line?
+    In the example: which force tells most about the stiffness of a line?
+
+    **Example:**
 
         >>> sponge = hysteresis.LinearSponge(K=1.2, b=6.0, threshold=1.5)
         >>> def residuals(system):

@@ -102,7 +102,9 @@ def change(
 
     Source: Wald, Trans. AMS 54 (1943); Holm, Scandinavian Journal of Statistics 6 (1979).
 
-    **Example:** the second specimen is softer by 40 %.
+    In the example: the second specimen is softer by 40 %.
+
+    **Example:**
 
         >>> found = identify.change(specimens[0], specimens[2])
         >>> [(p.name, f"{p.difference:.2f}", p.clear) for p in found.parameters]

@@ -164,7 +164,9 @@ def compare(
     Raises `InputError` `not-comparable` for fits of other data or of another output, and for fits that held
     out other rows and share no test record.
 
-    **Example:** a Preisach model predicts held-out rows better than a line.
+    In the example: a Preisach model predicts held-out rows better than a line.
+
+    **Example:**
 
         >>> comparison = identify.compare({"line": fit, "relays": grid_fit})
         >>> comparison.best, comparison.ranked_on, comparison.pair("relays", "line").held_out.clear
@@ -207,7 +209,9 @@ def compare_candidates(folder: str | Path) -> Comparison:
     Raises `InputError` `too-few-fits` if the fit tried one model alone, and if nothing was held
     out, as in creep.
 
-    **Example:** a fit that tried two models.
+    In the example: a fit that tried two models.
+
+    **Example:**
 
         >>> from dataclasses import replace
         >>> place = identify.save(replace(fit, candidates=(fit, burgers)), folder / "both")

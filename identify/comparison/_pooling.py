@@ -108,7 +108,9 @@ def pool(
     (2006); Higgins, Thompson, Spiegelhalter, A re-evaluation of random-effects meta-analysis, J. R.
     Statist. Soc. A 172 (2009).
 
-    **Example:** the stiffness of three specimens.
+    In the example: the stiffness of three specimens.
+
+    **Example:**
 
         >>> pooled = identify.pool(specimens, ["K"], draws=200)
         >>> pooled.new.shape, pooled.specimens.shape

@@ -46,7 +46,9 @@ def loo(log_likelihood: Float[np.ndarray, "draws rows"]) -> Loo:
     Source: Vehtari, Gelman, Gabry, Practical Bayesian model evaluation using leave-one-out
     cross-validation and WAIC, Statistics and Computing 27 (2017).
 
-    **Example:** 400 draws of a mean, 50 measurements of it.
+    In the example: 400 draws of a mean, 50 measurements of it.
+
+    **Example:**
 
         >>> mean = 0.1 * np.random.default_rng(0).normal(size=(400, 1))
         >>> y = np.random.default_rng(1).normal(size=50)

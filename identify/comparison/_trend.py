@@ -91,7 +91,9 @@ def change_over_time(
 
     Source: Patterson, Thompson, Biometrika 58 (1971); Knapp, Hartung, Statistics in Medicine 22 (2003).
 
-    **Example:** three records, ten hours apart.
+    In the example: three records, ten hours apart.
+
+    **Example:**
 
         >>> found = identify.change_over_time(specimens, [0.0, 10.0, 20.0])
         >>> [(p.name, f"{p.rate:.3f}", p.unit) for p in found.parameters]

@@ -111,7 +111,7 @@ def load(folder: str | Path) -> FitResult:
         >>> place = identify.save(fit, folder / "sponge")
         >>> again = identify.load(place)
         >>> again.name, [candidate.verdict.level for candidate in again.candidates]
-        ('LinearSponge', ['PASS'])
+        ('LinearSponge', ['CAUTION'])
     """
     folder = Path(folder)
     document = read_document(folder)

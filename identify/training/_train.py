@@ -117,7 +117,9 @@ def train(
 
     Source: Kim and Park (2018), section III A: Adam, batches of 64, 1,000 epochs, a tenth to validate.
 
-    **Example:** a line, learnt from 64 points.
+    In the example: a line, learnt from 64 points.
+
+    **Example:**
 
         >>> import equinox as eqx
         >>> def loss(line, rows, key):
