@@ -236,23 +236,20 @@ class _Run:
     @cached_property
     def _template(self) -> tuple[AbstractModel, Any, Any] | None:
         """The model to start from, where one was given."""
-        template = None if self.only is None else self.only.template
-        if template is None:
+        if self.only is None or self.only.template is None:
             return None
-        start, settings = with_settings(template, self.options.get("parameters") or {})
+        start, settings = with_settings(self.only.template, self.options.get("parameters") or {})
         return start, settings, structure(start)
 
     @cached_property
     def _is_for_vmap(self) -> bool:
         usual = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
         known = {*usual, "starts", "seed", "model", "parameters", "allow_float32"}
-        if self.function is not fit or set(self.options) - known:
+        if self.only is None or self.function is not fit or set(self.options) - known:
             return False
         if any(self.options[name] != value for name, value in usual.items()):
             return False
         if any("prior" in said for said in (self.options.get("parameters") or {}).values()):
-            return False
-        if self.only is None:
             return False
         if (template := self.only.template) is not None:
             return not _has_relays(template) and bool(numbers_of(template))
