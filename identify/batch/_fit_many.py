@@ -6,12 +6,9 @@ from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
-from uuid import uuid4
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record
@@ -29,7 +26,6 @@ from ._folder import (
     Folder,
     Kept,
     digest,
-    files_of,
     held_in_memory,
     parameter_cells,
 )
@@ -37,22 +33,19 @@ from ._side_by_side import (
     Problem,
     Solved,
     errors_and_statuses,
-    fit_alike,
     kin,
     result,
     side_by_side,
     structure,
     unfit,
 )
+from ._worker import HOME, Fault, fit_alone, fit_together, is_double, packed, with_templates
 
 Item = Record | tuple[Record, Record | None]
 """A record, or one with the record it is judged on."""
 
 SIDE_BY_SIDE = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
 """Names of models that `fit_many` fits by one compiled `vmap`."""
-
-_HOME = uuid4().hex
-"""Tells this process from others: what was fitted here need not travel."""
 
 
 @runtime_checkable
@@ -275,8 +268,8 @@ class _Run:
         return Problem(record, start, not said, settings, shape)
 
     def _alone(self, name: str, train: Record, test: Record | None) -> Unit:
-        arguments = (_HOME, self.function, _packed(self.options), train, test, _double())
-        return Unit((name,), _fit_alone, arguments)
+        arguments = (HOME, self.function, packed(self.options), train, test, is_double())
+        return Unit((name,), fit_alone, arguments)
 
     def _together(self, group: dict[str, Problem]) -> Iterator[Unit]:
         faults = unfit([*group.values()]) if group else {}
@@ -287,12 +280,12 @@ class _Run:
         if good:
             self.problems |= good
             arguments = (
-                _with_templates(good.values(), _packed),
+                with_templates(good.values(), packed),
                 self.options["starts"],
                 self.options["seed"],
-                _double(),
+                is_double(),
             )
-            yield Unit(tuple(good), _fit_together, arguments)
+            yield Unit(tuple(good), fit_together, arguments)
 
     def _take(self, unit: Unit, outcome: Any) -> None:
         if isinstance(outcome, Solved):
@@ -303,7 +296,7 @@ class _Run:
                     self._keep(name, chunk.kept(k))
                 else:
                     self._fail(name, _no_start(self.options["starts"]))
-        elif isinstance(outcome, Exception) and unit.function is _fit_together:
+        elif isinstance(outcome, Exception) and unit.function is fit_together:
             self.say(f"side by side ended in {_explained(outcome)} Each by itself, then")
             self.alone += [(name, self.problems.pop(name).record) for name in unit.names]
         elif isinstance(outcome, Exception):
@@ -329,40 +322,6 @@ class _Run:
         self.say(f"{done}: {name}{what}")
         if self.folder is not None:
             self.folder.write(self.batch, time.perf_counter() - self.begin, finished=False)
-
-
-class Fault(NamedTuple):
-    """An `InputError` as it travels between processes."""
-
-    code: str
-    problem: str
-    words: dict[str, str]
-
-
-def _fit_alone(
-    home: str,
-    function: Callable[..., FitResult],
-    options: dict[str, Any],
-    train: Record,
-    test: Record | None,
-    double: bool,
-) -> FitResult | dict[str, bytes] | Fault:
-    """A fit; from another process its files."""
-    _use(double)
-    try:
-        if home != _HOME and function is fit:
-            for one in candidates(options["model"]):
-                described(one.template)  # raises where the files of its fit could not be loaded
-        found = function(train, test=test, **_unpacked(options))
-    except InputError as error:
-        words = {"place": error.place, "cause": error.cause, "fix": error.fix}
-        return Fault(error.code, error.problem, words)
-    return found if home == _HOME else files_of(found)
-
-
-def _fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:
-    _use(double)
-    return fit_alike(_with_templates(problems, _unpacked), starts, seed)
 
 
 class _Chunk:
@@ -421,30 +380,3 @@ def _has_relays(model: Any) -> bool:
     values = [getattr(model, f.name) for f in fields(model)]
     parts = [p for v in values for p in (v if isinstance(v, tuple) else (v,))]
     return any(_has_relays(part) for part in parts if isinstance(part, eqx.Module))
-
-
-def _double() -> bool:
-    return bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-
-
-def _use(double: bool) -> None:
-    """Compute as precisely as the process that asked."""
-    if _double() != double:
-        jax.config.update("jax_enable_x64", double)
-
-
-def _with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> list[Problem]:
-    """Problems with other templates, those that share one still sharing it, and nothing beside that cannot
-    be pickled."""
-    problems = list(problems)
-    new = {id(t): made(t) for t in {id(p.template): p.template for p in problems}.values()}
-    return [p._replace(template=new[id(p.template)], structure=None) for p in problems]
-
-
-def _packed(tree: Any) -> Any:
-    """JAX's arrays as NumPy's: read in single precision by a process that has not been told yet."""
-    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree)
-
-
-def _unpacked(tree: Any) -> Any:
-    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, tree)

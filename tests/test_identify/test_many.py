@@ -121,7 +121,7 @@ def test_what_breaks_side_by_side_is_tried_alone(monkeypatch):
     def breaks(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(_many, "_fit_together", breaks)
+    monkeypatch.setattr(_many, "fit_together", breaks)
     batch = identify.fit_many([sponge(1), sponge(2)], SPONGE)
     assert [fit.success for _, fit in batch] == [True, True]
     assert not np.isnan(batch.fits["0"].score)

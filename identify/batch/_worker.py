@@ -1,0 +1,82 @@
+"""What a worker does: one fit, or several side by side, in this process or in another one."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+from uuid import uuid4
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import InputError, Record
+from hysteresis._serialisation import described
+
+from ..fitting._candidates import candidates
+from ..fitting._fit import fit
+from ..results._fit_result import FitResult
+from ._folder import files_of
+from ._side_by_side import Problem, Solved, fit_alike
+
+HOME = uuid4().hex
+"""Tells this process from others: what was fitted here need not travel."""
+
+
+class Fault(NamedTuple):
+    """An `InputError` as it travels between processes."""
+
+    code: str
+    problem: str
+    words: dict[str, str]
+
+
+def fit_alone(
+    home: str,
+    function: Callable[..., FitResult],
+    options: dict[str, Any],
+    train: Record,
+    test: Record | None,
+    double: bool,
+) -> FitResult | dict[str, bytes] | Fault:
+    """A fit; from another process its files."""
+    use_precision(double)
+    try:
+        if home != HOME and function is fit:
+            for one in candidates(options["model"]):
+                described(one.template)  # raises where the files of its fit could not be loaded
+        found = function(train, test=test, **unpacked(options))
+    except InputError as error:
+        words = {"place": error.place, "cause": error.cause, "fix": error.fix}
+        return Fault(error.code, error.problem, words)
+    return found if home == HOME else files_of(found)
+
+
+def fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:
+    use_precision(double)
+    return fit_alike(with_templates(problems, unpacked), starts, seed)
+
+
+def is_double() -> bool:
+    return bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+
+
+def use_precision(double: bool) -> None:
+    """Compute as precisely as the process that asked."""
+    if is_double() != double:
+        jax.config.update("jax_enable_x64", double)
+
+
+def with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> list[Problem]:
+    """Problems with other templates, those that share one still sharing it, and nothing beside that cannot
+    be pickled."""
+    problems = list(problems)
+    new = {id(t): made(t) for t in {id(p.template): p.template for p in problems}.values()}
+    return [p._replace(template=new[id(p.template)], structure=None) for p in problems]
+
+
+def packed(tree: Any) -> Any:
+    """JAX's arrays as NumPy's: read in single precision by a process that has not been told yet."""
+    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree)
+
+
+def unpacked(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, tree)
