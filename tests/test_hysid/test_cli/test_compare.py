@@ -31,7 +31,7 @@ def test_models_of_the_same_data_are_ranked(folder):
     assert (said.code, said.err) == (0, "")
     lines = said.out.splitlines()
     assert lines[0] == "Ranked by held-out blocks: error in per cent of the output's range."
-    assert " ".join(lines[2].split()) == "model held-out test numbers AIC BIC log evidence"
+    assert " ".join(lines[2].split()) == "model held-out test parameters AIC BIC log evidence"
     assert lines[3].split()[:2] == ["1", "new"]
     assert lines[4].startswith("2  too soft")
     # The best of each criterion is the origin of its column.
@@ -110,7 +110,7 @@ def test_three_records_in_time_have_a_trend(folder):
         (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
         (("new", "new"), (), ("named twice",)),
         (("new",), (), ("too-few-fits",)),
-        (("new",), ("--change",), ("a change is between two",)),
+        (("new",), ("--change",), ("A change needs at least two fits",)),
         (("new", "aged"), ("--change", "--times", "0,x"), ("--times 0,x", "[bad-option]")),
         (("new", "aged"), ("--change", "--times", "0,1"), ("no trend beyond scatter",)),
         (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
