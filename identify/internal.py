@@ -3,15 +3,15 @@
 These functions are documented and tested, and hysid uses them. They are not part of the public interface:
 they may change with any release.
 
-- Files: `plain`, `read_json`, `write_json`, `check_free`, `read_document`, `to_json`, `posterior_json`,
-  `versions`.
+- Files: `plain`, `read_json`, `write_json`, `check_free`, `read_document`, `read_fit`, `write_fit`,
+  `to_json`, `posterior_json`, `versions`.
 - Units: `check_unit`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
 """
 
 from hysteresis._format import plain
 
-from .files._fit_folder import read_document, to_json
+from .files._fit_folder import read_document, read_fit, to_json, write_fit
 from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .results._fit_result import check_unit
@@ -26,9 +26,11 @@ __all__ = [
     "plain",
     "posterior_json",
     "read_document",
+    "read_fit",
     "read_json",
     "stepped",
     "to_json",
     "versions",
+    "write_fit",
     "write_json",
 ]

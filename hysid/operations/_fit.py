@@ -30,7 +30,8 @@ def fit(
     for name in (".", *folders.values()):
         identify.internal.check_free(out / name, overwrite)
     check_writable(out)
-    found: dict[str, identify.FitResult] = {}
+    found: dict[str, dict[str, Any]] = {}
+    written: dict[str, Any] = {}
     extra = {"selection": selection.as_json()}
     run = partial(identify.fit, **options)
     if selection.is_step:
@@ -43,18 +44,21 @@ def fit(
         except InputError as error:
             faults[value] = error
             continue
-        identify.save(result, out / folders[value], overwrite=overwrite, extra=extra)
-        found[value] = result
+        found[value] = identify.internal.to_json(result)
+        written = identify.internal.write_fit(
+            result, out / folders[value], found[value], overwrite=overwrite, extra=extra
+        )
         if value:
             say(_in_short(result))
     if not found:
         raise all_of(faults)
     if "" in found:
-        return identify.internal.read_document(out)
+        return written
     failed = {value: str(error) for value, error in faults.items()}
     document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
+    document = identify.internal.plain(document)
     identify.internal.write_json(out / "fit.json", document)
-    return identify.internal.read_document(out)
+    return document
 
 
 def _in_short(result: identify.FitResult) -> str:

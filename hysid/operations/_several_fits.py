@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 
-import identify
 from hysteresis._verdict import worst_of
 
 
-def together(found: dict[str, identify.FitResult], failed: dict[str, str]) -> dict[str, Any]:
-    """One document for several fits: mean figures, the commonest model, the gravest verdict."""
-    documents = {value: identify.internal.to_json(result) for value, result in found.items()}
+def together(documents: dict[str, dict[str, Any]], failed: dict[str, str]) -> dict[str, Any]:
+    """One document for several fits: mean figures, the most frequent model, the worst verdict."""
     each = list(documents.values())
     first, whole = each[0], _in_common(documents)
     model = Counter(d["model"] for d in each).most_common(1)[0][0]

@@ -42,16 +42,9 @@ def write_report(folder: str | Path) -> Path:
     Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
     """
     folder = Path(folder)
-    document = identify.internal.read_document(folder)
-    if "each" in document:
-        raise InputError(
-            "several-fits",
-            "This folder holds several fits, one for each value of a column.",
-            place=str(folder),
-            fix=f"Report on one of its folders: {', '.join(map(str, document['each']))}.",
-        )
     try:
-        case = Case(folder, document, identify.load(folder), identify.load_posterior(folder))
+        fitted, document = identify.internal.read_fit(folder)
+        case = Case(folder, document, fitted, identify.load_posterior(folder))
         for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
             document[key]
     except InputError:

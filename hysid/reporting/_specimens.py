@@ -152,10 +152,8 @@ def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:
     specimens, failed, first = [], {}, None
     for name, place in found.items():
         try:
-            document = identify.internal.read_document(place)
-            one = Specimen(
-                name, place, document, identify.load(place), identify.load_posterior(place)
-            )
+            fitted, document = identify.internal.read_fit(place)
+            one = Specimen(name, place, document, fitted, identify.load_posterior(place))
             _ = one.judged[1]["nrmse_percent"], one.document["verdict"]["level"]
             specimens.append(one)
         except (InputError, KeyError, TypeError, ValueError, OSError) as error:

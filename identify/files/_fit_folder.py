@@ -60,6 +60,19 @@ def save(
         ['data.npz', 'fit.json', 'fit.npz', 'model.npz']
     """
     folder = Path(folder)
+    write_fit(fit, folder, to_json(fit), overwrite=overwrite, extra=extra)
+    return folder
+
+
+def write_fit(
+    fit: FitResult,
+    folder: Path,
+    words: dict[str, Any],
+    *,
+    overwrite: bool = False,
+    extra: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back."""
     check_free(folder, overwrite)
     structure, arrays = described(fit.model)
     folder.mkdir(parents=True, exist_ok=True)
@@ -82,7 +95,7 @@ def save(
     )
     _write_arrays(folder / "fit.npz", _fit_arrays(fit))
     document = (
-        to_json(fit)
+        words
         | channels
         | {
             "structure": structure,
@@ -93,8 +106,9 @@ def save(
             },
         }
     )
-    write_json(folder / "fit.json", document | fit.detail.words() | (extra or {}))
-    return folder
+    document = plain(document | fit.detail.words() | (extra or {}))
+    write_json(folder / "fit.json", document)
+    return document
 
 
 def load(folder: str | Path) -> FitResult:
@@ -113,7 +127,11 @@ def load(folder: str | Path) -> FitResult:
         >>> again.name, [candidate.verdict.level for candidate in again.candidates]
         ('LinearSponge', ['CAUTION'])
     """
-    folder = Path(folder)
+    return read_fit(Path(folder))[0]
+
+
+def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
+    """`load`, and the document of the fit: fit.json is read once."""
     document = read_document(folder)
     if "folders" in document:
         raise InputError(
@@ -123,7 +141,7 @@ def load(folder: str | Path) -> FitResult:
             fix=f"name one of them: {', '.join(list(document['folders'].values())[:5])}.",
         )
     try:
-        return _load(folder, document)
+        return _load(folder, document), document
     except (
         AttributeError, EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile,
     ) as error:  # fmt: skip
