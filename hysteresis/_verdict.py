@@ -14,19 +14,19 @@ class Verdict(NamedTuple):
 
     - `level`: "PASS": it can be used. "CAUTION": it can be used with care. "FAIL": do not use it.
     - `reasons`: full sentences; the first one is the most important.
+
+    **Example:**
+
+        >>> verdict = identify.Verdict("PASS", ("The error is 1 %.",))
+        >>> verdict.at_most("CAUTION", "Nothing was held out.").level
+        'CAUTION'
     """
 
     level: Level
     reasons: tuple[str, ...]
 
     def at_most(self, level: Level, *reasons: str) -> "Verdict":
-        """This verdict, but not better than `level`, with these further reasons.
-
-        **Example:**
-
-            >>> Verdict("PASS", ("The error is 1 %.",)).at_most("CAUTION", "Nothing was held out.").level
-            'CAUTION'
-        """
+        """This verdict, but not better than `level`, with these further reasons."""
         return Verdict(worst_of((self.level, level)), (*self.reasons, *reasons))
 
 

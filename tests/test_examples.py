@@ -286,8 +286,6 @@ hysid.plots.memory
 hysid.plots.staircase
 # hysid/soft_sensor/_force_training
 hysid.train_force
-# hysid/soft_sensor/_positions
-hysid.fit_positions
 # hysid/soft_sensor/_sensor_file
 hysid.load_sensor
 # hysteresis/_parameter

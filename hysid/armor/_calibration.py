@@ -1,4 +1,4 @@
-"""Calibration of an armor: `compensate.armor` says what it misses presses by, `identify` learns from it."""
+"""Calibration of an armor from presses at known points: `compensate.armor` gives the residuals."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -42,11 +42,12 @@ class CalibratedArmor(NamedTuple):
 
 
 def doubts(armor: Armor) -> dict[str, Any]:
-    """What is usually not known of an armor, and how far off it may be: see `identify.calibrate`.
+    """The values of an armor that are usually uncertain, each with its standard deviation.
 
-    The wrench matrix; the plays of `sensor.hysteresis`, half of what they are; the cover's factor, and
-    the bumps of the frame's compliance. A full matrix holds what a pose and an offset of the sensor do:
-    to look for these instead, leave the matrix out and give "sensor.turn" and "sensor.offset".
+    These are the wrench matrix; the plays of `sensor.hysteresis`, uncertain by half of their values; the
+    factor of the cover, and the bumps of the frame's compliance. A full matrix includes the effect of the
+    pose and the offset of the sensor. To estimate these instead, leave out the matrix and give
+    "sensor.turn" and "sensor.offset". See `identify.calibrate`.
     """
     scale = np.kron([[1, 1 / ARM], [ARM, 1]], np.ones((3, 3)))
     found: dict[str, Any] = {"sensor.matrix": CROSSTALK * scale}
@@ -72,15 +73,21 @@ def calibrate_armor(
     rounds: int = 2,
     seed: int = 0,
 ) -> CalibratedArmor:
-    """Make an armor agree with presses at known points.
+    """Calibrate an armor with presses at known points.
 
     **Arguments:**
 
-    - `armor`: as it is thought to be. `deviations`: what is free, `doubts` by default.
-    - `noise`, `scatter`, `reading`: of `PressResiduals`, a first guess; each of `rounds` takes what the one
-      before has left, so that the deviations that come out are those of this sensor and cover.
+    - `armor`: with the values that are assumed before the calibration.
+    - `presses`: forces in N, points in m, and what the wrist sensor read.
+    - `deviations`: which values are free, and the standard deviation of each; `doubts` by default.
+    - `noise` (6,), N and N m, `scatter` and `reading`, m: first guesses for `PressResiduals`.
+    - `rounds`: each after the first starts from the residuals of the one before, so that the resulting
+      standard deviations are those of this sensor and cover.
+    - `seed`: of the draws in `CalibratedArmor.uncertain`.
 
-    Raises `InputError` as `identify.calibrate` does.
+    **Returns:** a `CalibratedArmor`.
+
+    **Raises:** `InputError` as `identify.calibrate` does.
     """
     free = doubts(armor) if deviations is None else deviations
     residuals = PressResiduals(presses, jnp.asarray(noise, float), scatter=scatter, reading=reading)
@@ -113,10 +120,19 @@ def choose_presses(
     count: int = 20,
     deviations: Mapping[str, Any] | None = None,
 ) -> identify.Choice:
-    """Which of many presses to make, so that the contacts of others are known best.
+    """Choose the presses that most reduce the variance of the contacts that you care about.
 
-    **Arguments:** `candidates` and `goals` of `planned_presses`: nothing needs to have been measured;
-    the contact at the last sample of each goal counts. `deviations`: `doubts` by default.
+    **Arguments:**
+
+    - `candidates`: presses that could be made, from `compensate.armor.planned_presses`; nothing needs to be
+      measured yet.
+    - `goals`: presses whose contact points, at their last sample, shall be known well.
+    - `count`: how many presses to choose.
+    - `deviations`: which values of the armor are free, see `calibrate_armor`.
+
+    **Returns:** an `identify.Choice`: the chosen presses, and the variance that each leaves.
+
+    **Raises:** `InputError` as `identify.choose` does.
     """
     noise = jnp.asarray([0.03] * 3 + [0.006] * 3)
     residuals = PressResiduals(candidates, noise)

@@ -18,7 +18,7 @@ from ._force_records import ForceData, ForceRecord, gather, held_out_parts
 
 KINDS = {"network": train_networks, "everett": train_everett, "structured": fit_structured}
 SKIPS = (0.6, 0.4, 0.2, 0.0)
-"""Parts at the beginning of a single record that are tried to be left out: a new sample settles."""
+"""Parts at the beginning of a single record whose exclusion is tried, because a new sample settles."""
 WORTH = 1.05
 """Errors, to the least one, that are as good as it."""
 
@@ -60,11 +60,12 @@ def train_force(
     resume: bool = False,
     tell: Tell | None = None,
 ) -> ForceTraining:
-    """Learn the force behind a soft sensor's readings from records with a load cell.
+    """Learn to estimate force from a soft sensor's readings, from records with a load cell.
 
-    Thresholds of the memory come from the range of the readings, delays from the records' sampling and
-    length, the reading at rest from their beginnings. What is held out to stop a training, to choose
-    and to judge are whole records, or stretches of a few long ones: neighbouring rows are all but equal.
+    Thresholds of the memory come from the range of the readings, delays from the sampling and the length of
+    the records, the reading at rest from their first rows. Whole records, or stretches of a few long ones,
+    are held out to stop a training, to choose a model and to judge it, because neighbouring rows are almost
+    equal.
 
     **Arguments:**
 
@@ -75,23 +76,25 @@ def train_force(
       whichever is better on held-out records.
 
     - `groups`: one name for each record, such as the speed or the depth of a press: those of one group
-      are held out together. Without them a record that was repeated tells of its repetitions alone, and
-      what is held out looks better than presses of another speed will be.
+      are held out together. Without groups, repetitions of a held-out record stay among the training
+      records, and the held-out error is smaller than that of presses at another speed.
 
     **Other arguments:**
 
-    - `nan`: `"omit"` learns from rows with a force alone, while the readings of all rows count.
+    - `nan`: `"omit"` learns only from rows with a force; the readings of all rows are kept as history.
     - `skip`: part at the beginning of each record that only drives the memory; `"auto"` leaves a fifth or
       two, or three, of one or two long records out where that predicts their last fifth as well.
     - `members`: parts that are held out in turn. `updates`: steps of each training, of 64 rows.
     - `seed`: of weights, batches and parts.
-    - `checkpoint`: a folder to keep the trainings in; `resume`: go on from there.
+    - `checkpoint`: a folder for the state of the training; `resume`: continue from that state.
     - `tell`: called with (done, total, words) now and then.
 
-    Raises `InputError` for records that cannot be learnt from, see `gather`; an unknown kind, less than
-    two members, and as `identify.train` and `identify.fit` do.
+    **Returns:** a `ForceTraining`: the estimator, and its errors on held-out rows in N.
 
-    Source: Kim and Park (2018), section III A, for the network; held-out records and deviation are ours.
+    **Raises:** `InputError` for records that cannot be learnt from, see `gather`; for an unknown kind or
+    fewer than two members; and as `identify.train` and `identify.fit` do.
+
+    **Source:** Kim and Park (2018), section III A, for the network only.
     """
     if kind not in KINDS:
         raise InputError(

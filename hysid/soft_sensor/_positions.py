@@ -1,4 +1,4 @@
-"""A sensor that tells where it is touched: scales by `identify`, estimates by `compensate.microchannel`."""
+"""Positions of touches from the readings of many channels, by a Gaussian process."""
 
 from typing import Any
 
@@ -13,10 +13,25 @@ def fit_positions(
 ) -> PositionEstimator:
     """Learn where a sensor of many channels is touched, from touches at known places.
 
-    **Arguments:** `readings` (rows, channels); `places` (rows, coordinates), such as x and y in mm; several
-    rows a place, of several forces, are welcome. `least`: |reading| below which nothing is touched.
+    **Arguments:**
 
-    Raises `InputError` as `identify.fit_kernel` and `PositionEstimator` do.
+    - `readings`: (rows, channels), in any unit. Several rows per place, at different forces, help.
+    - `places`: (rows, coordinates), for example x and y in mm; estimates have the same unit.
+    - `least`: the sensor is not touched while every |reading| is below this, in the unit of the readings.
+    - `seed`: of the search for the length scales.
+
+    **Returns:** a `compensate.microchannel.PositionEstimator`.
+
+    **Raises:** `InputError` as `identify.fit_kernel` and `PositionEstimator` do.
+
+    **Example:**
+
+        >>> x = np.repeat(np.arange(6.0), 3)
+        >>> noise = np.random.default_rng(0).normal(0.0, 0.05, (18, 3))
+        >>> readings = np.column_stack([1 + x, 6 - x, 3 + 0 * x]) + noise
+        >>> estimator = hysid.fit_positions(readings, x[:, None])
+        >>> round(float(estimator.estimate([3.5, 3.5, 3.0]).point[0]), 1)
+        2.5
     """
     places = np.asarray(places, float)
     x = np.asarray(standardised(readings)[0])

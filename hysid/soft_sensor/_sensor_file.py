@@ -52,10 +52,16 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
 
 
 def load_sensor(folder: str | Path) -> SoftSensor:
-    """The sensor that `save_sensor` wrote.
+    """Load a trained soft sensor from the folder that `hysid microchannel train` wrote.
 
-    Raises `InputError` for a folder without one, a newer schema, a damaged or changed file; nothing in the
-    folder is executed.
+    Nothing in the folder is executed.
+
+    **Arguments:** `folder`: with soft_sensor.json and soft_sensor.npz.
+
+    **Returns:** a `SoftSensor`: its channels, and an estimator for each quantity it was trained for.
+
+    **Raises:** `InputError` where the folder has no sensor, a file is damaged or was changed, or a newer
+    version of hysid wrote it.
     """
     folder = Path(folder)
     document = _document(folder)
