@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -123,13 +124,7 @@ def fit_many(
 
 
 def _names(names: Iterable[str] | None) -> Iterator[str]:
-    if names is not None:
-        yield from names
-        return
-    number = 0
-    while True:
-        yield str(number)
-        number += 1
+    return map(str, count()) if names is None else iter(names)
 
 
 class _Run:
