@@ -303,8 +303,6 @@ hysteresis.StandardLinearSolid
 hysteresis.ChannelMap
 # hysteresis/models/_compose
 hysteresis.Scaled
-hysteresis.Series
-hysteresis.Sum
 # hysteresis/models/_curves
 hysteresis.MonotoneCurve
 hysteresis.curves.Clip

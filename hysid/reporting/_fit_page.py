@@ -36,15 +36,18 @@ STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
 )  # fmt: skip
 
 
-def write_report(folder: str | Path) -> Path:
-    """Write `folder`/report.html about the fit, and the posterior if any, that the folder holds.
+def write_report(folder: str | Path, file: Path | None = None) -> Path:
+    """Write `file`, or `folder`/report.html, about the fit and the posterior that the folder holds.
+
+    A page at another place names its folder as DIR, because the commands on it need a saved fit.
 
     Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
     """
     folder = Path(folder)
     try:
         fitted, document = identify.internal.read_fit(folder)
-        case = Case(folder, document, fitted, identify.load_posterior(folder))
+        named = Path("DIR") if file else folder
+        case = Case(named, document, fitted, identify.load_posterior(folder))
         for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
             document[key]
     except InputError:
@@ -66,7 +69,7 @@ def write_report(folder: str | Path) -> Path:
     ]
     data = document["data"]
     return render(
-        folder / TARGET,
+        file or folder / TARGET,
         title=_report_step.title(case)
         if of_step
         else f"{case.fit.name} model of {case.output} from {case.input}",

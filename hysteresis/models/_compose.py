@@ -19,6 +19,12 @@ from .._registry import register
 from ..preisach import Preisach
 
 
+def _given(models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
+    """The parts of a composition: given one after the other, in one list, or by the field's name."""
+    one_list = len(models) == 1 and isinstance(models[0], list | tuple)
+    return tuple(models[0] if one_list else models or parts)
+
+
 def _flat(kind: type, parts: Iterable[AbstractModel]) -> tuple[AbstractModel, ...]:
     """The parts, those of a part of the same kind in its place."""
     return tuple(p for part in parts for p in (_parts(part) if isinstance(part, kind) else (part,)))
@@ -43,12 +49,22 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
 
     State and prepared input are tuples of the parts'. It rises with its input where every part does.
 
-    **Arguments:** `parts`, one or more models; those of a `Sum` among them are taken as its own.
+    **Arguments:** one or more models, one after the other or in a list: `Sum(a, b)` is `Sum([a, b])`. The
+    parts of a `Sum` among them are taken as its own.
 
-    Raises `InputError` for anything else.
+    **Raises:** `InputError` `bad-parts` for anything else.
+
+    **Example:**
+
+        >>> line = hysteresis.LinearSponge(K=2.0, b=1.0, threshold=0.0)
+        >>> hysteresis.Sum(line, line).simulate(None, np.array([1.0, 2.0])).tolist()
+        [6.0, 10.0]
     """
 
-    parts: tuple[AbstractModel, ...] = eqx.field(converter=lambda parts: _flat(Sum, parts))
+    parts: tuple[AbstractModel, ...]
+
+    def __init__(self, *models: Any, parts: Iterable[Any] = ()):
+        self.parts = _flat(Sum, _given(models, parts))
 
     def __check_init__(self) -> None:
         _check_parts(self.parts)
@@ -139,12 +155,22 @@ class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
     its memory tree while their parameters change: an increasing map moves no turning point. Behind a
     stage with memory, every `evaluate` builds the tree anew.
 
-    **Arguments:** `parts`, the stages, first to last.
+    **Arguments:** the stages, first to last, one after the other or in a list: `Series(a, b)` is
+    `Series([a, b])`.
 
-    Raises `InputError` for anything but models.
+    **Raises:** `InputError` `bad-parts` for anything but models.
+
+    **Example:**
+
+        >>> line = hysteresis.LinearSponge(K=2.0, b=1.0, threshold=0.0)
+        >>> hysteresis.Series(line, line).simulate(None, np.array([1.0, 2.0])).tolist()
+        [7.0, 11.0]
     """
 
-    parts: tuple[AbstractModel, ...] = eqx.field(converter=lambda parts: _flat(Series, parts))
+    parts: tuple[AbstractModel, ...]
+
+    def __init__(self, *models: Any, parts: Iterable[Any] = ()):
+        self.parts = _flat(Series, _given(models, parts))
 
     def __check_init__(self) -> None:
         _check_parts(self.parts)

@@ -2,8 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
+from inspect import signature
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -19,9 +20,11 @@ from ._abstract_record import AbstractRecord
 from ._arrays import fill, numbers, same_length
 from ._common_part import common_part
 from ._excitation import describe, summary
+from ._units import named_unit
+
+_FIELDS = signature(AbstractRecord.__init__)
 
 
-@dataclass(frozen=True, eq=False)
 class Record(AbstractRecord):
     """Samples of an input and an output in `m` independent sequences; frozen.
 
@@ -45,6 +48,74 @@ class Record(AbstractRecord):
     **Raises:** `InputError` `length-mismatch`, `nan-input`, `nan-output`,
     `not-finite`, `nan-time`, `time-repeated`, `time-backwards`.
     """
+
+    def __init__(self, *arguments: Any, **fields: Any):
+        try:
+            _FIELDS.bind(self, *arguments, **fields)
+        except TypeError as error:
+            raise InputError(
+                "incomplete-record",
+                f"Record() takes every field of a record: {error}.",
+                cause="Record() is what the functions that make records call.",
+                fix="Record.from_arrays(input, output, time), Record.from_columns(frame, input=..., "
+                "output=...), or hysid.read_csv(path, input=..., output=...).",
+            ) from None
+        super().__init__(*arguments, **fields)
+
+    @classmethod
+    def from_columns(
+        cls,
+        columns: Any,
+        input: str | Sequence[str],
+        output: str,
+        time: str | None = None,
+        group: str | None = None,
+        **options: Any,
+    ) -> "Record":
+        """A record from the columns of a data frame or a mapping.
+
+        **Arguments:**
+
+        - `columns`: a pandas or polars data frame, or a mapping from names to rows of numbers (n,).
+        - `input`, `output`, `time`: names of columns. Several inputs are channels that `fit` combines.
+          Units are read from names such as "force (N)" or "force_N", unless `options` give them.
+        - `group`: the column whose values name independent sequences.
+        - `options`: further arguments of `from_arrays`, such as `dt`, `nan` or `input_unit`.
+
+        **Returns:** the record.
+
+        **Raises:** `InputError` `no-column`, and as `from_arrays` does.
+
+        **Example:**
+
+            >>> table = {"force (N)": [0, 1, 2], "x (mm)": [0, 0.1, 0.3]}
+            >>> hysteresis.Record.from_columns(table, "force (N)", "x (mm)").output_unit
+            'mm'
+        """
+        names = [*(columns if isinstance(columns, Mapping) else columns.columns)]
+        inputs = [input] if isinstance(input, str) else list(input)
+        asked = [*inputs, output, *(name for name in (time, group) if name is not None)]
+        for name in asked:
+            if name not in names:
+                near = get_close_matches(name, map(str, names), 5, 0.0)
+                raise InputError("no-column", f"No column {name!r}; have {', '.join(near)}.")
+        found = {name: np.asarray(columns[name]) for name in asked}
+        units = {name: named_unit(name, None, None) or "1" for name in asked}
+        own: dict[str, Any] = {"output_name": output, "output_unit": units[output]}
+        if len(inputs) > 1:
+            own["channels"] = {name: units[name] for name in inputs}
+            own["columns"] = {name: found[name] for name in inputs}
+        else:
+            own |= {"input_name": input, "input_unit": units[inputs[0]]}
+        if time is not None:
+            own |= {"time_name": time, "time_unit": named_unit(time, None, None) or "s"}
+        return cls.from_arrays(
+            found[inputs[0]] if len(inputs) == 1 else None,
+            found[output],
+            None if time is None else found[time],
+            None if group is None else found[group],
+            **(own | options),
+        )
 
     @classmethod
     def from_arrays(

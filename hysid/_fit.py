@@ -1,0 +1,70 @@
+"""`hysid.fit`: `identify.fit` of a record, of two arrays, or of the columns of a data frame."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import identify
+from hysteresis import InputError, Record
+
+_OF_RECORDS = (
+    "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",
+    "output_name",
+)  # fmt: skip
+
+
+def fit(
+    data: Any,
+    other: Any = None,
+    *,
+    input: str | Sequence[str] | None = None,
+    output: str | None = None,
+    time: Any = None,
+    group: str | None = None,
+    model: Any = None,
+    **options: Any,
+) -> identify.FitResult:
+    """Fit models to measurements and return the best fit.
+
+        fit(record, model)    fit(x, y, model=...)    fit(frame, input="force (N)", output="x (mm)")
+
+    **Arguments:**
+
+    - `data`: a `Record`; or the inputs (n,), with the outputs (n,) as second argument; or a pandas or
+      polars data frame or a mapping of columns, with the names of `input`, `output`, `time` and `group`.
+    - `other`: the model beside a record, or the outputs (n,) beside an array.
+    - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
+    - `model`: "auto", names, or a model to start from, as in `identify.fit`.
+    - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
+      (`test_cycles`, `noise`, `parameters`, ...).
+
+    **Returns:** the `FitResult`.
+
+    **Raises:** `InputError` as `Record.from_arrays`, `Record.from_columns` and `identify.fit` do.
+
+    **Example:**
+
+        >>> hysid.fit(record.input, record.output, model="LinearSponge", noise="gaussian").name
+        'LinearSponge'
+    """
+    if isinstance(data, Record):
+        if (input, output, time, group) != (None,) * 4:
+            raise InputError(
+                "bad-option",
+                "A record has its input, output and time already.",
+                fix="leave input=, output=, time= and group= out.",
+            )
+        chosen = model if other is None else other
+        return identify.fit(data, "auto" if chosen is None else chosen, **options)
+    own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
+    if output is not None and input is not None:
+        record = Record.from_columns(data, input, output, time, group, **own)
+        model = other if model is None else model
+    elif other is not None and not isinstance(other, str):
+        record = Record.from_arrays(data, other, time, **own)
+    else:
+        raise InputError(
+            "bad-option",
+            f"fit() cannot tell input and output in a {type(data).__name__}.",
+            fix="fit(record), fit(x, y), or fit(frame, input=NAME, output=NAME).",
+        )
+    return identify.fit(record, "auto" if model is None else model, **options)
