@@ -18,6 +18,12 @@ def invert(
     estimates lie apart; `output_sigma` and `seed` are its own.
 
     Raises `InputError` where the model has no inverse: a decreasing stage, a signed density, no slope.
+
+    **Example:**
+
+        >>> y = model.simulate(t, u)
+        >>> compensate.invert(model).simulate(t, y).value.round(6).tolist() == u.tolist()
+        True
     """
     if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
         return EnsembleCompensator(model, output_sigma, seed)

@@ -180,21 +180,11 @@ ALWAYS = {
 }  # fmt: skip
 
 WITHOUT = """
-# compensate/_contract
-compensate.invert
-# compensate/armor/_armor
-compensate.armor.Armor
-# compensate/armor/_box
-compensate.armor.Box
 # compensate/armor/_calibration
 compensate.armor.PressResiduals
 compensate.armor.planned_presses
 # compensate/armor/_conventions
 compensate.armor.convention_doubt
-# compensate/armor/_convex
-compensate.armor.Convex
-# compensate/armor/_cover
-compensate.armor.Cover
 # compensate/armor/_examples
 compensate.armor.forearm
 compensate.armor.head
@@ -203,22 +193,12 @@ compensate.armor.export_armor
 # compensate/armor/_fields
 compensate.armor.Bumps
 compensate.armor.Grid
-compensate.armor.Uniform
 # compensate/armor/_mesh
 compensate.armor.Mesh
-# compensate/armor/_solver
-compensate.armor.ContactSolver
 # compensate/armor/_stream
 compensate.armor.ContactStream
 # compensate/armor/_uncertain
 compensate.armor.UncertainArmor
-# compensate/armor/_wrench
-compensate.armor.WristSensor
-# compensate/export/_export
-compensate.export_c
-compensate.export_runtime
-# compensate/inverses/_bisection
-compensate.BracketedCompensator
 # compensate/microchannel/_everett_network
 compensate.microchannel.EverettNetwork
 # compensate/microchannel/_export
@@ -230,8 +210,6 @@ compensate.microchannel.ForceEstimator
 compensate.microchannel.gains_in_use
 # compensate/microchannel/_localizer
 compensate.microchannel.Localizer
-# compensate/microchannel/_logic_table
-compensate.microchannel.LogicTable
 # compensate/microchannel/_motion
 compensate.microchannel.MotionFilter
 # compensate/microchannel/_multi
@@ -242,36 +220,14 @@ compensate.microchannel.SearchEstimator
 compensate.microchannel.windows
 # compensate/microchannel/_position
 compensate.microchannel.standardised
-# compensate/microchannel/_readout
-compensate.microchannel.Readout
 # compensate/microchannel/_sensors
 compensate.microchannel.ChannelSensor
-# compensate/qualification/_loop_widths
-compensate.loop_widths
-# compensate/qualification/_qualify
-compensate.qualify
 # compensate/runtime/_armor
 compensate.runtime.Armor
 compensate.runtime.load_armor
-# compensate/runtime/_compensator
-compensate.runtime.Compensator
-# compensate/runtime/_load
-compensate.runtime.load
 # compensate/runtime/_network
 compensate.runtime.ForceEstimator
 compensate.runtime.load_force
-# compensate/uncertainty/_calibrated
-compensate.CalibratedCompensator
-compensate.calibrated
-# compensate/uncertainty/_dead_band
-compensate.DeadBandCompensator
-# compensate/uncertainty/_ensemble
-compensate.EnsembleCompensator
-compensate.UncertainEstimate
-# compensate/uncertainty/_filtered
-compensate.FilteredCompensator
-# compensate/uncertainty/_flat_intervals
-compensate.flat_intervals
 # hysid/armor/_calibration
 hysid.calibrate_armor
 hysid.choose_presses

@@ -12,6 +12,12 @@ class Armor(eqx.Module):
     """A force sensor and the shell that it carries: what a calibration calibrates as a whole.
 
     Its numbers have dotted names, "sensor.matrix", "solver.cover.factor.value".
+
+    **Example:**
+
+        >>> contact = armor.solve([10.0, 0.0, 0.0, 0.0, 2.0, 0.0])
+        >>> contact.status.shape
+        ()
     """
 
     sensor: WristSensor

@@ -31,6 +31,12 @@ class Box(AbstractShape):
     Raises `InputError` where it has no inside, or is too large or small to be meant in metres.
 
     Source: Tsuji 2014, equations (15) and (17).
+
+    **Example:**
+
+        >>> box = compensate.armor.Box(dx=0.3, dy=0.3, dz1=0.55, dz2=0.0)
+        >>> float(box.longest())
+        0.6
     """
 
     dx: Scalar = parameter(**_LENGTH, meaning="half the width")

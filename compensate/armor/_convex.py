@@ -26,6 +26,13 @@ class Convex(AbstractShape):
 
     Raises `InputError` for a polygon that is not plane, one that is turned inside out, and a body that is
     not convex, or too large or small to be meant in metres.
+
+    **Example:**
+
+        >>> corners = 0.1 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+        >>> faces = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
+        >>> round(float(compensate.armor.Convex(corners, faces).longest()), 2)
+        0.2
     """
 
     sides: Faces

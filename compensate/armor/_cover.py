@@ -42,6 +42,12 @@ class Cover(eqx.Module):
     gives forces.
 
     Source: Tsuji 2014, equations (7) and (8), for factor 1 and compliance 0.
+
+    **Example:**
+
+        >>> cover = compensate.armor.Cover(hysteresis.LinearSponge(K=1.298, b=6.186, threshold=1.5))
+        >>> round(cover.hard_push(), 4)
+        0.0321
     """
 
     compensator: AbstractModel | AbstractCompensator | None = None

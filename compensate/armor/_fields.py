@@ -26,7 +26,13 @@ class AbstractField(eqx.Module):
 
 
 class Uniform(AbstractField):
-    """The same all over: one number, or one for every surface."""
+    """The same all over: one number, or one for every surface.
+
+    **Example:**
+
+        >>> float(compensate.armor.Uniform(1.2).greatest())
+        1.2
+    """
 
     value: Any = parameter(meaning="value of all surfaces, or of each")
 

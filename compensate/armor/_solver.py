@@ -70,6 +70,12 @@ class ContactSolver(eqx.Module):
 
     Source: Tsuji 2014, equations (1) to (17); its equation (3) divides by F_x and F_y, the form here
     only by F_n.
+
+    **Example:**
+
+        >>> contact = solver.solve([0.0, 0.0, -10.0], [0.0, 0.0, 0.0])
+        >>> int(contact.surface), round(float(contact.displacement), 4)
+        (1, 0.0192)
     """
 
     shape: AbstractShape

@@ -82,6 +82,12 @@ class WristSensor(eqx.Module):
     - `hysteresis`: six models from true to shown value, one per axis, undone in a stream; None: none.
 
     Raises `InputError` where R is no rotation, a shape is wrong, or the matrix cannot be inverted.
+
+    **Example:**
+
+        >>> wrench = compensate.armor.WristSensor().read([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
+        >>> wrench.force.tolist()
+        [1.0, 2.0, 3.0]
     """
 
     matrix: Values = parameter(meaning="calibration of the wrench")

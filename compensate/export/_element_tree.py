@@ -26,8 +26,9 @@ from hysteresis import (
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import AbstractGridDensity, saturated_outputs
 
-from .._invert import invert
+from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
+from ..inverses._preisach import PreisachCompensator
 from ..runtime._status import Status
 from ..uncertainty._calibrated import CalibratedCompensator
 
@@ -42,7 +43,12 @@ def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 
 
     Raises `InputError` where the model has no inverse, or no element is known for one of its parts.
     """
-    invert(model)
+    inverse_of(model)
+    return tree_of(model, precision, depth)
+
+
+def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
+    """`program_of` a model that is known to have an inverse, or is only run forwards."""
     return _tree(model, float(np.finfo(precision).eps), depth)
 
 
@@ -119,8 +125,8 @@ def _(model: Preisach, eps: float, depth: int) -> Tree:
             f"a Preisach model with {what} cannot be exported.",
             fix="fit a GridDensity from a known first state, without a dead band.",
         )
-    compensator: Any = invert(model)
-    begin: Any = compensator.init()
+    compensator = PreisachCompensator(model)
+    begin = compensator.init()
     held = int(begin.loops.depth)
     if held > depth:
         raise InputError(
@@ -310,7 +316,7 @@ def _node_series(parts: list[Tree]) -> Tree:
 
 
 def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
-    compensator: Any = invert(model)
+    compensator = inverse_of(model)
     assert isinstance(compensator, BracketedCompensator)
     low, high = compensator.low, compensator.high
     return _node(

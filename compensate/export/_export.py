@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
 
-from .._invert import invert
+from ..inverses import inverse_of
 from ..runtime._compensator import KIND
 from ..runtime._file import SCHEMA, write
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._c99_header import header
-from ._element_tree import error_tree, program_of
+from ._element_tree import Tree, error_tree, tree_of
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
@@ -64,9 +65,14 @@ def export_runtime(
     - `depth`: reversals that a Preisach model remembers, 64 by default.
 
     Raises `InputError` where the model has no inverse, cannot be exported, or needs times.
+
+    **Example:**
+
+        >>> done = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u))
+        >>> round(compensate.runtime.load(done.path).step(float(model.simulate(t, u)[0])).value, 6)
+        0.0
     """
-    document, notes = _document(model, readings, np.float64, **options)
-    return Exported(write(path, document), notes)
+    return Program(model, readings, **options).write_runtime(path)
 
 
 def export_c(
@@ -82,60 +88,109 @@ def export_c(
     `real`: "double" or "float". All names begin with the file's.
 
     Raises `InputError` as `export_runtime`, and where the file's name is no name in C.
+
+    **Example:**
+
+        >>> done = compensate.export_c(model, folder / "sensor.h", model.simulate(t, u))
+        >>> done.path.name, done.notes
+        ('sensor.h', ())
     """
-    path = Path(path)
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", path.stem):
-        raise InputError(
-            "bad-name", f"{path.stem!r} is no name in C.",
-            fix="letters, digits and _, a letter first.",
-        )  # fmt: skip
-    if real not in ("double", "float"):
-        raise InputError("bad-option", f"no numbers {real!r}.", fix="double or float.")
-    precision = np.float32 if real == "float" else np.float64
-    document, notes = _document(model, readings, precision, **options)
-    path.write_text(header(document, path.stem, single=real == "float"), "utf-8")
-    return Exported(path, notes)
+    return Program(model, readings, **options).write_c(path, real)
 
 
-def _document(
-    model: AbstractModel, readings: Any, precision: type, *, times: Any = None,
-    reading: Quantity = OUTPUT, estimate: Quantity = INPUT, title: str = "",
-    limits: tuple[float, float] | None = None, depth: int = 64,
-    error: CalibratedCompensator | None = None,
-) -> tuple[dict[str, Any], tuple[str, ...]]:  # fmt: skip
-    tree = program_of(model, precision, depth)
-    y = np.asarray(readings, float)
-    t = None if times is None else np.asarray(times, float)
-    finite = np.isfinite(y)
-    if finite.sum() < 2:
-        raise InputError("no-rows", "there are no readings to export for.")
-    y, t = y[finite], None if t is None else t[finite]
-    low, high = limits or _wider(y)
-    rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
-    if rates and t is None:
-        raise InputError(
-            "no-time", "this model depends on the rate, and no times were given.",
-            fix="give the times of the readings.",
-        )  # fmt: skip
-    n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
-    y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
-    compensator = invert(model)
-    value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
-    start = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
-    document = {
-        "schema": SCHEMA, "kind": KIND, "title": title or type(model).__name__,
-        "reading": reading._asdict(), "estimate": estimate._asdict(),
-        "limits": [float(low), float(high)], "rates": rates, "start": float(start), "tree": tree,
-        "error": error and error_tree(error),
-        "golden": {
-            "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
-            "value": value.tolist(), "tolerance": 1e-9 * max(float(np.ptp(value)), 1e-300),
-        },
-    }  # fmt: skip
-    return document, _notes(model, precision, y, t, depth) if "preisach" in kinds else ()
+class Program:
+    """A compensator with all that its files hold, made once for any number of them.
+
+    Arguments as of `export_runtime`.
+    """
+
+    def __init__(
+        self,
+        model: AbstractModel,
+        readings: ArrayLike,
+        *,
+        times: ArrayLike | None = None,
+        reading: Quantity = OUTPUT,
+        estimate: Quantity = INPUT,
+        title: str = "",
+        limits: tuple[float, float] | None = None,
+        depth: int = 64,
+        error: CalibratedCompensator | None = None,
+    ):
+        compensator = inverse_of(model)
+        tree = tree_of(model, depth=depth)
+        y = np.asarray(readings, float)
+        finite = np.isfinite(y)
+        if finite.sum() < 2:
+            raise InputError("no-rows", "There are fewer than two finite readings to export for.")
+        y = y[finite]
+        t = None if times is None else np.asarray(times, float)[finite]
+        rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        if rates and t is None:
+            raise InputError(
+                "no-time", "This model depends on the rate, and no times were given.",
+                fix="give the times of the readings.",
+            )  # fmt: skip
+        low, high = limits or wider(y)
+        y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
+        n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
+        value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
+        start = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
+        self.model, self.depth, self._readings, self._times = model, depth, y, t
+        self._trees: dict[type, Tree] = {np.float64: tree}
+        self._rest = {
+            "schema": SCHEMA, "kind": KIND, "title": title or type(model).__name__,
+            "reading": reading._asdict(), "estimate": estimate._asdict(),
+            "limits": [float(low), float(high)], "rates": rates, "start": float(start),
+            "error": error and error_tree(error),
+            "golden": {
+                "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
+                "value": value.tolist(), "tolerance": 1e-9 * max(float(np.ptp(value)), 1e-300),
+            },
+        }  # fmt: skip
+
+    def document(self, precision: type = np.float64) -> dict[str, Any]:
+        """What `compensate.runtime` loads, for numbers of a precision."""
+        if precision not in self._trees:
+            self._trees[precision] = tree_of(self.model, precision, self.depth)
+        return {**self._rest, "tree": self._trees[precision]}
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Whether the stack is deep enough for the readings."""
+        if all(node["kind"] != "preisach" for node in _nodes(self._trees[np.float64])):
+            return ()
+        dt = np.diff(self._times, prepend=self._times[0])
+        deep = tree_of(self.model, depth=DEEP)
+        needed = deepest(deep, "find", dt.tolist(), self._readings.tolist())
+        if needed <= self.depth:
+            return ()
+        return (
+            f"These readings need {needed} stored reversals but the export keeps {self.depth}, so the"
+            f" smallest loops are dropped. Use a depth of {needed} to keep all.",
+        )
+
+    def write_runtime(self, path: str | Path) -> Exported:
+        """`export_runtime` of what was prepared."""
+        return Exported(write(path, self.document()), self.notes)
+
+    def write_c(self, path: str | Path, real: str = "double") -> Exported:
+        """`export_c` of what was prepared."""
+        path = Path(path)
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", path.stem):
+            raise InputError(
+                "bad-name", f"{path.stem!r} cannot be a name in C.",
+                fix="letters, digits and _, a letter first.",
+            )  # fmt: skip
+        if real not in ("double", "float"):
+            raise InputError("bad-option", f"real={real!r} is unknown.", fix="double or float.")
+        document = self.document(np.float32 if real == "float" else np.float64)
+        path.write_text(header(document, path.stem, single=real == "float"), "utf-8")
+        return Exported(path, self.notes)
 
 
-def _wider(y: np.ndarray) -> tuple[float, float]:
+def wider(y: np.ndarray) -> tuple[float, float]:
+    """The limits of an export by default: half the readings' span beyond them on either side."""
     low, high = float(y.min()), float(y.max())
     return low - (high - low) / 2, high + (high - low) / 2
 
@@ -153,26 +208,13 @@ def _has_rates(node: dict[str, Any]) -> bool:
     )
 
 
-def _notes(
-    model: AbstractModel, precision: type, y: np.ndarray, t: np.ndarray, depth: int
-) -> tuple[str, ...]:
-    """Whether the stack is deep enough for the readings."""
-    deep = program_of(model, precision, DEEP)
-    needed = _deepest(deep, np.diff(t, prepend=t[0]).tolist(), y.tolist())
-    if needed <= depth:
-        return ()
-    return (
-        f"these readings open up to {needed} reversals, and the stack holds {depth}: the smallest loops are"
-        f" forgotten. A depth of {needed} holds all.",
-    )
-
-
-def _deepest(tree: dict[str, Any], dt: Sequence[float], y: Sequence[float]) -> int:
+def deepest(tree: Tree, way: str, dt: Sequence[float], y: Sequence[float]) -> int:
+    """Reversals that are open at once, at most, where a tree is run one way over some readings."""
     states: list[Any] = []
     node = node_of(tree, states)
     stacks = [s for s in states if hasattr(s, "forgotten")]
     most = 0
     for step, reading in zip(dt, y, strict=True):
-        node.find(step, reading)
-        most = max(most, *(s.depth for s in stacks))
+        getattr(node, way)(step, reading)
+        most = max([most, *(s.depth for s in stacks)])
     return most

@@ -60,6 +60,12 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     - `low`, `high`: the inputs to look for.
 
     A step costs about 110 of the model's.
+
+    **Example:**
+
+        >>> search = compensate.BracketedCompensator(model, -10.0, 10.0)
+        >>> search.simulate(t, model.simulate(t, u)).value.round(6).tolist() == u.tolist()
+        True
     """
 
     model: AbstractModel

@@ -11,20 +11,17 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Scaled, Series
 from hysteresis.networks import StaircaseNetwork
 
-from ..export._element_tree import _tree, program_of
-from ..export._export import DEEP, Quantity, _has_rates, _nodes
+from ..export._element_tree import tree_of
+from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest
 from ..inverses._compose import ScaledCompensator, SeriesCompensator
 from ..inverses._viscoelastic import ViscoelasticCompensator
 from ..runtime._file import SCHEMA, number, write
 from ..runtime._network import KIND
-from ..runtime._tree import node_of
 from ._everett_network import EverettNetwork
 from ._force import BackwardsModel, ForceEstimator
 
 GOLDEN = 200
 """Samples that a file is checked with when it is loaded."""
-
-EPS = float(np.finfo(float).eps)
 
 READING, FORCE = Quantity("reading"), Quantity("force", "N")
 
@@ -99,13 +96,10 @@ def _program(
     dt = np.zeros(len(y)) if t is None else np.diff(t, prepend=t[0])
     way = "find" if backwards else "move"
 
-    def program(depth: int) -> dict[str, Any]:
-        # Forwards nothing is inverted: a reading may well fall with the force.
-        return program_of(chain, depth=depth) if backwards else _tree(chain, EPS, depth)
-
-    depth = _depth(program(DEEP), way, dt.tolist(), y.tolist())
+    # Nothing is inverted here: what runs backwards has its inverse, and forwards a reading may fall.
+    depth = deepest(tree_of(chain, depth=DEEP), way, dt.tolist(), y.tolist())
     # A quarter more than these readings needed, and never less than compensators have.
-    tree = program(max(64, depth + depth // 4))
+    tree = tree_of(chain, depth=max(64, depth + depth // 4))
     return {"kind": "tree", "way": way, "tree": tree}, any(map(_has_rates, _nodes(tree)))
 
 
@@ -131,18 +125,6 @@ def _behind(compensator: Any) -> AbstractModel:
             fix="use the estimator itself, or train a network.",
         )  # fmt: skip
     return compensator.model
-
-
-def _depth(tree: dict[str, Any], way: str, dt: list[float], y: list[float]) -> int:
-    """Reversals that are open at once, at most, over some readings."""
-    states: list[Any] = []
-    node = node_of(tree, states)
-    stacks = [s for s in states if hasattr(s, "forgotten")]
-    most = 0
-    for step, reading in zip(dt, y, strict=True):
-        getattr(node, way)(step, reading)
-        most = max([most, *(s.depth for s in stacks)])
-    return most
 
 
 def _network(model: StaircaseNetwork) -> dict[str, Any]:

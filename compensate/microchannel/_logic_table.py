@@ -75,6 +75,12 @@ class LogicTable:
     **Raises:** `InputError` for numbers out of range, more than 10 places.
 
     Source: Kim and Park (2018), section III.C and table I, where f is known.
+
+    **Example:**
+
+        >>> table = compensate.microchannel.LogicTable([[1.0, 2.0], [2.0, 1.0]], "AB", noise=0.01)
+        >>> sorted(table.decide([3.0, 3.0]).places)
+        ['A', 'B']
     """
 
     levels: Float[np.ndarray, "layers places"]

@@ -75,6 +75,12 @@ class Readout(eqx.Module):
     Raises `InputError` for numbers out of range.
 
     Source: Kim and Park (2018), section II and fig 2.
+
+    **Example:**
+
+        >>> readout = compensate.microchannel.Readout(channels=2)
+        >>> readout.channels
+        2
     """
 
     scale: Values = parameter(meaning="reading for a relative change of 1")

@@ -173,6 +173,12 @@ def qualify(
     - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
 
     Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
+
+    **Example:**
+
+        >>> found = compensate.qualify(compensate.invert(fit.model), record, max_error=20.0)
+        >>> found.errors.rows
+        101
     """
     _check(record, max_error, rate)
     u, y, used = record.input, record.output, record.mask

@@ -14,6 +14,12 @@ def load(path: str | Path) -> Compensator | ForceEstimator:
 
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
+
+    **Example:**
+
+        >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
+        >>> compensate.runtime.load(file).rates
+        False
     """
     return load_force(path) if _kind(path) == FORCE else load_compensator(path)
 

@@ -49,6 +49,12 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     The error runs linearly between `levels` of the estimate, falling and rising, and `scores` are what
     residuals were found to be over their deviation, whatever that distribution. The value is the
     inner one's. A play of half width `width` behind the estimates tells the branch.
+
+    **Example:**
+
+        >>> band = compensate.calibrated(compensate.invert(fit.model), record, levels=4)
+        >>> band.error.shape
+        (2, 4)
     """
 
     inner: AbstractCompensator
@@ -138,6 +144,12 @@ def calibrated(
       where samples drift: the error then grows with its square root, as a random walk's.
 
     Raises `InputError` where no row is left.
+
+    **Example:**
+
+        >>> band = compensate.calibrated(compensate.invert(fit.model), record)
+        >>> compensate.estimate(band, record).deviation.shape
+        (101,)
     """
     value, status, spread, rising, width = _residuals(compensator, record)
     counted = record.mask & (status != Status.INVALID)

@@ -31,6 +31,12 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
     **Arguments:** `inner`: any compensator; `width`: half the band, in the output's unit.
 
     Raises `InputError` for a width that is negative or not finite.
+
+    **Example:**
+
+        >>> quiet = compensate.DeadBandCompensator(compensator, width=0.1)
+        >>> quiet.simulate(t, model.simulate(t, u)).value.shape
+        (13,)
     """
 
     inner: AbstractCompensator[Any, Found]

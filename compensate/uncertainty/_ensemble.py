@@ -17,7 +17,14 @@ from ..inverses import inverse_of
 
 
 class UncertainEstimate(NamedTuple):
-    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`."""
+    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`.
+
+    **Example:**
+
+        >>> found = compensate.UncertainEstimate(jnp.array([2.0]), jnp.array([0]), jnp.array([0.1]))
+        >>> found.quantile([0.5]).tolist()
+        [[2.0]]
+    """
 
     value: Float[Array, "*samples"]
     status: Int[Array, "*samples"]
@@ -59,6 +66,12 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
     - `inverse`: makes the compensator of one model, e.g. `lambda m: BracketedCompensator(m, 0, 1)`.
 
     Raises `InputError` where the first draw has no inverse, or a deviation is negative or not finite.
+
+    **Example:**
+
+        >>> draws = jax.tree.map(lambda x: jnp.stack([x, 1.1 * x]), model)
+        >>> compensate.EnsembleCompensator(draws).simulate(t, model.simulate(t, u)).draws.shape
+        (2, 13)
     """
 
     members: AbstractCompensator

@@ -65,6 +65,12 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
     - `inverse`: of the model, if not `invert`'s.
 
     Raises `InputError` for deviations that are not positive and finite, and a model without inverse.
+
+    **Example:**
+
+        >>> smooth = compensate.FilteredCompensator(model, input_step=1.0, output_sigma=0.01)
+        >>> smooth.simulate(t, model.simulate(t, u)).deviation.shape
+        (13,)
     """
 
     model: AbstractModel

@@ -46,6 +46,12 @@ def flat_intervals(
     - `t`, `estimate`: (samples,), as given to and found by `simulate`; `t` may be None without rates.
     - `where`: (samples,) bool, which estimates to look at, such as `status == Status.FLAT`; all by default.
       The interval of the others is the estimate itself.
+
+    **Example:**
+
+        >>> wide = compensate.flat_intervals(model, t, u, low=-10.0, high=10.0).width
+        >>> bool((wide < 1e-6).all())
+        True
     """
     u = jnp.asarray(estimate, float)
     clock = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Quantity, calibrated, export_c, export_runtime, invert
+from compensate import Quantity, calibrated, invert
+from compensate.export._export import Program, wider
 from hysteresis import InputError
 
 
@@ -25,24 +26,23 @@ def export(
         )
     record = fitted.train
     rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
-    readings = record.output[record.mask]
-    span = np.ptp(readings) / 2
-    options: dict[str, Any] = {
-        "times": None if record.time is None else record.time[rows],
-        "reading": Quantity(record.output_name, record.output_unit),
-        "estimate": Quantity(record.input_name, record.input_unit),
-        "title": fitted.name, "depth": depth,
-        "error": calibrated(invert(fitted.model), record),
-        "limits": limits or (readings.min() - span, readings.max() + span),
-    }  # fmt: skip
-    used = np.where(record.mask[rows], record.output[rows], np.nan)
-    files, notes = {}, []
+    limits = limits or wider(record.output[record.mask])
+    program = Program(
+        fitted.model,
+        np.where(record.mask[rows], record.output[rows], np.nan),
+        times=None if record.time is None else record.time[rows],
+        reading=Quantity(record.output_name, record.output_unit),
+        estimate=Quantity(record.input_name, record.input_unit),
+        title=fitted.name,
+        limits=limits,
+        depth=depth,
+        error=calibrated(invert(fitted.model), record),
+    )
+    files, notes = {}, [*program.notes]
     if c is not None:
-        done = export_c(fitted.model, c, used, real="float" if single else "double", **options)
-        files["c"], notes = str(done.path), [*done.notes]
+        files["c"] = str(program.write_c(c, "float" if single else "double").path)
     if runtime is not None:
-        done = export_runtime(fitted.model, runtime, used, **options)
-        files["runtime"], notes = str(done.path), [*done.notes]
+        files["runtime"] = str(program.write_runtime(runtime).path)
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
-    return {"files": files, "notes": notes, "limits": [float(x) for x in options["limits"]]}
+    return {"files": files, "notes": notes, "limits": [float(x) for x in limits]}

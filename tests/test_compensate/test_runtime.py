@@ -177,7 +177,7 @@ def test_a_stack_too_small_for_the_readings_says_so(tmp_path: Path):
     """An alternation that decays opens a loop at every turn."""
     model, y = relays(rows=100)
     (note,) = export_c(model, tmp_path / "it.h", y, depth=16).notes
-    assert "holds 16" in note
+    assert "keeps 16" in note
     needed = int(note.rsplit("depth of ")[1].split()[0])
     assert 60 < needed <= 100
     assert export_c(model, tmp_path / "it.h", y, depth=needed).notes == ()

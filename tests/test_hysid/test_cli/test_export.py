@@ -45,5 +45,5 @@ def test_limits_and_precision(folder: Path):
 
 def test_what_is_at_fault_is_said(folder: Path):
     refused(run("export", folder), "--c FILE.h")
-    refused(run("export", folder, "--c", folder / "1 2.h"), "no name in C")
+    refused(run("export", folder, "--c", folder / "1 2.h"), "cannot be a name in C")
     refused(run("export", folder / "none", "--c", folder / "it.h"), "none")
