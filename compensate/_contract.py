@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 from numpy.typing import ArrayLike
 
-from hysteresis import html_of
+from hysteresis import html_of, plot_of
+from hysteresis._show import one_line, table
 from hysteresis._type_variables import State
 
 from .runtime._status import Status as Status
@@ -38,7 +39,7 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
 
         model.simulate(t, compensator.simulate(t, y).value) == y     on the reachable set
 
-    to 1e-9 of the range of y; elsewhere the status says why not. It never raises inside a loop.
+    to 1e-9 of the range of y. Elsewhere the status says why not. A compensator never raises inside a loop.
     """
 
     @abc.abstractmethod
@@ -52,6 +53,28 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
     @abc.abstractmethod
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
+
+    def plot(self) -> Any:
+        """Estimates while the reading goes up, down and half way up again, as a matplotlib `Figure`.
+
+        Samples whose status is not OK are grey.
+
+        **Returns:** a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        **Raises:** `InputError` `missing-extra` where matplotlib or hysid cannot be imported.
+
+        **Example:**
+
+            >>> compensator.plot().axes[0].get_xlabel()
+            'reading'
+        """
+        return plot_of(self)
+
+    def __str__(self) -> str:
+        return table(self)
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
     def _repr_html_(self) -> str | None:
         return html_of(self)

@@ -13,7 +13,9 @@ from ._rate_dependent_play import MovingThresholdsCompensator
 
 @register
 class PrandtlIshlinskiiCompensator(AbstractCompensator[PlayState, Estimate]):
-    """u from y by plays on x = S^-1(y - offset), as many as the model has. Let
+    """Exact inverse of a Prandtl-Ishlinskii model: another one, of the other orientation.
+
+    It has as many plays, which act on x = S^-1(y - offset). Let
 
         W_i = slope + sum_{j <= i} w_j  (lagging)   or   slope + sum_{j > i} w_j  (leading)
 

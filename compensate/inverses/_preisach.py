@@ -42,7 +42,9 @@ class _Target(NamedTuple):
 
 @register
 class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
-    """u from y, exactly. On a branch from the reversal r the output moved by
+    """Exact inverse of a Preisach model on a grid, branch by branch.
+
+    On a branch from the reversal r the output moved by
 
         s (z - z_r) = s (R(u) - R(r)) + 2 s_o E(u, r) =: q(u),   s = +-1 rising or falling,
 

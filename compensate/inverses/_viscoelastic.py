@@ -15,7 +15,9 @@ from ._inverse_of import inverse_of
 
 @register
 class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
-    """Each step solves y = direct u + sum of x for the side that was not measured: one division.
+    """Exact inverse of a viscoelastic model: the element driven from its other side.
+
+    Each step solves y = direct u + sum of x for the side that was not measured: one division.
 
     `element` is the model with `leading` turned over and no offset.
     """

@@ -1,19 +1,19 @@
-"""What an estimate is worth."""
+"""The status of an estimate."""
 
 from enum import IntEnum
 
 
 class Status(IntEnum):
-    """What an estimate is worth."""
+    """Whether an estimate can be used, and if not, why."""
 
     OK = 0
     EXTRAPOLATED = 1
-    """Beyond the inputs the model knows; continued along its memoryless part."""
+    """The input is beyond those the model knows. The estimate continues along the memoryless part."""
     SATURATED = 2
-    """Beyond the outputs the model can have; held at the end of its range."""
+    """The output is beyond those the model can have. The estimate is held at the end of its range."""
     FLAT = 3
-    """The model does not change here: the nearest input is held."""
+    """The model does not change here, so several inputs fit. The nearest one is held."""
     BELOW_THRESHOLD = 4
-    """No contact yet: any input below the threshold gives this output."""
+    """There is no contact yet. Any input below the threshold gives this output."""
     INVALID = 5
-    """The sample was NaN or infinite: the last estimate is held, the state untouched."""
+    """The sample was NaN or infinite. The last estimate is held, and the state does not change."""

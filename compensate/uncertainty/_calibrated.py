@@ -42,7 +42,9 @@ class CalibratedState(NamedTuple):
 
 @register
 class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstimate]):
-    """An inner compensator, with its model's own error beside the spread:
+    """A compensator whose deviation holds the model's own error too.
+
+    It adds that error to the spread of the inner compensator:
 
         deviation^2 = spread^2 + error(level, branch)^2,     draws = value + deviation scores
 
@@ -172,6 +174,8 @@ def calibrated(
     visits, visit = np.unique(group * ways + place, return_inverse=True)
     of_visit = visits // ways
 
+    # A likelihood for each candidate error: averaged within a visit, whose samples err alike, so that a
+    # visit counts once. The best candidate per level and branch is then a sum over visits and an argmax.
     candidates = np.geomspace(1e-3, 10, CANDIDATES) * max(float(np.std(r)), TINY)
     variance = spread**2 + candidates[:, None] ** 2
     likelihood = -(np.log(variance) + r**2 / variance) / 2
@@ -184,6 +188,8 @@ def calibrated(
         total += PRIOR_VISITS * facts[:, of].mean(1, keepdims=True)
         return candidates[total.argmax(0)].reshape(2, levels)
 
+    # Each group's scores come from an error learnt without it. An error learnt with it would fit the group,
+    # and the band would be too narrow for data that were not seen.
     middles, scores = (edges[1:] + edges[:-1]) / 2, np.empty(len(r))
     for one in np.unique(of_visit):
         others = of_visit != one if (of_visit != one).any() else of_visit == one

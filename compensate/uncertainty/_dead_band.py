@@ -20,7 +20,9 @@ class DeadBandState(NamedTuple):
 
 
 class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
-    """The inner inverse of v_k = clip(v_(k-1), y_k - width, y_k + width), a play behind the reading.
+    """A compensator behind a dead band on its reading.
+
+    It is the inner inverse of v_k = clip(v_(k-1), y_k - width, y_k + width), a play behind the reading.
 
     What it costs: on a way up or down v lies `width` behind y, so the estimate lies width / slope
     behind the input, dy/du = slope; after a reversal it stands still until the reading has come back

@@ -35,7 +35,9 @@ class FilteredState(NamedTuple):
 
 
 class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate]):
-    """The input that is likeliest if it walks at random and the reading is noisy:
+    """An extended Kalman filter of the input, for noisy readings.
+
+    It finds the input that is likeliest if it walks at random and the reading is noisy:
 
         u_k = u_(k-1) + N(0, Q),     y_k = h(u_k) + N(0, R),     R = output_sigma^2,
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from compensate import invert
+from compensate import BracketedCompensator, invert
 from hysteresis import Burgers, InputError, Note, PrandtlIshlinskii, Preisach, Record, Series, Sum
 from hysteresis import plot_of as plot
 from hysteresis.curves import PolynomialCurve
@@ -80,6 +80,16 @@ def test_a_model_prints_while_it_is_traced():
     assert "traced" in said[0]
 
 
+@pytest.mark.parametrize("name", MODELS)
+def test_compensators_print_their_numbers(name: str):
+    searched = name in ("series", "sum of many")
+    model = MODELS[name]
+    compensator = BracketedCompensator(model, 0.0, 1.0) if searched else invert(model)
+    assert type(compensator).__name__ in short(str(compensator))
+    assert "f64[" not in repr(compensator)
+    assert "\n" not in repr(compensator)
+
+
 def test_a_record_prints():
     text = short(str(replace(record(), history=(Note("remark", "Done."),) * 60)))
     assert "force (N)" in text
@@ -106,7 +116,7 @@ def test_a_posterior_prints():
 
 def test_plots_are_figures():
     grid = invert(Preisach(GridDensity(0.0, 10.0, np.tri(6))))
-    drawn = [record().plot(), fitted().plot(), posterior().plot(), plot(grid)]
+    drawn = [record().plot(), fitted().plot(), posterior().plot(), grid.plot()]
     assert all(isinstance(figure, Figure) for figure in drawn)
     for figure in drawn[:2]:
         assert figure.axes[0].get_xlabel() == "force (N)"
