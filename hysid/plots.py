@@ -56,6 +56,12 @@ def staircase(
     - `input`: from negative saturation on.
     - `low`, `high`: where all relays are down and up; the input's own range unless given.
     - `unit`: of the input.
+
+    **Example:**
+
+        >>> figure = hysid.plots.staircase(u, unit="N")
+        >>> figure.axes[0].get_xlabel()
+        'sample'
     """
     low, high = _range(input, low, high)
     path = np.append(low, np.clip(input, low, high))
@@ -110,6 +116,12 @@ def memory(
     - `input`: from negative saturation on.
     - `low`: where all relays are down; the least input unless given.
     - `unit`: of the input.
+
+    **Example:**
+
+        >>> figure = hysid.plots.memory(u, unit="N")
+        >>> figure.axes[0].get_ylabel()
+        'input (N)'
     """
     low, _ = _range(input, low, None)
     path = np.append(low, np.maximum(input, low))
@@ -140,7 +152,15 @@ def memory(
 
 @styled
 def forc(diagram: ForcDiagram, *, input_unit: str = "1", output_unit: str = "1") -> Figure:
-    """A FORC diagram: density over coercivity and bias, white at 0, contours at tenths of its peak."""
+    """A FORC diagram: density over coercivity and bias, white at 0, contours at tenths of its peak.
+
+    **Example:**
+
+        >>> diagram = identify.forc_diagram(curves, smoothing=1)
+        >>> figure = hysid.plots.forc(diagram, input_unit="N", output_unit="mm")
+        >>> figure.axes[0].get_xlabel()
+        'coercivity (α − β)/2 (N)'
+    """
     x, y, z = diagram.coercivity, diagram.bias, diagram.density
     mesh = Triangulation(x, y)
     sides = np.hypot(*(v[mesh.triangles] - np.roll(v[mesh.triangles], 1, 1) for v in (x, y)))
@@ -173,6 +193,12 @@ def everett(
     """An Everett surface with contours at tenths of its peak.
 
     `surface[p, q]` is E(alpha, beta) at alpha = nodes[p], beta = nodes[q].
+
+    **Example:**
+
+        >>> figure = hysid.plots.everett(np.linspace(0, 10, 7), np.tri(7), input_unit="N")
+        >>> figure.axes[0].get_xlabel()
+        'switch-down threshold β (N)'
     """
     peak = float(np.tril(surface).max())
     figure, axes = _plane(nodes, input_unit)
@@ -187,7 +213,15 @@ def everett(
 
 @styled
 def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
-    """How much data tell about each cell of a grid, 0 to 1; the cells the input swept are outlined."""
+    """How much data tell about each cell of a grid, 0 to 1; the cells the input swept are outlined.
+
+    **Example:**
+
+        >>> found = identify.identifiability(loops, cells=6)
+        >>> figure = hysid.plots.identifiability(found, unit="N")
+        >>> figure.axes[0].get_xlabel()
+        'switch-down threshold β (N)'
+    """
     told, excited = found.told, found.excited
     nodes = np.linspace(found.low, found.high, len(told) + 1)
     figure, axes = _plane(nodes, unit)
@@ -206,7 +240,14 @@ def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
 
 @styled
 def candidates(fit: FitResult) -> Figure:
-    """The error of every model a fit tried, best first: held out in training, and on the test rows."""
+    """The error of every model a fit tried, best first: held out in training, and on the test rows.
+
+    **Example:**
+
+        >>> figure = hysid.plots.candidates(fit)
+        >>> [text.get_text() for text in figure.axes[0].get_yticklabels()]
+        ['LinearSponge']
+    """
     names = [candidate.name for candidate in fit.candidates]
     place = np.arange(len(names))[::-1]
     figure = Figure(figsize=(6.4, 0.8 + 0.42 * len(names)))

@@ -48,6 +48,13 @@ def parameter(
 
     **Arguments:** as `ParameterInfo`; without a `default` the field has to be given. None, where it is
     the default, says that the model has no such part.
+
+    **Example:**
+
+        >>> class Spring(eqx.Module):
+        ...     k: float = hysteresis.parameter(unit="N / mm", bounds=(0.0, np.inf))
+        >>> [(name, info.unit, info.bounds) for name, info, _ in hysteresis.parameters(Spring(2.0))]
+        [('k', 'N / mm', (0.0, inf))]
     """
     info = ParameterInfo(unit, bounds, fixed, meaning)
     return eqx.field(converter=as_float, metadata={"parameter": info}, default=default)
@@ -62,12 +69,29 @@ def as_float(value: Any) -> Any:
 
 
 def is_concrete(value: Any) -> bool:
-    """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`."""
+    """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`.
+
+    **Example:**
+
+        >>> hysteresis.is_concrete(np.ones(3))
+        True
+        >>> bool(jax.jit(lambda x: hysteresis.is_concrete(x))(1.0))
+        False
+    """
     return eqx.is_array_like(value) and not isinstance(value, Tracer)
 
 
 def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
-    """Every parameter of a model, those of its parts with a dotted name: (name, info, value)."""
+    """Every parameter of a model, those of its parts with a dotted name: (name, info, value).
+
+    **Example:**
+
+        >>> for name, info, value in hysteresis.parameters(hysteresis.LinearSponge(K=1.3, b=6.0)):
+        ...     print(name, float(value), info.unit)
+        K 1.3 output / input
+        b 6.0 output
+        threshold -inf input
+    """
     for field in fields(model):
         value = getattr(model, field.name)
         info = field.metadata.get("parameter")
@@ -84,7 +108,13 @@ def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
 
 
 def parameter_at(model: eqx.Module, name: str) -> Any:
-    """The parameter of a dotted name, as `parameters` gives them."""
+    """The parameter of a dotted name, as `parameters` gives them.
+
+    **Example:**
+
+        >>> float(hysteresis.parameter_at(hysteresis.LinearSponge(K=1.3, b=6.0), "K"))
+        1.3
+    """
     place: Any = model
     for step in name.split("."):
         place = place[int(step)] if step.isdigit() else getattr(place, step)

@@ -35,7 +35,14 @@ class Belief(NamedTuple):
 @styled
 def residual_correlation(found: Whiteness) -> Figure:
     """Correlation of residuals with themselves, the input and its speed, with the band in which 99 of 100
-    lags of white residuals lie, and, dotted, the one that holds all lags as often."""
+    lags of white residuals lie, and, dotted, the one that holds all lags as often.
+
+    **Example:**
+
+        >>> figure = hysid.plots.residual_correlation(identify.whiteness(fit))
+        >>> len(figure.axes)
+        3
+    """
     charts = [("rows before", "autocorrelation", found.itself)]
     charts.append(("rows before", "with the input", found.input))
     if found.speed is not None:
@@ -69,6 +76,12 @@ def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
 
     Distances are in the free space: 1 is a factor of e for a positive parameter. The first `refined`
     starts were followed to their end.
+
+    **Example:**
+
+        >>> figure = hysid.plots.waterfall(fit.starts, refined=4)
+        >>> len(figure.axes)
+        2
     """
     errors = np.sqrt(starts.objective)
     rank, same = np.arange(1, len(errors) + 1), errors <= 1.01 * errors[0]
@@ -103,6 +116,12 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
 
     The line is the drop at the interval's ends; dashed, the parabola of the standard error, where there
     is one.
+
+    **Example:**
+
+        >>> figure = hysid.plots.profiles([identify.profile(fit, "K")])
+        >>> len(figure.axes)
+        1
     """
     figure, grid = _small(len(found), 1.95)
     for k, (axes, p) in enumerate(zip(grid, found, strict=False)):
@@ -197,6 +216,13 @@ def bands(
 
     **Arguments:** `x` of the rows, their numbers unless given; `about`: with the median taken away, so
     that the bands' widths can be seen; `gaps`: rows before which nothing is connected.
+
+    **Example:**
+
+        >>> found = identify.predictive(fit)
+        >>> figure = hysid.plots.bands(found, fit.test.time[found.rows], y_label="x (mm)")
+        >>> figure.axes[0].get_ylabel()
+        'x (mm)'
     """
     x = found.rows.astype(float) if x is None else x
     take = found.middle if about else np.zeros_like(found.middle)

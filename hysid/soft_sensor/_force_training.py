@@ -95,6 +95,15 @@ def train_force(
     fewer than two members; and as `identify.train` and `identify.fit` do.
 
     **Source:** Kim and Park (2018), section III A, for the network only.
+
+    **Example:**
+
+        >>> time = np.arange(80.0)
+        >>> force = 3 * np.sin(np.linspace(0, np.pi, 80)) ** 2
+        >>> records = [(time, 0.3 + scale * 0.1 * force, scale * force) for scale in (1.0, 1.2, 1.4, 1.6)]
+        >>> learnt = hysid.train_force(records, members=2, updates=50)
+        >>> learnt.estimator.simulate(*records[0][:2]).value.shape
+        (80,)
     """
     if kind not in KINDS:
         raise InputError(

@@ -44,6 +44,13 @@ def input_noise(u: Float[Array, " samples"] | np.ndarray) -> float:
     sample in 370 is further off, and loops that small are lost in the noise anyway.
 
     Raises `InputError` for fewer than three samples.
+
+    **Example:**
+
+        >>> random = np.random.default_rng(0)
+        >>> noisy = np.sin(np.linspace(0, 20, 2000)) + 0.01 * random.normal(size=2000)
+        >>> f"{hysteresis.preisach.input_noise(noisy):.3f}"
+        '0.010'
     """
     u = np.asarray(u, float)
     if len(u) < 3:

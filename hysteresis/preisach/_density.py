@@ -218,6 +218,11 @@ def quantile_nodes(u: Any, cells: int) -> tuple[float, ...]:
     so no cell is narrower than half a uniform one, whatever gaps and ties the inputs have.
 
     Raises `InputError` for inputs that are not finite or do not change.
+
+    **Example:**
+
+        >>> hysteresis.preisach.quantile_nodes(u, 4)
+        (0.0, 1.75, 3.0, 4.25, 6.0)
     """
     u = np.asarray(u, float)
     low, high = (u.min(), u.max()) if u.size and np.isfinite(u).all() else (np.nan, np.nan)

@@ -43,6 +43,12 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     """The memory tree of a path that starts at its own minimum, the negative saturation.
 
     Time: one pass of NumPy over the samples and one Python loop over the turning points alone.
+
+    **Example:**
+
+        >>> tree = hysteresis.preisach.memory_tree(u)
+        >>> len(tree.parent)
+        4
     """
     turning, end = _turning_points(path)
     value = path[np.append(turning, end)]

@@ -89,5 +89,11 @@ def KrasnoselskiiPokrovskii(  # noqa: N802 - a model by the name it has
         y = offset + R(u) + sum of weight_ij k_ij[u](t)
 
     Arguments as `RidgeDensity`, then as `Preisach` behind its density.
+
+    **Example:**
+
+        >>> model = hysteresis.KrasnoselskiiPokrovskii(0.0, 10.0, np.tri(6))
+        >>> model.simulate(None, u).shape
+        (13,)
     """
     return Preisach(RidgeDensity(low, high, weights), *arguments, **options)

@@ -14,7 +14,14 @@ def whole_output(
 
 
 def saturated_outputs(model: Preisach) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The output where the last relay has switched: all down at `low`, and all up at `high`."""
+    """The output where the last relay has switched: all down at `low`, and all up at `high`.
+
+    **Example:**
+
+        >>> low, high = hysteresis.preisach.saturated_outputs(preisach)
+        >>> float(low), float(high)
+        (-21.0, 21.0)
+    """
     mass = model.density.mass(model.density.tabulate())
     low, high = (jnp.full_like(mass, u) for u in (model.density.low, model.density.high))
     return whole_output(model, -mass, low), whole_output(model, mass, high)

@@ -124,6 +124,12 @@ def read_table(
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
     `binary-file`, `no-rows`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,
     `bad-units-row`, `bad-option`, `missing-extra`, `damaged-file`.
+
+    **Example:**
+
+        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
+        >>> list(table.columns)
+        ['time (s)', 'force (N)', 'displacement (mm)', 'cycle']
     """
     path = Path(path)
     if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
@@ -241,6 +247,13 @@ def read_csv(
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
     `text-cell`, `decimal-comma`, `thousands-separator`, `not-finite`, `too-large`,
     `unknown-unit`, `wrong-unit`, `bad-option`.
+
+    **Example:**
+
+        >>> file = datasets / "sponge-50mm-cycles.csv"
+        >>> record = hysteresis.read_csv(file, "force (N)", "displacement (mm)", "time (s)")
+        >>> len(record), record.input_unit, record.output_unit
+        (101, 'N', 'mm')
     """
     if isinstance(path, Table):
         table = path
@@ -321,6 +334,13 @@ def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
 
     Numbers compare as numbers: `run=4` holds for "4" and 4.0. The function raises `no-column`,
     and `no-match` where a value occurs nowhere. Raises `bad-condition`.
+
+    **Example:**
+
+        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
+        >>> rows = hysteresis.parse_condition("cycle=2,3")(table)
+        >>> int(rows.sum())
+        40
     """
     name, equals, right = text.partition("=")
     name, values = name.strip(), [v.strip() for v in right.split(",")]

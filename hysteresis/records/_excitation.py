@@ -16,6 +16,11 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
     """Can these rows tell a model's parameters? Returns warnings, each with its `code`, in which it ends.
 
     **Raises:** `InputError` `too-few-rows`, `constant-input`, `constant-output`, `no-excitation`.
+
+    **Example:**
+
+        >>> hysteresis.check_identifiable(record, n_parameters=3)
+        []
     """
     u, unit, place = record.input, record.input_unit, record.source
     turns = check_rows(record, n_parameters)

@@ -328,6 +328,11 @@ def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, "
     """From the first force (left out) through the others, in equal steps of at most `step` N.
 
     **Raises:** `InputError` if there is no turn, or the step is not positive.
+
+    **Example:**
+
+        >>> hysteresis.rigs.force_path([0.0, 3.0, 1.0])
+        array([1., 2., 3., 2., 1.])
     """
     _require(len(turns) > 0 and step > 0, "no turn, or no step.", "Give forces, and a step > 0.")
     pieces = [
@@ -344,6 +349,12 @@ def mixed_forces(
 
     Each starts from 0 N, reverses three to six times, in the upper and the lower third of the range by
     turns, and ends anywhere.
+
+    **Example:**
+
+        >>> forces = hysteresis.rigs.mixed_forces(2, 40, low=2.0, high=20.0)
+        >>> forces.shape, bool(forces.max() <= 20.0)
+        ((2, 40), True)
     """
     rng = np.random.default_rng(seed)
     third = (high - low) / 3

@@ -60,6 +60,13 @@ class Posterior:
     - `log_probability`: (ensembles, draws), up to a constant. `statistics`: more of the sampler's,
       (ensembles, ...).
     - `prior`: draws of the priors, (draws, parameters). `per_row`: what the draws say of each row.
+
+    **Example:**
+
+        >>> posterior.names
+        ('K', 'b', 'sigma')
+        >>> posterior.draws.shape[0], posterior.method
+        (4, 'emcee, 4 x 16 walkers, 100 steps')
     """
 
     names: tuple[str, ...]
