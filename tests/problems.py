@@ -31,7 +31,7 @@ from tests import compositions
 from tests.densities import CELLS as DENSITY_CELLS
 from tests.densities import Make, plain_everett, warped
 
-Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat"]
+Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat", "no-inverse"]
 Known = tuple[np.ndarray, np.ndarray, np.ndarray]
 SAMPLES = 40
 """Length of the histories: one length, so that a law compiles once per problem."""
@@ -47,7 +47,8 @@ class Problem:
     - `make`: parameters from a random generator; whatever is static is the same every time.
     - `low`, `high`: inputs of the histories.
     - `tags`: `rates` (time matters), `lagging` or `leading` (loops), `memoryless`, `grid` (Preisach
-      on a grid), `flat` (there are inputs over which some branch does not change).
+      on a grid), `flat` (there are inputs over which some branch does not change), `no-inverse` (some
+      branch falls, so `invert` refuses the model).
     - `known`: `(t, u, y)` of a model, from its equations.
     """
 
@@ -179,6 +180,12 @@ def _preisach(
         )  # fmt: skip
 
     return make
+
+
+def _signed(rng: np.random.Generator) -> Preisach:
+    """Relays of both signs: no branch need rise."""
+    signs = rng.choice([-1.0, 1.0], (CELLS, CELLS))
+    return Preisach(GridDensity(LOW, HIGH, weights(rng) * signs, signed=True))
 
 
 def _preisach_known(model: AbstractModel) -> Known:
@@ -453,7 +460,10 @@ PROBLEMS: tuple[Problem, ...] = (
     _density_problem("warped-grid", warped, "grid"),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),
+    _preisach_problem("signed", _signed, "no-inverse"),
 )  # fmt: skip
+
+INVERTIBLE = tuple(problem for problem in PROBLEMS if "no-inverse" not in problem.tags)
 
 TAGS: tuple[Tag, ...] = get_args(Tag)
 

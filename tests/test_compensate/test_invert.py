@@ -17,8 +17,8 @@ from hysteresis.preisach import GridDensity
 from tests.problems import (
     CELLS,
     HIGH,
+    INVERTIBLE,
     LOW,
-    PROBLEMS,
     SAMPLES,
     Problem,
     clock,
@@ -30,7 +30,7 @@ from tests.problems import (
 )
 
 seeds = st.integers(0, 2**32 - 1)
-every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", INVERTIBLE, ids=lambda p: p.name)
 HISTORIES = 25
 """One number of them everywhere, so that a model's programs are compiled once."""
 
@@ -80,6 +80,12 @@ def reachable(problem: Problem) -> Reachable:
     t = times(problem, model, 0)
     y = forward(model, t, jnp.asarray(u))
     return Reachable(model, t, u, np.asarray(y), backward(invert(model), t, y))
+
+
+@pytest.mark.parametrize("problem", tagged("no-inverse"), ids=lambda p: p.name)
+def test_a_model_without_an_inverse_is_refused(problem: Problem):
+    with pytest.raises(InputError, match=r"can fall while the input rises.*\[not-invertible\]"):
+        invert(problem.model())
 
 
 @every
@@ -133,7 +139,7 @@ def test_drawn_histories_with_ties_and_plateaus(problem: Problem, seed: int, dat
     "problem",
     [
         p
-        for p in PROBLEMS
+        for p in INVERTIBLE
         if "grid" not in p.tags or p.name in ("preisach-negative", "preisach-leading")
     ],
     ids=lambda p: p.name,

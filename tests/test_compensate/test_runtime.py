@@ -16,12 +16,12 @@ from compensate.runtime import Compensator, FileError, load
 from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Record, Sum
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
-from tests.problems import PROBLEMS, Problem, random_histories, weights
+from tests.problems import INVERTIBLE, Problem, random_histories, weights
 
 ROOT = Path(__file__).parents[2]
 ROWS = 240
 NOT_EXPORTED = {"preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen"}
-EXPORTED = [p for p in PROBLEMS if p.name not in NOT_EXPORTED]
+EXPORTED = [p for p in INVERTIBLE if p.name not in NOT_EXPORTED]
 every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
 DEPTH = 128
 
@@ -334,7 +334,7 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         demagnetised = Preisach(model.density, initial="demagnetised")
         export_c(demagnetised, tmp_path / "it.h", y, depth=8)
     for name in NOT_EXPORTED:
-        (problem,) = (p for p in PROBLEMS if p.name == name)
+        (problem,) = (p for p in INVERTIBLE if p.name == name)
         with refused("not-exportable"):
             export_c(problem.model(), tmp_path / "it.h", y)
     assert not list(tmp_path.iterdir())
