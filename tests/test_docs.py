@@ -201,7 +201,7 @@ def test_every_code_of_the_source_is_listed():
     found = tool("error_codes").faults(ROOT)
     assert raised <= {fault.code for fault in found}
     known = {fault.problem for fault in found if fault.code == "conflicting-options"}
-    assert "give --time COL or --dt SECONDS, not both." in known
+    assert "Give --time COL or --dt SECONDS, not both." in known
     assert all(line.count(" | ") == 3 for line in tool("error_codes").table(ROOT).splitlines()[2:])
 
 

@@ -306,7 +306,6 @@ hysteresis.preisach.SumDensity
 hysteresis.Table
 # hysteresis/records/_excitation
 # hysteresis/records/_record
-hysteresis.Record
 # hysteresis/rigs/_armor
 hysteresis.rigs.ArmorRig
 # hysteresis/rigs/_channel_readout
