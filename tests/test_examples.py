@@ -232,9 +232,6 @@ compensate.runtime.load_force
 # hysid/armor/_calibration
 hysid.calibrate_armor
 hysid.choose_presses
-# hysid/figures/_base
-hysid.plots.styled
-# hysid/plots
 # hysid/soft_sensor/_force_training
 # hysid/soft_sensor/_sensor_file
 hysid.load_sensor
@@ -302,26 +299,6 @@ hysteresis.preisach.RidgeDensity
 hysteresis.preisach.OpenLoops
 # hysteresis/preisach/_sum
 hysteresis.preisach.SumDensity
-# hysteresis/records/_csv
-hysteresis.Table
-# hysteresis/records/_excitation
-# hysteresis/records/_record
-# hysteresis/rigs/_armor
-hysteresis.rigs.ArmorRig
-# hysteresis/rigs/_channel_readout
-hysteresis.rigs.CapacitiveReadout
-hysteresis.rigs.ResistiveReadout
-# hysteresis/rigs/_force_loop
-hysteresis.rigs.ChannelStream
-hysteresis.rigs.ForceLoop
-hysteresis.rigs.ForceLoopRig
-# hysteresis/rigs/_force_sensor
-hysteresis.rigs.ForceSensor
-# hysteresis/rigs/_microchannel
-hysteresis.rigs.MicrochannelRig
-# hysteresis/rigs/_sponge
-hysteresis.rigs.SpongeCycles
-hysteresis.rigs.SpongeRig
 # identify/batch/_fit_many
 # identify/batch/_folder
 # identify/calibration/_calibrate

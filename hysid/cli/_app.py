@@ -9,17 +9,15 @@ import typer
 from ._armor import armor
 from ._batch import batch
 from ._bench import bench
-from ._check import check
 from ._compare import compare
 from ._console import INTERRUPTED, Fault, example, explain, stop
 from ._datasets import datasets
 from ._demo import demo
 from ._export import export
 from ._fit import fit
-from ._init import init
+from ._inspect import check, init
 from ._microchannel import microchannel
-from ._predict import predict
-from ._qualify import qualify
+from ._new_data import predict, qualify
 from ._report import report
 from ._reproduce import reproduce
 from ._sample import sample

@@ -37,6 +37,12 @@ class Table:
     - `units`: from a row of units, by column; empty without one.
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
     - `decimal`, `na_values`: what the numbers were read with.
+
+    **Example:**
+
+        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
+        >>> table.number("force (N)")[:3].tolist()
+        [0.0, 2.0, 4.0]
     """
 
     columns: Mapping[str, np.ndarray]

@@ -47,6 +47,11 @@ class Record(AbstractRecord):
 
     **Raises:** `InputError` `length-mismatch`, `nan-input`, `nan-output`,
     `not-finite`, `nan-time`, `time-repeated`, `time-backwards`.
+
+    **Example:**
+
+        >>> len(record), record.n_cycles, record.input_unit
+        (101, 5, 'N')
     """
 
     def __init__(self, *arguments: Any, **fields: Any):

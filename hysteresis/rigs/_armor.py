@@ -110,6 +110,13 @@ class ArmorRig:
 
     Source: Tsuji et al. (2014), figs 8, 11, 13 and section "Evaluation of compensation". The sizes of
     its Table 2 follow from the text; a, s, w and e were chosen to give its errors.
+
+    **Example:**
+
+        >>> rig = hysteresis.rigs.ArmorRig(seed=1)
+        >>> body = rig.points_of_the_body()
+        >>> rig.press(body.points, body.surface).wrench.shape
+        (45, 5, 6)
     """
 
     seed: int = 0

@@ -26,6 +26,12 @@ class ResistiveReadout:
       together makes 17 V. `bits`: of the converter, 10 as in the paper's microcontroller.
 
     Source: Kim and Park (2018), section II.
+
+    **Example:**
+
+        >>> readout = hysteresis.rigs.ResistiveReadout()
+        >>> readout.counts(np.array([0.0, 1.0, 50.0])).tolist()
+        [25, 75, 1023]
     """
 
     resistance_ohm: float = 5.8
@@ -66,6 +72,12 @@ class CapacitiveReadout:
 
     Source: the future work of Kim and Park (2018); no figures are printed for it. The noise is a fifth
     of the resistive one's 0.23 % of the signal at rest, for the higher resolution they hope for.
+
+    **Example:**
+
+        >>> readout = hysteresis.rigs.CapacitiveReadout()
+        >>> readout.counts(np.array([0.0, 1.0, 50.0])).tolist()
+        [1598, 3197, 65535]
     """
 
     rest_pf: float = 20.0

@@ -27,6 +27,13 @@ class ChannelStream:
     - `session`: of the noise; None for none.
 
     **Raises:** `InputError` for no such location, and times or a placement that are not positive.
+
+    **Example:**
+
+        >>> rig = hysteresis.rigs.MicrochannelRig(seed=11)
+        >>> stream = hysteresis.rigs.ChannelStream(rig, location=0)
+        >>> [round(volts, 3) for volts in stream.step(2.0)]
+        [0.361, 0.12]
     """
 
     def __init__(
@@ -136,6 +143,13 @@ class ForceLoopRig:
 
     Source: the future work of Kim and Park (2018), who name no machine; the numbers are those of a
     small position-controlled linear drive.
+
+    **Example:**
+
+        >>> sensor = hysteresis.rigs.MicrochannelRig(seed=11)
+        >>> loop = hysteresis.rigs.ForceLoopRig(sensor=sensor).start()
+        >>> round(loop.step(1.0).force, 3)
+        0.028
     """
 
     sensor: MicrochannelRig
@@ -174,7 +188,15 @@ class ForceLoopRig:
 
 
 class ForceLoop:
-    """A run of a `ForceLoopRig`: command by command."""
+    """A run of a `ForceLoopRig`: command by command.
+
+    **Example:**
+
+        >>> sensor = hysteresis.rigs.MicrochannelRig(seed=11)
+        >>> loop = hysteresis.rigs.ForceLoopRig(sensor=sensor).start()
+        >>> [round(loop.step(1.0).force, 3) for _ in range(3)]
+        [0.028, 0.101, 0.206]
+    """
 
     def __init__(self, rig: ForceLoopRig, session: int):
         self._rig = rig

@@ -38,6 +38,13 @@ class ForceSensor:
     reading no longer rises with its load (h >= 2 r).
 
     Source: Tsuji et al. (2014), their sensor's 1 % nonlinearity and 1 % hysteresis.
+
+    **Example:**
+
+        >>> sensor = hysteresis.rigs.ForceSensor(noise_n=0.0, noise_nm=0.0)
+        >>> load = np.array([[[0, 0, 20, 0, 0, 0], [0, 0, 10, 0, 0, 0]]], float)
+        >>> sensor.read(load, np.eye(6), np.random.default_rng(0))[0, :, 2].tolist()
+        [19.75, 10.25]
     """
 
     crosstalk: float = 0.015

@@ -84,6 +84,13 @@ class MicrochannelRig:
 
     Source: Kim and Park (2018), figs 1, 5 and 7 and tables I to III, which S, the placement and the
     noise were chosen to give; 6.5 to 14 % of hysteresis are read off fig 1.
+
+    **Example:**
+
+        >>> rig = hysteresis.rigs.MicrochannelRig(seed=11)
+        >>> volts = rig.follow([[2.0, 0.0, 0.0, 0.0, 0.0]] * 50)
+        >>> volts[-1].round(2).tolist()
+        [0.97, 0.32]
     """
 
     seed: int = 0

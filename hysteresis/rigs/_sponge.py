@@ -60,7 +60,14 @@ class SpongeStatistics(NamedTuple):
 
 
 class SpongeCycles(NamedTuple):
-    """A cyclic force test as recorded. The 0 N sample between two cycles ends the earlier one."""
+    """A cyclic force test as recorded. The 0 N sample between two cycles ends the earlier one.
+
+    **Example:**
+
+        >>> cycles = hysteresis.rigs.SpongeRig().five_cycles()
+        >>> round(cycles.statistics().mean_gap, 2)
+        3.93
+    """
 
     time: Float[np.ndarray, " n"]
     """s"""
@@ -155,6 +162,12 @@ class SpongeRig:
     - `overstress`, `relaxation_s`: g_j and tau_j.
 
     **Raises:** `InputError` if a parameter is outside its range.
+
+    **Example:**
+
+        >>> rig = hysteresis.rigs.SpongeRig(thickness_mm=50.0)
+        >>> rig.follow([0.0, 10.0, 20.0, 10.0]).round(2).tolist()
+        [0.0, 16.38, 29.92, 21.85]
     """
 
     thickness_mm: float = 50.0
