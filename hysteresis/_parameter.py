@@ -21,6 +21,12 @@ class ParameterInfo:
     - `bounds`: the open interval the value must lie in.
     - `fixed`: not changed by a fit.
     - `meaning`: in the words of the field.
+
+    **Example:**
+
+        >>> info = hysteresis.ParameterInfo(unit="output / input", bounds=(0.0, np.inf))
+        >>> info.in_units({"output": "N", "input": "mm"})
+        'N / mm'
     """
 
     unit: str = "1"

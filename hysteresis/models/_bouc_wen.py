@@ -48,6 +48,12 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
     Raises `InputError` where an argument is not as said here.
 
     Source: Bouc 1967, Wen 1976; admissible parameters and normal form: Ikhouane and Rodellar 2007.
+
+    **Example:**
+
+        >>> spring = hysteresis.BoucWen(k=2.0, alpha=0.25, yield_at=1.0)
+        >>> np.asarray(spring.simulate(None, np.array([0.0, 2.0, 4.0, 2.0, 0.0]))).round(2).tolist()
+        [0.0, 2.3, 3.47, -0.1, -1.45]
     """
 
     k: Scalar = parameter(

@@ -58,6 +58,12 @@ class Burgers(AbstractViscoelastic[BurgersState]):
     Raises `InputError` where a modulus or viscosity is not positive.
 
     Source: Kim 2018, section on the Burgers model; exact steps re-derived.
+
+    **Example:**
+
+        >>> creep = hysteresis.Burgers(E1=2.0, eta1=10.0, E2=1.0, eta2=1.0)
+        >>> np.asarray(creep.simulate(np.arange(4.0), np.ones(4))).round(2).tolist()
+        [0.5, 1.23, 1.56, 1.75]
     """
 
     E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
@@ -89,6 +95,12 @@ class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
     `leading` and `hold` as for `Burgers`.
 
     Raises `InputError` where a modulus or viscosity is not positive.
+
+    **Example:**
+
+        >>> solid = hysteresis.StandardLinearSolid(E1=2.0, E2=1.0, eta2=1.0)
+        >>> np.asarray(solid.simulate(np.arange(4.0), np.ones(4))).round(2).tolist()
+        [0.5, 1.13, 1.36, 1.45]
     """
 
     E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")

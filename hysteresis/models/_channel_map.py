@@ -35,6 +35,13 @@ class ChannelMap(eqx.Module):
     - `names`, `units`: of the channels.
 
     Raises `InputError` where an argument is not as said here.
+
+    **Example:**
+
+        >>> nodes, values = [[0.0, 1.0], [0.0, 2.0]], [[0.0, 10.0], [0.0, -4.0]]
+        >>> left_right = hysteresis.ChannelMap(nodes, values, 0.0, ("left", "right"), ("V", "V"))
+        >>> left_right([[0.5, 1.0], [1.0, 0.0]]).tolist()
+        [3.0, 10.0]
     """
 
     nodes: Float[Array, "channels nodes"] = eqx.field(converter=as_float)

@@ -102,6 +102,13 @@ class Scaled(AbstractModel[Any, Any]):
     **Arguments:** `inner`, any model; `factor`, not zero, and `offset`.
 
     Raises `InputError` for a factor of 0.
+
+    **Example:**
+
+        >>> line = hysteresis.LinearSponge(K=2.0, b=1.0)
+        >>> turned = hysteresis.Scaled(line, factor=-1.0, offset=10.0)
+        >>> turned.simulate(None, np.array([1.0, 2.0])).tolist()
+        [7.0, 5.0]
     """
 
     inner: AbstractModel

@@ -90,6 +90,12 @@ class MonotoneCurve(AbstractMonotoneCurve):
     - `offset`: the output at the first node.
 
     Raises `InputError` where an argument is not as said here.
+
+    **Example:**
+
+        >>> curve = hysteresis.MonotoneCurve(nodes=[0.0, 1.0, 3.0], increments=[2.0, 1.0])
+        >>> curve.simulate(None, np.array([0.5, 1.0, 2.0, 5.0])).tolist()
+        [1.0, 2.0, 2.5, 4.0]
     """
 
     nodes: Values = parameter(unit="input", fixed=True, meaning="where the polygon may bend")
@@ -133,6 +139,12 @@ class MonotoneSpline(AbstractMonotoneCurve):
     - `offset`: the output at the first node.
 
     Raises `InputError` where an argument is not as said here.
+
+    **Example:**
+
+        >>> curve = hysteresis.curves.MonotoneSpline(nodes=[0.0, 1.0, 2.0], slopes=[0.0, 2.0, 2.0])
+        >>> curve.simulate(None, np.array([0.0, 0.5, 1.0, 2.0, 3.0])).tolist()
+        [0.0, 0.25, 1.0, 3.0, 5.0]
     """
 
     nodes: Values = parameter(unit="input", fixed=True, meaning="where the slope may bend")
@@ -174,6 +186,12 @@ class PolynomialCurve(AbstractCurve):
     **Arguments:** `coefficients` (degree + 1,) c_i, the constant first; `low` and `high`.
 
     Raises `InputError` unless `low` < `high` and there is a coefficient.
+
+    **Example:**
+
+        >>> square = hysteresis.curves.PolynomialCurve(coefficients=[0.0, 0.0, 1.0])
+        >>> square.simulate(None, np.array([0.5, 1.0, 2.0])).tolist()
+        [0.25, 1.0, 3.0]
     """
 
     coefficients: Values = parameter(unit="output", meaning="of the powers of the scaled input")
@@ -200,6 +218,12 @@ class Clip(AbstractCurve):
     Before another stage it is a contact threshold; after one it is slack that carries no tension.
 
     Raises `InputError` unless `low` < `high`.
+
+    **Example:**
+
+        >>> clip = hysteresis.curves.Clip(low=0.0)
+        >>> clip.simulate(None, np.array([-1.0, 0.5, 2.0])).tolist()
+        [0.0, 0.5, 2.0]
     """
 
     low: Scalar = parameter(-float("inf"), unit="input", fixed=True, meaning="least output")

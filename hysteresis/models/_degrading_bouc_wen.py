@@ -55,6 +55,14 @@ class Pinching(eqx.Module):
     Six are more than most records can tell apart. Raises `InputError` where one is not as said here.
 
     Source: Foliente, J. Struct. Eng. 121 (1995).
+
+    **Example:**
+
+        >>> slip = hysteresis.Pinching(slip=0.8, onset=1.0, level=0.0, spread=0.5, severity=1.0)
+        >>> w = jnp.array([-1.0, 0.0, 1.0])
+        >>> y = slip.factor(w, limit=jnp.array(1.0), energy=jnp.array(3.0))
+        >>> np.asarray(y).round(2).tolist()
+        [0.79, 0.24, 0.79]
     """
 
     slip: Scalar = parameter(bounds=(0.0, 1.0), meaning="slope that z loses by slip")
@@ -107,6 +115,13 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
     Raises `InputError` where an argument is not as said here.
 
     Source: Baber and Wen, J. Eng. Mech. Div. 107 (1981); Baber and Noori, J. Eng. Mech. 111 (1985).
+
+    **Example:**
+
+        >>> new = hysteresis.BoucWen(k=1.0, alpha=0.0, yield_at=1.0)
+        >>> worn = hysteresis.DegradingBoucWen(new, strength_loss=0.1)
+        >>> np.asarray(worn.simulate(None, np.array([4.0, -4.0, 4.0, -4.0]))).round(2).tolist()
+        [0.82, -0.6, 0.49, -0.42]
     """
 
     inner: BoucWen

@@ -39,6 +39,14 @@ class FoamCurve(AbstractCurve):
     Raises `InputError` where one but the offset is not positive, or `toe` is 1 or more.
 
     Source: the stages are those of Gibson and Ashby, Cellular Solids (1997); the passages are ours.
+
+    **Example:**
+
+        >>> foam = hysteresis.FoamCurve(
+        ...     linear=2.0, toe=0.5, plateau=0.1, toe_length=1.0, linear_length=4.0,
+        ...     plateau_length=10.0, rounding=0.5, densification=0.5)
+        >>> np.asarray(foam.simulate(None, np.array([0.0, 1.0, 5.0, 15.0, 20.0]))).round(1).tolist()
+        [0.0, 1.2, 8.6, 11.2, 25.0]
     """
 
     linear: Scalar = parameter(

@@ -26,6 +26,12 @@ class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
     Any other pair of quantities works the same way, in the units of its record.
 
     Source: Tsuji 2014, equation (8); its threshold is 1.5 N.
+
+    **Example:**
+
+        >>> sponge = hysteresis.LinearSponge(K=1.5, b=6.0, threshold=1.5)
+        >>> sponge.simulate(None, np.array([0.0, 2.0, 4.0])).tolist()
+        [0.0, 9.0, 12.0]
     """
 
     K: Scalar = parameter(unit="output / input", meaning="compliance")

@@ -76,6 +76,14 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     Source: the strain-dependent relaxation function of Fung's quasi-linear viscoelasticity, one
     function for each time constant; Findley, Lai, Onaran, Creep and Relaxation of Nonlinear
     Viscoelastic Materials (1976), modified superposition.
+
+    **Example:**
+
+        >>> times, springs = np.array([1.0]), np.array([[1.0, 3.0]])
+        >>> relax = hysteresis.NonlinearMaxwell(0.0, 2.0, times, increments=springs)
+        >>> y = relax.simulate(np.arange(4.0), np.array([1.0, 1.0, 2.0, 2.0]))
+        >>> np.asarray(y).round(2).tolist()
+        [1.0, 0.37, 2.03, 0.75]
     """
 
     low: float = eqx.field(static=True, converter=float)

@@ -71,6 +71,12 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
 
     Source: Krejci and Kuhnen 2001 (the model and its inverse), Kuhnen 2003 (bends), Al Janaideh and
     Krejci 2013 (rates).
+
+    **Example:**
+
+        >>> plays = hysteresis.PrandtlIshlinskii(np.array([1.0]), np.array([0.5]), slope=1.0)
+        >>> plays.simulate(None, np.array([0.0, 2.0, 4.0, 3.0, 0.0])).tolist()
+        [0.0, 2.5, 5.5, 4.5, 0.5]
     """
 
     thresholds: Values = parameter(

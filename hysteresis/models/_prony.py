@@ -42,6 +42,12 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
 
     Raises `InputError` where a modulus or viscosity is not positive, `E` and `eta` differ in length,
     or a leading model has no spring.
+
+    **Example:**
+
+        >>> creep = hysteresis.GeneralizedKelvinVoigt(E0=2.0, E=[1.0, 4.0], eta=[1.0, 40.0])
+        >>> np.asarray(creep.simulate(np.arange(4.0), np.ones(4))).round(2).tolist()
+        [0.5, 1.16, 1.41, 1.52]
     """
 
     E0: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
@@ -97,6 +103,12 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
 
     Raises `InputError` where a modulus or time is not positive (`E_inf` negative), or `E` and `tau`
     differ in length.
+
+    **Example:**
+
+        >>> relax = hysteresis.GeneralizedMaxwell(E_inf=1.0, E=[2.0, 1.0], tau=[1.0, 10.0])
+        >>> np.asarray(relax.simulate(np.arange(4.0), np.ones(4))).round(2).tolist()
+        [4.0, 2.64, 2.09, 1.84]
     """
 
     E_inf: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness at rest")

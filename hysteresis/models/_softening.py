@@ -58,6 +58,12 @@ class Softening(AbstractModel[SofteningState, SofteningInput]):
     empty range.
 
     Source: the largest deformation so far as in Ogden and Roxburgh, Proc. R. Soc. A 455 (1999).
+
+    **Example:**
+
+        >>> foam = hysteresis.Softening(0.0, 2.0, np.triu(np.ones((2, 2))))
+        >>> foam.simulate(None, np.array([0.0, 1.0, 2.0, 1.0, 2.0])).tolist()
+        [0.0, 2.0, 3.0, 1.0, 3.0]
     """
 
     low: float = eqx.field(static=True, converter=float)

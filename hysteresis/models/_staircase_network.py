@@ -54,6 +54,15 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
 
     Source: Kim and Park (2018), section III A, which prints neither inputs nor their number; Brokate and
     Sprekels, Hysteresis and Phase Transitions (1996), for plays as the staircase.
+
+    **Example:**
+
+        >>> network = hysteresis.networks.StaircaseNetwork.random(
+        ...     [u], [2 * u], [t], jax.random.key(0), thresholds=(0.5, 1.0), lags=(2.0,))
+        >>> network.simulate(t, u).shape
+        (13,)
+        >>> network.prepare(t, u).shape
+        (13, 4)
     """
 
     matrices: tuple[Float[Array, "_ _"], ...]

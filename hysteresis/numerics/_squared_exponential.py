@@ -13,6 +13,13 @@ class Kernel(NamedTuple):
     """Covariance of a function's values:
 
     k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)),      and noise^2 where x is x'
+
+    **Example:**
+
+        >>> kernel = hysteresis.Kernel(jnp.array(2.0), jnp.array([1.0]), jnp.array(0.1))
+        >>> x = jnp.array([[0.0], [1.0]])
+        >>> np.asarray(kernel.between(x, x)).round(2).tolist()
+        [[4.0, 2.43], [2.43, 4.0]]
     """
 
     size: Float[Array, ""]

@@ -170,6 +170,14 @@ class GaussianDensity(AbstractCoerciveDensity):
       divide by that part.
 
     Raises `InputError` as `AbstractCoerciveDensity`.
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.GaussianDensity(
+        ...     0.0, 10.0, total=5.0, coercivity=1.0, coercivity_width=0.5, bias=5.0, bias_width=2.0)
+        >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10, 5, 0]))
+        >>> np.asarray(y).round(2).tolist()
+        [-5.0, 5.0, 2.02, -5.0]
     """
 
     low: float = eqx.field(static=True, converter=float)
@@ -222,6 +230,14 @@ class LorentzianDensity(AbstractQuadratureDensity):
       and 1e-6 at 1 %, at ratios of the widths from 1/16 to 16.
 
     Raises `InputError` as `AbstractCoerciveDensity`.
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.LorentzianDensity(
+        ...     0.0, 10.0, total=5.0, coercivity=1.0, coercivity_width=0.5, bias=5.0, bias_width=2.0)
+        >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10, 5, 0]))
+        >>> np.asarray(y).round(2).tolist()
+        [-5.0, 5.0, 2.29, -5.0]
     """
 
     low: float = eqx.field(static=True, converter=float)
@@ -267,6 +283,14 @@ class LogNormalDensity(AbstractQuadratureDensity):
       and 1e-6 at 1 %, at widths of the logarithm up to 1.5.
 
     Raises `InputError` as `AbstractCoerciveDensity`.
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.LogNormalDensity(
+        ...     0.0, 10.0, total=5.0, coercivity=1.0, coercivity_width=0.5, bias=5.0, bias_width=2.0)
+        >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10, 5, 0]))
+        >>> np.asarray(y).round(2).tolist()
+        [-5.0, 5.0, 2.16, -5.0]
     """
 
     low: float = eqx.field(static=True, converter=float)

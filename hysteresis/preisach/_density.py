@@ -164,6 +164,12 @@ class GridDensity(AbstractGridDensity):
 
     Raises `InputError` for an empty range, nodes that do not fit, a table that is not square, weights
     that are not finite, negative ones unless `signed`.
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.GridDensity(0.0, 10.0, np.array([[2.0, 0.0], [1.0, 2.0]]))
+        >>> hysteresis.Preisach(density).simulate(None, np.array([0.0, 5, 10, 5, 0])).tolist()
+        [-5.0, -1.0, 5.0, 1.0, -5.0]
     """
 
     low: float = eqx.field(static=True, converter=float)

@@ -34,6 +34,13 @@ class FactorisedDensity(AbstractGridDensity):
     Source: Biorci, Pescetti, Analytical theory of the behaviour of ferromagnetic materials, Il Nuovo
     Cimento 7 (1958); Kadar, On the Preisach function of ferromagnetic hysteresis, J. Appl. Phys. 61
     (1987).
+
+    **Example:**
+
+        >>> rising, falling = np.array([1.0, 2.0]), np.array([4.0, 2.0])
+        >>> density = hysteresis.preisach.FactorisedDensity(0.0, 10.0, rising, falling)
+        >>> density.masses().tolist()
+        [[2.0, 0.0], [8.0, 2.0]]
     """
 
     low: float = eqx.field(static=True, converter=float)

@@ -71,6 +71,12 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
     strong that an input may have two outputs.
 
     Source: Della Torre 1966, Magnetic Hysteresis chapter 4.
+
+    **Example:**
+
+        >>> moving = hysteresis.MovingPreisach(preisach, feedback=0.05)
+        >>> np.asarray(moving.simulate(None, np.array([0.0, 6.0, 2.0, 6.0]))).round(2).tolist()
+        [-21.0, -6.17, -15.61, -6.17]
     """
 
     inner: Preisach

@@ -37,6 +37,13 @@ class NetworkDensity(AbstractGridDensity):
     - `nodes`: the n+1 inputs between which the cells lie; None for cells of one width.
 
     Raises `InputError` for an empty range, nodes that do not fit, a vector of another length.
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.NetworkDensity.random(0.0, 10.0, 5.0, jax.random.key(0))
+        >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10.0, 0.0]))
+        >>> np.asarray(y).round(2).tolist()
+        [-5.0, 5.0, -5.0]
     """
 
     low: float = eqx.field(static=True, converter=float)

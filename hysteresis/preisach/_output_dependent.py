@@ -34,6 +34,12 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
     Raises `InputError` where the increments are no row of numbers, or negative.
 
     Source: Kadar 1987, On the Preisach function of ferromagnetic hysteresis.
+
+    **Example:**
+
+        >>> product = hysteresis.OutputDependentPreisach(preisach, increments=np.array([1.0, 3.0]))
+        >>> np.asarray(product.simulate(None, np.array([0.0, 6.0, 10.0, 6.0]))).round(2).tolist()
+        [0.0, 0.78, 4.0, 2.87]
     """
 
     inner: Preisach

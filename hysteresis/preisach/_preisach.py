@@ -108,6 +108,13 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     the cells cannot have, and settings outside what is said here.
 
     Source: Mayergoyz, Mathematical Models of Hysteresis; Kim 2018, equation (1).
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.GridDensity(0.0, 10.0, np.tri(2))
+        >>> relays = hysteresis.Preisach(density, reversible=np.array([1.0, 1.0]), offset=3.0)
+        >>> relays.simulate(None, np.array([0.0, 5.0, 10.0, 5.0, 0.0])).tolist()
+        [0.0, 3.0, 8.0, 5.0, 0.0]
     """
 
     density: AbstractDensity

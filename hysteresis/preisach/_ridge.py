@@ -51,6 +51,12 @@ class RidgeDensity(AbstractCellDensity[RidgeTable]):
 
     Source: Krasnosel'skii, Pokrovskii, Systems with Hysteresis; Banks, Kurdila, Webb, Identification of
     hysteretic control influence operators representing smart actuators, Part I (1997).
+
+    **Example:**
+
+        >>> density = hysteresis.preisach.RidgeDensity(0.0, 10.0, np.tri(2))
+        >>> hysteresis.Preisach(density).simulate(None, np.array([0.0, 5.0, 10.0, 5.0])).tolist()
+        [-3.0, -1.0, 3.0, 1.0]
     """
 
     low: float = eqx.field(static=True, converter=float)

@@ -23,6 +23,13 @@ class SumDensity(AbstractDensity[tuple[Any, ...], tuple[Any, ...]]):
     - `parts`: the densities. [low, high] encloses all of theirs; beyond its own a part is saturated.
 
     Raises `InputError` for no part at all.
+
+    **Example:**
+
+        >>> parts = [hysteresis.preisach.GridDensity(0.0, high, np.tri(2)) for high in (5.0, 10.0)]
+        >>> density = hysteresis.preisach.SumDensity(parts)
+        >>> hysteresis.Preisach(density).simulate(None, np.array([0.0, 5.0, 10.0, 5.0])).tolist()
+        [-6.0, 2.0, 6.0, 4.0]
     """
 
     parts: tuple[AbstractDensity, ...]
