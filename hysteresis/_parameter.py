@@ -15,12 +15,12 @@ Scalar = Float[Array, ""] | float
 
 @dataclass(frozen=True)
 class ParameterInfo:
-    """What is known about a parameter before any data are seen.
+    """What is known about a parameter before any data: its unit, its bounds, its meaning.
 
     - `unit`: in terms of the record's columns, e.g. `"input / output"`; see `in_units`.
     - `bounds`: the open interval the value must lie in.
-    - `fixed`: not changed by a fit.
-    - `meaning`: in the words of the field.
+    - `fixed`: a fit does not change it.
+    - `meaning`: in the terms of the field.
 
     **Example:**
 
@@ -35,7 +35,7 @@ class ParameterInfo:
     meaning: str = ""
 
     def in_units(self, words: dict[str, str]) -> str:
-        """The unit with a record's own units put in: "input / output" -> "N / mm"."""
+        """The unit in a record's own units: "input / output" -> "N / mm"."""
         units = [words.get(word, word) for word in self.unit.split()]
         while len(units) > 1 and units[-1] == "1" and units[-2] in ("*", "/"):
             units = units[:-2]

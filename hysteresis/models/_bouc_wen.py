@@ -18,7 +18,7 @@ NEWTON_STEPS = 8
 
 
 class BoucWenState(NamedTuple):
-    """The input, and z in parts of its largest value: in [-1, 1]."""
+    """The input, and z divided by its largest value, in [-1, 1]."""
 
     u: Array
     w: Array
@@ -31,21 +31,21 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
         y = offset + alpha k x + (1 - alpha) k z
         dz = dx - beta |dx| |z|^(n-1) z - gamma dx |z|^n
 
-    x is the input and z = x = 0 at first: a function of the path alone, at any rate. The output leads
-    the input. |z| stays below yield_at = (beta + gamma)^(-1/n), towards which it goes; this and
-    gamma / beta are the parameters, since they can be told apart whatever the unit and n.
+    x is the input, and z = x = 0 at the start. The output depends on the path alone, not on its rate,
+    and leads the input. |z| approaches yield_at = (beta + gamma)^(-1/n) and stays below it. The
+    parameters are yield_at and gamma / beta, because data separate these two whatever the unit and n.
 
     **Arguments:**
 
-    - `k`: stiffness at first.
-    - `alpha`: what is left of it after yield, from 0 to 1.
+    - `k`: initial stiffness.
+    - `alpha`: the part of it that remains after yield, from 0 to 1.
     - `yield_at`: the largest |z|.
     - `n`: sharpness of yield: 1 is an exponential, 2 a hyperbolic tangent; from 0.5 to 10.
-    - `gamma_over_beta`: above -1, where z would not be bounded, to 1, above which a closed cycle could
-      give energy. At 1 unloading is straight.
+    - `gamma_over_beta`: above -1, because z is not bounded otherwise, and at most 1, because a closed
+      cycle could give energy otherwise. At 1 unloading is straight.
     - `offset`: the output's constant.
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     Source: Bouc 1967, Wen 1976; admissible parameters and normal form: Ikhouane and Rodellar 2007.
 
@@ -77,7 +77,7 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
     ) -> "BoucWen":  # fmt: skip
         """From the coefficients of dz = A dx - beta |dx| |z|^(n-1) z - gamma dx |z|^n.
 
-        A, which k and alpha can do without, is scaled away. Raises `InputError` unless A > 0,
+        A is scaled away, because k and alpha can express it. Raises `InputError` unless A > 0,
         beta + gamma > 0 and beta >= gamma.
         """
         if not (A > 0 and beta + gamma > 0 and beta >= gamma):
@@ -123,9 +123,9 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
 
         with q = (beta - gamma) / (beta + gamma).
 
-        The way from w to 0 is an integral, H(|w|). Above 0, 1 - w = e^-v makes of it
-        v / n + G(w): the logarithm at w = 1 is taken out, and what is left is smooth. Both functions
-        are concave, in v too, so Newton's method comes to its root from one side and from anywhere.
+        The way from w to 0 is an integral, H(|w|). Above 0, the substitution 1 - w = e^-v turns it into
+        v / n + G(w): the singular logarithm at w = 1 is v, and G is smooth. Both functions are concave,
+        in v too, so Newton's method converges from one side, whatever it starts from.
         """
         powers = _gauss(w.dtype)[0] ** (3 * self.n)
         w_up, down = jnp.where(w < 0, 0.0, w), jnp.where(w < 0, -w, 0.0)

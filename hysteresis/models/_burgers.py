@@ -41,18 +41,18 @@ class Burgers(AbstractViscoelastic[BurgersState]):
 
         x1' = F / eta1,    x2' = (F - E2 x2) / eta2,    d = F / E1 + x1 + x2 + offset
 
-    Creep compliance J(t) = 1/E1 + t/eta1 + (1 - exp(-E2 t/eta2)) / E2. No internal displacement
-    before the first sample; a first force other than zero is a jump. Steps are exact at any, also
-    uneven, spacing for a force that is piecewise linear (`hold="linear"`) or keeps its last value
-    until the next sample (`hold="constant"`).
+    The creep compliance is J(t) = 1/E1 + t/eta1 + (1 - exp(-E2 t/eta2)) / E2. There is no internal
+    displacement before the first sample, so a first force other than zero is a jump. Steps are exact
+    at any spacing, even or uneven, for a force that is piecewise linear (`hold="linear"`) or keeps
+    its last value until the next sample (`hold="constant"`).
 
     **Arguments:** moduli `E1`, `E2` (N/mm), viscosities `eta1`, `eta2` (N s/mm), all positive,
     and the output's `offset`.
 
     **Other arguments:**
 
-    - `leading`: run it the other way, displacement -> force: each step solves the last equation
-      for F, so this is the exact algebraic inverse. The output then leads the input.
+    - `leading`: displacement -> force instead. Each step solves the last equation for F, so this is
+      the exact algebraic inverse. The output then leads the input.
     - `hold`: the force between samples, `"linear"` or `"constant"`.
 
     Raises `InputError` where a modulus or viscosity is not positive.
@@ -89,7 +89,8 @@ class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
 
         x' = (F - E2 x) / eta2,    d = F / E1 + x + offset
 
-    Creep compliance J(t) = 1/E1 + (1 - exp(-E2 t/eta2)) / E2: a Burgers element that does not flow.
+    The creep compliance is J(t) = 1/E1 + (1 - exp(-E2 t/eta2)) / E2. This is a Burgers element that does
+    not flow.
 
     **Arguments:** moduli `E1`, `E2`, viscosity `eta2`, all positive, the output's `offset`;
     `leading` and `hold` as for `Burgers`.

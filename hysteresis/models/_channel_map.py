@@ -19,13 +19,13 @@ class ChannelMap(eqx.Module):
 
         s = offset + f_1(x_1) + ... + f_C(x_C)
 
-    f_c is a polygon: straight between its nodes, held beyond the first and the last, where nothing is
-    known of it. The scalar has the unit of the output, and each curve takes its channel's unit into that,
-    so channels of different units are no difficulty.
+    f_c is a polygon: straight between its nodes, and constant beyond the first and the last, because
+    nothing is known there. The scalar has the unit of the output. Each curve converts its channel's
+    unit to that unit, so channels may have different units.
 
-    No curve has to rise or fall. What a sensor's channels answer to beside the wanted quantity (a loop, a
-    pull sideways, warmth) cancels where some of them count negatively. What rises is the next stage:
-    the output with the scalar, in every model that is fitted to it.
+    A curve may rise or fall. A sensor's channels also respond to other quantities than the wanted one
+    (a loop, a sideways pull, warmth); those responses cancel where some curves fall. The next stage
+    rises: in every model that is fitted to the scalar, the output rises with it.
 
     **Arguments:**
 
@@ -34,7 +34,7 @@ class ChannelMap(eqx.Module):
     - `offset`: in the unit of the output.
     - `names`, `units`: of the channels.
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     **Example:**
 

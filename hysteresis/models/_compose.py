@@ -97,7 +97,7 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
 
 @register
 class Scaled(AbstractModel[Any, Any]):
-    """A model in other units or with a sign turned: y = offset + factor * inner[u].
+    """A model in other units or with its sign turned: y = offset + factor * inner[u].
 
     **Arguments:** `inner`, any model; `factor`, not zero, and `offset`.
 

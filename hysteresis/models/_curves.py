@@ -81,7 +81,7 @@ class AbstractMonotoneCurve(AbstractCurve):
 
 @register
 class MonotoneCurve(AbstractMonotoneCurve):
-    """A polygon that never falls: straight from node to node, and on beyond the ends.
+    """A polygon that never falls: straight from node to node, and continued straight beyond the ends.
 
     **Arguments:**
 
@@ -89,7 +89,7 @@ class MonotoneCurve(AbstractMonotoneCurve):
     - `increments`: (n,) rises of the output from each node to the next, none negative.
     - `offset`: the output at the first node.
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     **Example:**
 
@@ -130,7 +130,7 @@ class MonotoneSpline(AbstractMonotoneCurve):
 
         y = offset + integral of the slope from the first node to u
 
-    It has a continuous slope, is linear in its parameters, and none of its cells can overshoot.
+    The slope is continuous, the output is linear in the parameters, and no cell can overshoot.
 
     **Arguments:**
 
@@ -138,7 +138,7 @@ class MonotoneSpline(AbstractMonotoneCurve):
     - `slopes`: (n,) slopes at the nodes, none negative.
     - `offset`: the output at the first node.
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     **Example:**
 
@@ -215,7 +215,8 @@ class PolynomialCurve(AbstractCurve):
 class Clip(AbstractCurve):
     """y = u between `low` and `high`, and the nearer of them beyond.
 
-    Before another stage it is a contact threshold; after one it is slack that carries no tension.
+    Before another stage, it is a contact threshold. After another stage, it is slack that carries no
+    tension.
 
     Raises `InputError` unless `low` < `high`.
 

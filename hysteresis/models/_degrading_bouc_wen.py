@@ -38,21 +38,21 @@ class Pull(NamedTuple):
 
 @register
 class Pinching(eqx.Module):
-    """Slip around a level of z, from which on the parts bear again: dz is taken times
+    """Slip of a joint around a level of z, beyond which it bears again. dz is multiplied by
 
         h = 1 - zeta1 exp(-((z sign(dx) - level z_u) / (zeta2 yield_at))^2)
         zeta1 = slip (1 - exp(-onset eps)),    zeta2 = (spread + widening eps) (severity + zeta1)
 
-    with z_u the limit of z at the time. eps is that of `DegradingBoucWen`.
+    where z_u is the present limit of z, and eps is the energy of `DegradingBoucWen`.
 
     **Arguments:**
 
     - `slip` (zeta_10): the part of its slope that z loses in the end, from 0 to below 1.
-    - `onset` (p): how soon. `level` (q): from 0 to below 1.
+    - `onset` (p): how soon slip comes. `level` (q): where it comes, from 0 to below 1.
     - `spread` (psi_0), `severity` (lambda): how far around the level.
     - `widening` (delta_psi): growth of the spread; None for none.
 
-    Six are more than most records can tell apart. Raises `InputError` where one is not as said here.
+    Most records cannot identify all six. Raises `InputError` where one does not meet these conditions.
 
     Source: Foliente, J. Struct. Eng. 121 (1995).
 
@@ -96,23 +96,23 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
         dz = (h / eta) (dx - nu (beta |dx| |z|^(n-1) z + gamma dx |z|^n))
         nu = 1 + strength_loss eps,    eta = 1 + stiffness_loss eps,    d eps = z dx / yield_at^2
 
-    eps is the energy that went into z, in parts of (1 - alpha) k yield_at^2. A function of the path
-    alone, at any rate; z goes towards nu^(-1/n) yield_at.
+    eps is the energy that went into z, divided by (1 - alpha) k yield_at^2. The output depends on the
+    path alone, not on its rate; z approaches nu^(-1/n) yield_at.
 
     **Arguments:**
 
     - `inner`: the model when new.
-    - `strength_loss`, `stiffness_loss`: not negative; None for none. Coefficients for another measure
-      of energy are to be multiplied by its value at eps = 1: yield_at^2 for the integral of z dx.
+    - `strength_loss`, `stiffness_loss`: not negative; None for none. To convert coefficients for
+      another measure of energy, multiply them by its value at eps = 1: yield_at^2 for the integral of z dx.
     - `pinching`: `Pinching` for h, None for h = 1.
 
-    No closed form is known. In a substep z relaxes towards a mean limit at a mean rate, both by the
-    weights of the classical Runge-Kutta method, so that no way is too long and the limit is not
-    passed; every sample has 16. Where samples lie up to yield_at / 5 apart, z is off by less than 4e-5
-    yield_at; up to yield_at apart, 5e-4; up to 4 yield_at, 2e-3 (n up to 3, gamma_over_beta from -0.5 on,
-    losses up to 0.05).
+    No closed form is known, so every sample is integrated in 16 substeps. In a substep z relaxes towards
+    a mean limit at a mean rate, both with the weights of the classical Runge-Kutta method. So a substep
+    of any length is stable, and z does not pass its limit. Where samples lie up to yield_at / 5 apart,
+    the error of z is below 4e-5 yield_at; up to yield_at apart, 5e-4; up to 4 yield_at, 2e-3 (n up to 3,
+    gamma_over_beta from -0.5 on, losses up to 0.05).
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     Source: Baber and Wen, J. Eng. Mech. Div. 107 (1981); Baber and Noori, J. Eng. Mech. 111 (1985).
 

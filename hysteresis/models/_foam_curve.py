@@ -23,22 +23,22 @@ class FoamCurve(AbstractCurve):
         dy/du = linear (toe (1 - S(u - u1)) + S(u - u1) - S(u - u2) + plateau S(u - u2)
                         + densification r(u - u3)),          y(0) = offset
 
-    with r(x) = (x + sqrt(x^2 + rounding^2)) / 2, a ramp with a rounded corner, and S = r', a rounded
-    step. No term is negative, so y rises everywhere. Integrated in closed form.
+    where r(x) = (x + sqrt(x^2 + rounding^2)) / 2 is a ramp with a rounded corner and S = r' a rounded
+    step. No term is negative, so y rises everywhere. The integral has a closed form.
 
     **Arguments:**
 
     - `linear`: stiffness of the linear part.
-    - `toe`, `plateau`: the other two, in parts of it; `toe` is less than 1.
+    - `toe`, `plateau`: stiffnesses of these parts divided by `linear`; `toe` is less than 1.
     - `toe_length`, `linear_length`, `plateau_length`: the compressions over which they hold:
       u1 = toe_length, u2 = u1 + linear_length, u3 = u2 + plateau_length.
-    - `rounding`: over how much compression one passes into the next.
-    - `densification`: growth of the stiffness beyond u3, in parts of `linear`.
+    - `rounding`: the compression over which one part passes into the next.
+    - `densification`: growth of the stiffness beyond u3 per unit of compression, divided by `linear`.
     - `offset`: force without compression.
 
-    Raises `InputError` where one but the offset is not positive, or `toe` is 1 or more.
+    Raises `InputError` where an argument other than the offset is not positive, or `toe` is 1 or more.
 
-    Source: the stages are those of Gibson and Ashby, Cellular Solids (1997); the passages are ours.
+    Source: Gibson and Ashby, Cellular Solids (1997), for the stages; the rounded passages are ours.
 
     **Example:**
 

@@ -22,8 +22,8 @@ class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
 
         d = K F + b   where F >= threshold,   else d = 0
 
-    **Arguments:** `K` (mm/N), `b` (mm), `threshold` (N; the force below which nothing is touched).
-    Any other pair of quantities works the same way, in the units of its record.
+    **Arguments:** `K` (mm/N), `b` (mm), `threshold` (N; the force of first contact). Any
+    other pair of quantities works the same way, in the units of its record.
 
     Source: Tsuji 2014, equation (8); its threshold is 1.5 N.
 

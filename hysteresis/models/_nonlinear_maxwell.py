@@ -45,10 +45,11 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
         y = offset + sum_k Q_k[g_k(u)] + c_k(u) Q_k[v],      Q_k' = -Q_k / tau_k + (its argument)',
 
     with v = (u - low) / (high - low). Q_k relaxes: it follows a jump at once and forgets it in the time
-    tau_k. The spring g_k rises; a strength c_k >= 0 says how much of a branch is felt at a level. With all
-    springs lines that is the generalised Maxwell model. Springs and strengths are piecewise linear
-    between n + 1 even nodes of [low, high] and go on beyond it, strengths with their last value.
-    Before the first sample the input stands at `low`, at rest: a first sample elsewhere is a jump.
+    tau_k. The spring g_k rises. A strength c_k >= 0 is the weight of a branch at a level of the input. If
+    all springs are straight lines, this is the generalised Maxwell model. Springs and strengths are
+    piecewise linear between n + 1 even nodes of [low, high]. Beyond, springs continue straight and
+    strengths keep their last value. The input rests at `low` before the first sample, so a first sample
+    elsewhere is a jump.
 
     **Arguments:**
 
@@ -61,13 +62,13 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
 
     **Other arguments:**
 
-    - `leading`: as above: the output leads (displacement -> force). Without it the output lags, and
+    - `leading`: as above: the output leads (displacement -> force). If false, the output lags, and
 
           y = offset + sum_k g_k(u) - Q_k[g_k(u)] - c_k(u) Q_k[v]:
 
       each g_k is approached in the time tau_k (creep, force -> displacement).
 
-    Steps are exact for g_k(u) that is linear in time between samples. With `increments` alone y rises with
+    Steps are exact where g_k(u) is linear in time between samples. With `increments` alone, y rises with
     u.
 
     Raises `InputError` for times that are not positive, increments or strengths that do not fit or

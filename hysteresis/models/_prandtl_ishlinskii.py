@@ -42,15 +42,16 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
 
         y = offset + S(slope u + sum_i w_i z_i),     z_i <- clip(z_i, u - r_i, u + r_i)
 
-    with z_i = 0 at first: play i follows the input with a backlash of +-r_i. The loops are those of
-    a Preisach model whose density depends on alpha - beta alone, as far out as the input goes: they
-    are symmetric, congruent, and wiped out from within. Two extensions, apart or together:
+    z_i = 0 at the start, and play i follows the input with a backlash of +-r_i. The loops are those of
+    a Preisach model whose density depends on alpha - beta alone, over the whole range of the input:
+    they are symmetric and congruent, and a larger loop wipes out those inside it. There are two
+    extensions, which can be combined:
 
     - modified: S(x) = x + sum_j s_j max(x - d_j, 0) over d_j >= 0 + sum_j s_j min(x - d_j, 0) over
       d_j < 0 bends the output, which makes loops asymmetric and lets them saturate;
     - rate-dependent: thresholds r_i + c_i |du/dt|, the speed being that of the interval which ended
-      at the sample *before* (0 at first). So each step is known before its input, and explicit to
-      invert.
+      at the *previous* sample (0 at first). So the thresholds of a step are known before its input, and
+      its inverse is explicit.
 
     **Arguments:**
 
@@ -61,13 +62,13 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
 
     **Other arguments:**
 
-    - `rates`: (n,) c_i, none negative. None: the rate does not matter.
-    - `bends`, `bend_slopes`: (m,) d_j, increasing, and s_j. S has to rise everywhere: 1 and the sum of
-      s_j over all bends passed on the way from 0 is positive. None: S(x) = x.
+    - `rates`: (n,) c_i, none negative. None: the output does not depend on the rate.
+    - `bends`, `bend_slopes`: (m,) d_j, increasing, and s_j. S must rise everywhere: 1 plus the sum of s_j
+      over all bends passed on the way from 0 is positive. None: S(x) = x.
     - `leading`: stop operators, sum_i w_i (u - z_i), for loops traversed clockwise, whose output leads
       the input.
 
-    Raises `InputError` where an argument is not as said here.
+    Raises `InputError` where an argument does not meet these conditions.
 
     Source: Krejci and Kuhnen 2001 (the model and its inverse), Kuhnen 2003 (bends), Al Janaideh and
     Krejci 2013 (rates).

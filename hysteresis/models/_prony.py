@@ -21,21 +21,21 @@ from ._viscoelastic import (
 from ._viscoelastic_chain import Chain, Hold
 
 Values = Float[Array, " branches"] | Any
-"""One number for each branch: anything `jnp.asarray` takes, kept as an array."""
+"""One value for each branch: anything that `jnp.asarray` takes, kept as an array."""
 
 
 @register
 class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
-    """Generalised Kelvin-Voigt model, force -> displacement, a spring and n Kelvin-Voigt elements in
-    series, and a dashpot where `eta0` is given:
+    """Generalised Kelvin-Voigt model, force -> displacement: in series, a spring, n Kelvin-Voigt elements
+    and, where `eta0` is given, a dashpot:
 
         x_k' = (F - E_k x_k) / eta_k,    x_0' = F / eta0,    d = F / E0 + sum of x + offset
 
-    Creep compliance J(t) = 1/E0 + t/eta0 + sum of (1 - exp(-E_k t/eta_k)) / E_k.
+    The creep compliance is J(t) = 1/E0 + t/eta0 + sum of (1 - exp(-E_k t/eta_k)) / E_k.
 
     **Arguments:**
 
-    - `E0`: stiffness of the spring; infinite for none, which has no inverse.
+    - `E0`: stiffness of the spring; infinite for no spring, a model that has no inverse.
     - `E`, `eta`: stiffnesses and viscosities of the elements, shape `(branches,)`.
     - `eta0`: viscosity of flow, or None for an element that does not flow.
     - `offset`, `leading`, `hold`: as for `Burgers`.
@@ -83,12 +83,12 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
 
 @register
 class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
-    """Generalised Maxwell model (Prony series), displacement -> force, a spring and n Maxwell elements
-    side by side:
+    """Generalised Maxwell model (Prony series), displacement -> force: a spring and n Maxwell elements
+    in parallel:
 
         x_k' = -(E_k d + x_k) / tau_k,    F = (E_inf + sum of E) d + sum of x + offset
 
-    where E_k d + x_k is the force in an element. Relaxation modulus
+    where E_k d + x_k is the force in an element. The relaxation modulus is
     G(t) = E_inf + sum of E_k exp(-t/tau_k).
 
     **Arguments:**
@@ -97,8 +97,8 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
     - `E`, `tau`: stiffnesses and relaxation times (viscosity over stiffness) of the elements, shape
       `(branches,)`.
     - `offset`: of the output.
-    - `leading`: the output leads the input, as it does in displacement -> force. False runs it force
-      -> displacement, the exact algebraic inverse.
+    - `leading`: displacement -> force, whose output leads the input. False: force -> displacement, the
+      exact algebraic inverse.
     - `hold`: the displacement between samples, `"linear"` or `"constant"`.
 
     Raises `InputError` where a modulus or time is not positive (`E_inf` negative), or `E` and `tau`

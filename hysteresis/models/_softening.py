@@ -37,27 +37,27 @@ class Softening(AbstractModel[SofteningState, SofteningInput]):
         y = sum_{i <= j} d_ij r_i(u) S_j,
         S_j(t) = max over s <= t of r_j(u(s)) exp(-(t - s) / recovery)
 
-    r_i(u) is 0 below cell i of an even grid on [low, high], 1 above it and a ramp within. An input that
-    has reached cell j lets the cells below give way by d_ij more: the output lags.
+    r_i(u) is 0 below cell i of an even grid on [low, high], 1 above it and a ramp within. After an input
+    has reached cell j, each cell i below it gives way by d_ij more, so the output lags.
 
     **Arguments:**
 
     - `low`, `high`: the range of the input.
     - `weights`: (n, n), entries j >= i are used (row i, column j), none negative.
-    - `recovery`: the time in which conditioning is forgotten; infinite for never.
+    - `recovery`: the time constant with which conditioning is forgotten; infinite for never.
 
     **Other arguments:**
 
-    - `leading`: for an output that leads (displacement -> force) cells that were never reached resist
-      more instead: y = sum_{i <= j} d_ij [r_i(u) (1 - S_j) + r_j(u)]. Its last term keeps y rising with u
-      on the first loading.
+    - `leading`: for an output that leads (displacement -> force), cells that the input has never reached
+      resist more: y = sum_{i <= j} d_ij [r_i(u) (1 - S_j) + r_j(u)]. The last term makes y rise with u on
+      the first loading.
 
-    Either way y never falls while u rises.
+    In both cases y never falls while u rises.
 
-    Raises `InputError` for weights that do not fit or are negative, a time that is not positive, an
-    empty range.
+    Raises `InputError` for weights of the wrong shape or sign, a recovery time that is not positive, and
+    an empty range.
 
-    Source: the largest deformation so far as in Ogden and Roxburgh, Proc. R. Soc. A 455 (1999).
+    Source: the largest deformation so far, as in Ogden and Roxburgh, Proc. R. Soc. A 455 (1999).
 
     **Example:**
 

@@ -1,4 +1,4 @@
-"""A small network of what a Preisach memory holds."""
+"""A small neural network whose inputs are the contents of a Preisach memory."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -30,30 +30,30 @@ def _floats(numbers: Iterable[Any]) -> tuple[float, ...]:
 
 @register
 class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
-    """A fully connected network of the input and of the memory it has left:
+    """A fully connected network of the input and of the memory that the input has left:
 
         y = centre_y + spread_y N((x - centre) / spread),     x = (u, z_1, ..., z_m, q_1, ..., q_n)
         z_i <- clip(z_i, u - s r_i, u + s r_i),     tau_j q_j' + q_j = u,     N: linear, ReLU, ..., linear
 
     The plays z_i are the heights of the Preisach staircase, the boundary between relays that are up and
-    down, over the lines alpha - beta = 2 r_i: what the paper calls the Preisach transform, after which
-    the output is a function and has no history. It has no time: delayed inputs q_j say what creep
-    holds; without them, `times=()`, the network is the paper's. Both start at rest.
+    down, over the lines alpha - beta = 2 r_i. The paper calls them the Preisach transform; given them, the
+    output is a function without history. Plays do not depend on time, so the delayed inputs q_j represent
+    creep. Without delayed inputs, `times=()`, the network is the paper's. Both start at rest.
 
     Several channels, inputs (samples, channels), have plays and delays of their own, and x holds them
     channel after channel.
 
     **Arguments:**
 
-    - `matrices`, `biases`: of the layers, first to last; what a training changes. See `random`.
+    - `matrices`, `biases`: of the layers, first to last; training changes them. See `random`.
     - `thresholds`: (m,) r_i, in units of `scale`; `times`: (n,) tau_j in s. `centre`, `spread`: of x, then
       of y.
     - `rest`, `scale`: (channels,) the input where plays and delays start, and s.
 
     Raises `InputError` for sizes that do not fit, thresholds, times or scales that are not positive.
 
-    Source: Kim and Park (2018), section III A, which prints neither inputs nor their number; Brokate and
-    Sprekels, Hysteresis and Phase Transitions (1996), for plays as the staircase.
+    Source: Kim and Park (2018), section III A, which states neither the inputs nor their number; Brokate
+    and Sprekels, Hysteresis and Phase Transitions (1996), for the staircase as plays.
 
     **Example:**
 
@@ -109,9 +109,9 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
         rest: Sequence[float] = (0.0,),
         scale: Sequence[float] = (1.0,),
     ) -> "StaircaseNetwork":
-        """A network to start a training from, its inputs and output scaled as these records' are.
+        """An untrained network, its inputs and output scaled by the mean and the spread of these records.
 
-        Matrices are normal with variance 2 / inputs (He 2015), which keeps the size of what ReLUs pass.
+        Matrices are normal with variance 2 / inputs (He 2015), so that ReLUs preserve the size of signals.
         """
         widths = (len(tuple(rest)) * (1 + len(thresholds) + len(lags)), *hidden, 1)
         keys = jax.random.split(key, len(widths) - 1)
@@ -126,13 +126,13 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
         x = plain.prepare(np.concatenate(times), np.concatenate(inputs), starts=starts)
         whole = [*np.asarray(x).T, np.concatenate(outputs)]
         centre, spread = (tuple(float(f(v)) for v in whole) for f in (np.mean, np.std))
-        # An input that never moves says nothing, whatever its scale.
+        # The spread of an input that never moves is 0; any other scale avoids the division by it.
         spread = [s if s > 0 else 1.0 for s in spread]
         return cls(matrices, biases, thresholds, lags, centre, spread, rest, scale)
 
     @classmethod
     def mean(cls, networks: "Sequence[StaircaseNetwork]") -> "StaircaseNetwork":
-        """The mean of networks of the same inputs, such as those of several trainings, as one network.
+        """One network that gives the mean of several with the same inputs, such as several trainings.
 
         Its layers hold all of theirs side by side.
 
@@ -166,7 +166,7 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
     def step(
         self, state: StaircaseState, t: Any, u: Any
     ) -> tuple[StaircaseState, Float[Array, ""]]:
-        """As of every model; of several channels u is (channels,)."""
+        """See `AbstractModel.step`; with several channels u is (channels,)."""
         dtype = state.z.dtype
         u, t = jnp.asarray(u, dtype)[..., None], jnp.asarray(t, dtype)
         dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
@@ -202,7 +202,7 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
     def evaluate(self, prepared: Float[Array, "samples inputs"]) -> Float[Array, " samples"]:
         dtype = prepared.dtype
         centre, spread = jnp.array(self.centre, dtype), jnp.array(self.spread, dtype)
-        # Samples last, so that they are what the processor's vectors hold.
+        # Samples are the last axis, so that the processor's vector instructions run along them.
         value = ((prepared - centre[None, :-1]) / spread[None, :-1]).T
         last = len(self.matrices) - 1
         for k, (W, b) in enumerate(zip(self.matrices, self.biases, strict=True)):

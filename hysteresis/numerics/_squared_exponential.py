@@ -1,4 +1,4 @@
-"""How much values of a smooth function have in common."""
+"""The squared-exponential covariance of a smooth function."""
 
 from typing import NamedTuple
 
@@ -10,9 +10,9 @@ from .._registry import register
 
 @register
 class Kernel(NamedTuple):
-    """Covariance of a function's values:
+    """Squared-exponential covariance of a function's values, plus noise^2 on each value:
 
-    k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2)),      and noise^2 where x is x'
+        k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2))
 
     **Example:**
 
@@ -29,7 +29,7 @@ class Kernel(NamedTuple):
     def between(
         self, x: Float[Array, "n features"], other: Float[Array, "m features"]
     ) -> Float[Array, "n m"]:
-        """Without the noise."""
+        """The covariances between two sets of points, without the noise."""
         a, b = x / self.length[None], other / self.length[None]
         square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
         return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)

@@ -1,4 +1,4 @@
-"""Preisach densities: how much relay there is at each pair of thresholds."""
+"""Preisach densities: the weight of the relays at each pair of thresholds."""
 
 import abc
 from typing import Any, Generic
@@ -157,13 +157,13 @@ class GridDensity(AbstractGridDensity):
     - `weights`: (n, n); row i is the cell of the switch-up threshold alpha, column j that of the
       switch-down threshold beta; entries j <= i are used. Each is the *mass* of its cell; those on
       the diagonal are half cells.
-    - `signed`: allow negative weights. The output then need not rise with the input, and the model
+    - `signed`: allow negative weights. The output may then fall while the input rises, and the model
       has no inverse in general.
     - `nodes`: the n+1 inputs between which the cells lie, increasing from `low` to `high`; None for
       cells of one width. See `quantile_nodes`.
 
     Raises `InputError` for an empty range, nodes that do not fit, a table that is not square, weights
-    that are not finite, negative ones unless `signed`.
+    that are not finite, and negative weights unless `signed`.
 
     **Example:**
 

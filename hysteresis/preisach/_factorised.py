@@ -19,7 +19,7 @@ class FactorisedDensity(AbstractGridDensity):
 
         mass of cell (i, j) = rising_i falling_j,  j < i;  half of that for the half cells j = i
 
-    `rising` times a number and `falling` over it is the same density.
+    Multiplying `rising` and dividing `falling` by the same number gives the same density.
 
     **Arguments:**
 

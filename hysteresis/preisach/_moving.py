@@ -54,21 +54,21 @@ class _Branch(NamedTuple):
 
 @register
 class MovingPreisach(AbstractModel[MovingState, MovingInput]):
-    """Della Torre's moving model: a Preisach model whose input is helped by its own output.
+    """Della Torre's moving model: a Preisach model whose output is added to its input.
 
         y = P[h],     h = u + feedback y
 
-    On a branch h solves h - feedback P(h) = u. Its left side has to rise on every branch; then h
-    rises where u does, loops close in h where they close in u, and the memory tree of u serves. Minor
-    loops between the same limits of u differ in shape (in P's own h they are congruent).
+    On a branch, h solves h - feedback P(h) = u. The left side must rise on every branch. Then h rises
+    where u does, and loops close in h where they close in u, so the memory tree of u applies. Minor
+    loops between the same limits of u differ in shape (between the same limits of h they are congruent).
 
     **Arguments:**
 
     - `inner`: P, whose density and reversible part are functions of h. It starts saturated.
     - `feedback`: below 1 / (the steepest slope of P); negative where the output opposes the input.
 
-    Raises `InputError` where P starts otherwise, and where it is on a `GridDensity` and the feedback so
-    strong that an input may have two outputs.
+    Raises `InputError` where P does not start saturated, and, for a `GridDensity`, where the feedback is
+    so strong that an input may have two outputs.
 
     Source: Della Torre 1966, Magnetic Hysteresis chapter 4.
 
@@ -189,7 +189,7 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
     def _solve(self, table: Any, branch: _Branch, u: Array) -> tuple[Array, Array]:
         """h with h - feedback P(h) = u on its branch, and the relays' output there, by element.
 
-        Bisected to the last bit; the Newton step from there is for the derivatives.
+        Bisection finds h to the last bit. The Newton step after it carries the derivatives.
         """
         density, parts = self.inner.density, (self, table, branch, u)
         frozen = jax.lax.stop_gradient(parts)

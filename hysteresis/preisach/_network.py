@@ -17,18 +17,18 @@ from ._density import AbstractGridDensity, as_nodes
 
 @register
 class NetworkDensity(AbstractGridDensity):
-    """A positive density that is smooth over the thresholds, of far fewer parameters than cells.
+    """A positive density that is smooth over the thresholds and has far fewer parameters than cells.
 
         mu(alpha, beta) ~ softplus(W_d tanh(... tanh(W_1 x + b_1)) + b_d),   x = (alpha, beta) on [-1, 1]^2,
 
-    taken at the centre of each cell of a grid and scaled to the mass `total`. So E rises with a and falls
-    with b by construction, and its table is exact.
+    taken at the centre of each cell of a grid and scaled to the mass `total`. By construction E rises with
+    a and falls with b, and its table is exact.
 
     **Arguments:**
 
     - `low`, `high`: the inputs where all relays are down, and up.
     - `total`: mass of the density, E(high, low).
-    - `network`: every layer's matrix, row by row, and its biases behind it, all in one vector.
+    - `network`: one vector: each layer's matrix, row by row, followed by its biases.
 
     **Other arguments:**
 
@@ -80,7 +80,7 @@ class NetworkDensity(AbstractGridDensity):
         hidden: tuple[int, ...] = (16, 16),
         **options: Any,
     ) -> "NetworkDensity":
-        """A density to start a fit from: every layer keeps the size of what it is given.
+        """A density to start a fit from; each layer preserves the size of its inputs.
 
         `options` are `resolution` and `nodes`.
         """

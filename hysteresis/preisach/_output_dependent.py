@@ -1,4 +1,4 @@
-"""The product Preisach model: how much the relays count depends on the output."""
+"""The product Preisach model: the weight of the relays depends on the output."""
 
 from typing import Any
 
@@ -21,17 +21,17 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
 
         y = g(P[u]),     g(P in negative saturation) = offset,     g' = K >= 0
 
-    g is piecewise linear over n equal cells of the range of P, and goes on beyond it. Wiping-out holds
-    as in P; minor loops between the same inputs are no longer congruent, since their height goes with
-    g' where they lie. What scales or shifts P alone changes nothing.
+    g is piecewise linear over n equal cells of the range of P, and continues straight beyond it. Loops
+    are wiped out as in P. Minor loops between the same inputs are not congruent, because their height is
+    proportional to g' at their place. Scaling or shifting P alone does not change y.
 
     **Arguments:**
 
     - `inner`: P.
-    - `increments`: (n,) those of g over its cells, none negative.
+    - `increments`: (n,) increments of g over its cells, none negative.
     - `offset`: y in negative saturation.
 
-    Raises `InputError` where the increments are no row of numbers, or negative.
+    Raises `InputError` where the increments are not one-dimensional, or negative.
 
     Source: Kadar 1987, On the Preisach function of ferromagnetic hysteresis.
 

@@ -76,9 +76,9 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
 
     Relays are -1 or +1, so P = -mass in negative saturation. On a monotone branch that started at the
     reversal u_r, P(u) = P(u_r) + 2 s E(u, u_r), with the Everett function E of the density and s = +1
-    rising, -1 falling; passing an older extremum wipes the loop inside out. The output is
-    independent of the rate and of how finely the path was sampled. Beyond [low, high] every relay is
-    saturated and only R goes on; `hysteresis.extended` widens the grid.
+    rising, -1 falling; passing an older extremum wipes out the loop inside. The output does
+    not depend on the rate or on the density of samples along the path. Beyond [low, high] every relay is
+    saturated and only R continues; `hysteresis.extended` widens the grid.
 
     **Arguments:**
 
@@ -87,14 +87,14 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
       [low, high], none negative; R(low) = 0. R is the model's memoryless part, piecewise linear.
       None for no such part.
     - `offset`: the output's constant.
-    - `up`: (n, n) the mass of the relays of each grid cell that are up before the first sample, between 0
-      and the cell's weight; they stay up until the input reaches one of their thresholds. It needs
+    - `up`: (n, n) for each grid cell, the mass of its relays that are up before the first sample, between
+      0 and the cell's weight. They stay up until the input reaches one of their thresholds. `up` needs
       `initial="negative"` and a grid density. None for no such relays.
 
     **Other arguments:**
 
     - `leading`: y = offset + R(u) - P[u], for loops traversed clockwise, whose output leads the input
-      (displacement -> force). R has to be steep enough for y to rise with u; see `least_slope`.
+      (displacement -> force). R must be steep enough for y to rise with u; see `least_slope`.
     - `initial`: relays before the first sample: all down (`"negative"`), all up (`"positive"`), or
       down above and up below the anti-diagonal (`"demagnetised"`); or inputs in [low, high] that
       lead there from all down, such as `(3.0, 1.0, 2.0)`.
@@ -105,7 +105,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
       less make no reversals. See `input_noise`.
 
     Raises `InputError` for a reversible part that does not fit the density or decreases, masses `up` that
-    the cells cannot have, and settings outside what is said here.
+    the cells cannot have, and settings that do not meet these conditions.
 
     Source: Mayergoyz, Mathematical Models of Hysteresis; Kim 2018, equation (1).
 

@@ -26,19 +26,19 @@ class RidgeTable(NamedTuple):
 class RidgeDensity(AbstractCellDensity[RidgeTable]):
     """Mass on the rising diagonal of each cell of a uniform grid: kernels of Krasnosel'skii-Pokrovskii.
 
-    Their kernel with the thresholds p_i >= p_j and ridges one cell wide goes from -1 to 1 in a line,
+    Their kernel, with the thresholds p_i >= p_j and ridges one cell wide, goes from -1 to 1 along a line,
 
         k = max(k before, r(u - p_i)) rising, min(k before, r(u - p_j)) falling,
         r(x) = -1 + 2 x / cell, held at -1 below 0 and at 1 beyond one cell,
 
-    and is the Preisach model whose relays lie evenly on (p_i + x, p_j + x), 0 <= x <= cell. So with f, g
-    the fractions of a, b in their cells I, J, with T as for a grid and with m the masses made symmetric
-    and doubled on the diagonal,
+    and equals the Preisach model whose relays lie evenly on (p_i + x, p_j + x), 0 <= x <= cell. Let f, g
+    be the fractions of a, b in their cells I, J, let T be as for a grid, and let m be the masses, made
+    symmetric and doubled on the diagonal. Then
 
         E(a, b) = bilinear(T; a, b) - m_IJ (min(f, g) - f g)
 
-    exactly: where bilinear says that f (1 - g) of the corner cell lies in {beta >= b, alpha <= a}, it is
-    max(f - g, 0); on the diagonal |f - g| for f (1 - g) + g (1 - f).
+    exactly. The bilinear term counts f (1 - g) of the corner cell in {beta >= b, alpha <= a}, but the exact
+    part is max(f - g, 0); on the diagonal it counts f (1 - g) + g (1 - f) instead of |f - g|.
 
     **Arguments:**
 
@@ -75,7 +75,7 @@ class RidgeDensity(AbstractCellDensity[RidgeTable]):
 
     def tabulate(self) -> RidgeTable:
         lower = jnp.tril(self.weights)
-        # As long as the other table, so that one index serves both.
+        # Padded to the shape of the other table, so that one index serves both.
         return RidgeTable(everett_table(lower).node, jnp.pad(lower + lower.T, (0, 1)))
 
     def everett(self, table: RidgeTable, pairs: GridPairs) -> Float[Array, "*pairs"]:

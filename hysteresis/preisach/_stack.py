@@ -18,8 +18,8 @@ class OpenLoops(NamedTuple):
     """Reversals whose loops are not closed yet, oldest first.
 
     - `extremum`, `level` (capacity,): input and output at each; entry 0 is the negative saturation.
-    - `depth`: how many of them count.
-    - `dropped`: how many loops were forgotten because the stack was full.
+    - `depth`: the number of entries in use.
+    - `dropped`: the number of loops that were forgotten because the stack was full.
 
     **Example:**
 
@@ -36,7 +36,7 @@ class OpenLoops(NamedTuple):
 
     @classmethod
     def none(cls, capacity: int, u: Array, y: Array) -> "OpenLoops":
-        """Nothing but the saturation at input `u` and output `y`."""
+        """A stack that holds only the saturation, at input `u` and output `y`."""
         empty, one = jnp.zeros(capacity), jnp.asarray(1, jnp.int32)
         return cls(empty.at[0].set(u), empty.at[0].set(y), one, one - 1)
 
@@ -64,6 +64,6 @@ class OpenLoops(NamedTuple):
             older = jnp.maximum(depth - 2, 0)
             return (depth >= 3) & passed(read(self.extremum, older), read(self.level, older))
 
-        # Two reversals leave at a time. The integer alone is carried: arrays would be copied.
+        # Two reversals leave at a time. The loop carries only the integer, because XLA would copy arrays.
         depth = jax.lax.while_loop(closes, lambda depth: depth - 2, self.depth)
         return self._replace(depth=depth)

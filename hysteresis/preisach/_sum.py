@@ -1,4 +1,4 @@
-"""Densities added up."""
+"""The sum of densities."""
 
 from functools import reduce
 from operator import add
@@ -16,13 +16,13 @@ from ._density import AbstractDensity
 
 @register
 class SumDensity(AbstractDensity[tuple[Any, ...], tuple[Any, ...]]):
-    """The sum of some densities, each on its own triangle: E(a, b) = sum of E_k(a, b).
+    """The sum of several densities, each on its own triangle: E(a, b) = sum of E_k(a, b).
 
     **Arguments:**
 
     - `parts`: the densities. [low, high] encloses all of theirs; beyond its own a part is saturated.
 
-    Raises `InputError` for no part at all.
+    Raises `InputError` where there is no part.
 
     **Example:**
 
