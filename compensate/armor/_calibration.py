@@ -82,9 +82,22 @@ def planned_presses(
     touched: ArrayLike,
     surface: ArrayLike,
 ) -> Presses:
-    """What the armor as it is would read and show in presses that were not made; arguments as `Presses`.
+    """Presses that were not made: what the given armor would read, and how deep its cover would be pressed.
 
-    For choosing among them, see `identify.choose`.
+    `hysid.choose_presses` chooses among them, and so does `identify.choose`.
+
+    **Arguments:** `armor`, and those of `Presses`.
+
+    **Returns:** the `Presses`, with the computed readings and displacements.
+
+    **Raises:** `InputError` as `Presses` does.
+
+    **Example:**
+
+        >>> at, down = box.centres()[:1], [[0.0, 0.0, -1.0]]
+        >>> made = compensate.armor.planned_presses(armor, [0.0, 1.0], [[5.0, 10.0]], down, at, [1])
+        >>> made.readings.shape
+        (1, 2, 6)
     """
     samples = np.shape(force)
     silent = Presses(
@@ -105,22 +118,29 @@ def _planned(armor: Armor, presses: Presses) -> Presses:
 
 
 class PressResiduals(eqx.Module):
-    """What an armor misses of presses, each in deviations of its noise, a row for each press:
+    """Residuals of an armor in presses, in standard deviations of their noise, a row for each press:
 
         (F, M)(reading) - (f u, P^e x f u)        over `noise`,        P^e = P^i + d_n n
         f_k(P^i)                                  over `place`
         d_n(f u.n) - d                            where d was measured
 
-    d is off by a constant in each press, unevenness of deviation `scatter`, and in each sample by
-    `reading`: S samples with the residuals e and their mean m make (e - m)/reading + m/sqrt(S scatter^2
-    + reading^2), which are independent. Samples below the contact threshold do not tell d.
+    Each press has a constant error of d, of deviation `scatter`, because the cover is uneven; each sample
+    has one of deviation `reading`. S samples with the residuals e and their mean m give
+    (e - m)/reading + m/sqrt(S scatter^2 + reading^2), which are independent. Samples below the contact
+    threshold are excluded from the residuals of d.
 
     A residual function for `identify.calibrate`.
 
     **Arguments:**
 
-    - `noise` (6,), N and N m: of wrenches, one sample; `with_noise_left` learns it from what a fit leaves.
+    - `noise` (6,), N and N m: of one sample of a wrench; `with_noise_left` estimates it from the residuals.
     - `place`, `scatter`, `reading`, m.
+
+    **Example:**
+
+        >>> residuals = compensate.armor.PressResiduals(planned, jnp.full(6, 0.03))(armor)
+        >>> residuals.shape, bool(abs(residuals).max() < 1e-6)
+        ((5, 22), True)
     """
 
     presses: Presses

@@ -17,14 +17,24 @@ _OTHERS = (
 
 
 def convention_doubt(solver: ContactSolver, force: ArrayLike, moment: ArrayLike) -> str | None:
-    """Why a recording of contacts hits the shell so seldom; None where it does, or nothing explains it.
+    """Check the frame, signs and units of recorded wrenches: why so many lines of action miss the shell.
 
-    A wrench in another frame or with another sign is a wrench as good as any: only its line of action
-    misses the shell. So other readings of the same numbers are tried, and the best told, if a tenth or
-    more of the lines miss the shell as given, and a quarter as many or fewer in that reading.
+    A wrench in another frame, or with another sign, is still a valid wrench; but its line of action misses
+    the shell. This function tries other interpretations of the same numbers. It reports the best one if a
+    tenth or more of the lines miss the shell as given, and at most a quarter as many miss it in that
+    interpretation.
 
-    **Arguments:** `force`, `moment` (samples, 3), as of `ContactSolver.solve`; tens of contacts or more,
-    on several surfaces. Samples below the threshold do not count.
+    **Arguments:** `force`, `moment` (samples, 3), as for `ContactSolver.solve`: tens of contacts or more,
+    on several surfaces. Samples below the threshold are ignored.
+
+    **Returns:** a sentence, or None where most lines meet the shell or no interpretation explains the rest.
+
+    **Example:**
+
+        >>> force = np.tile([[0.0, 0.0, -10.0], [-10.0, 0.0, 0.0]], (20, 1))
+        >>> moment = 1000 * np.cross([0.1, 0.05, 0.5], force)  # in N mm instead of N m
+        >>> compensate.armor.convention_doubt(solver, force, moment)
+        '0% of the lines of action meet the shell, 100% if the moment is in N mm.'
     """
     force, moment = jnp.asarray(force, float), jnp.asarray(moment, float)
     strong = jnp.linalg.norm(force, axis=-1) >= solver.threshold

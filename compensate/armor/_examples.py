@@ -14,13 +14,19 @@ def forearm(
     around: int = 48,
     along: int = 48,
 ) -> Mesh:
-    """A tapered elliptic cylinder along z with rounded ends; P_o in the middle of the elbow's end.
+    """A tapered elliptic cylinder along z with rounded ends; P_o is the middle of the end at the elbow.
 
         x = a(z) cos v,   y = b(z) sin v,       (a, b) from `elbow` at z = 0 to `wrist` at z = length
 
-    **Arguments:** lengths and half widths in m; `around`, `along`: numbers of divisions.
+    **Arguments:** `length` and the half widths in m; `around`, `along`: how many divisions the mesh has.
 
-    Raises `InputError` where a length is not positive, or fewer than 3 divisions are asked for.
+    **Raises:** `InputError` where a length is not positive, or there are fewer than 3 divisions.
+
+    **Example:**
+
+        >>> shell = compensate.armor.forearm(around=12, along=4)
+        >>> shell.corners().shape, round(float(shell.longest()), 3)
+        ((168, 3, 3), 0.333)
     """
     part = np.linspace(0, 1, along + 1)
     widths = np.outer(1 - part, elbow) + np.outer(part, wrist)
@@ -39,15 +45,21 @@ def head(
     around: int = 64,
     along: int = 48,
 ) -> Mesh:
-    """An ellipsoid on a round neck along z, rounded into it; P_o in the middle of the neck's foot.
+    """An ellipsoid on a round neck along z, rounded into it; P_o is the middle of the neck's foot.
 
-    Under the chin the surface is hollow: a line of action may enter it twice.
+    Under the chin the surface is concave, so a line of action may enter it twice.
 
-    **Arguments:** half axes along x, y, z, radius and length of the neck, in m; `around`, `along`: numbers
-    of divisions.
+    **Arguments:** half axes along x, y, z, radius and length of the neck, in m; `around`, `along`: how many
+    divisions the mesh has.
 
-    Raises `InputError` where a length is not positive, the neck is thicker than the head, or fewer than 3
-    divisions are asked for.
+    **Raises:** `InputError` where a length is not positive, the neck is thicker than the head, or there are
+    fewer than 3 divisions.
+
+    **Example:**
+
+        >>> shell = compensate.armor.head(around=12, along=8)
+        >>> shell.corners().shape, round(float(shell.longest()), 3)
+        ((240, 3, 3), 0.289)
     """
     ax, ay, az = half_axes
     if not 0 < neck < min(ax, ay):

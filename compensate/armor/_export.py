@@ -28,16 +28,25 @@ def export_armor(
     solver: ContactSolver, path: str | Path, sensor: WristSensor | None = None, *,
     model: AbstractModel | None = None, title: str = "armor",
 ) -> Path:  # fmt: skip
-    """Write a solver as JSON for `compensate.runtime.load_armor`, with contacts that it replays on loading.
+    """Write a solver as JSON for `compensate.runtime.load_armor`, with contacts to verify it on loading.
 
     **Arguments:**
 
-    - `sensor`: readings of this one are taken, at rest; by default wrenches of the load about P_o.
-    - `model`: where the cover is a compensator, the model that it is the inverse of.
-    - `title`: in a line.
+    - `sensor`: the sensor whose readings the program gets, at rest; without one it gets wrenches of the
+      load about P_o.
+    - `model`: where the cover is a compensator, the model that was inverted.
+    - `title`: a description in one line.
 
-    Raises `InputError` for a shape of more than 256 faces, a cover or a sensor's hysteresis that cannot be
-    exported, and a compensator without its model.
+    **Returns:** the path of the file.
+
+    **Raises:** `InputError` for a shape of more than 256 faces, a cover or a sensor's hysteresis that
+    cannot be exported, and a compensator without its model.
+
+    **Example:**
+
+        >>> file = compensate.armor.export_armor(solver, folder / "armor.json", title="upper arm")
+        >>> compensate.runtime.load_armor(file).title
+        'upper arm'
     """
     faces = solver.shape.faces()
     if len(faces.offset) > MOST_FACES:

@@ -48,10 +48,16 @@ class Bumps(AbstractField):
 
         base_k + amplitude_k exp(-|P - centre_k|^2 / (2 width^2))
 
-    such as a frame that gives way in the middle of each side, or a sheet that is thinner at its rim.
+    Examples are a frame that bends in the middle of each side, and a sheet that is thinner at its rim.
 
     **Arguments:** `centre` (surfaces, 3), m, e.g. `Box.centres()`; `amplitude` and `base`, one number or
     one for every surface; `width`, m.
+
+    **Example:**
+
+        >>> factor = compensate.armor.Bumps(box.centres(), amplitude=0.2, width=0.05, base=1.0)
+        >>> round(float(factor(jnp.array(1), box.centres()[0])), 6)
+        1.2
     """
 
     centre: Float[Array, "surfaces 3"] = parameter(
@@ -76,6 +82,13 @@ class Grid(AbstractField):
     **Arguments:** `values` (surfaces, u, v), at least 2 x 2 each; `centre` (surfaces, 3) and `axes`
     (surfaces, 2, 3), m: the middle of each surface, and from there to the middles of two of its sides,
     as `Box.centres()` and `Box.axes()`.
+
+    **Example:**
+
+        >>> values = np.tile([[1.0, 1.2], [1.4, 1.6]], (5, 1, 1))
+        >>> factor = compensate.armor.Grid(values, box.centres(), box.axes())
+        >>> round(float(factor(jnp.array(1), box.centres()[0])), 6)
+        1.3
     """
 
     values: Float[Array, "surfaces u v"] = parameter(meaning="values on the grid")

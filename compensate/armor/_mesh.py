@@ -30,22 +30,29 @@ LINES = 4096
 class Mesh(AbstractShape):
     """A surface of triangles, in metres from P_o; triangle k is surface k + 1.
 
-    Under a soft cover each triangle is pressed in by its own d_n along its own normal. At a ridge the
-    moved neighbours cross, and a line may find a point on both: these are less than d_n apart, count as
-    one contact, and the more squarely pushed is taken. In a fold they part, and a line may pass between
-    them: then the one that it comes closest to is taken, if that is within the tolerance.
+    A force presses each triangle under a soft cover in by its own d_n along its own normal. At a ridge
+    the moved neighbours cross, and a line may meet both: these points are less than d_n apart and count as
+    one contact; the solver takes the triangle that is pushed more squarely. In a fold the moved neighbours
+    separate, and a line may pass between them: then the solver takes the closest one within the tolerance.
 
-    Where a line enters the body more than once, all entries are `ContactSolver.candidates`, and the status
-    is AMBIGUOUS. The 32 likeliest triangles are looked at for each contact.
+    Where a line enters the body more than once, `ContactSolver.candidates` lists all entries, and the
+    status is AMBIGUOUS. The solver considers the 32 most likely triangles for each contact.
 
     **Arguments:**
 
     - `vertices` (vertices, 3), m.
-    - `triangles` (triangles, 3): numbers of their corners, counter-clockwise seen from outside.
+    - `triangles` (triangles, 3): the indices of their corners, counter-clockwise seen from outside.
     - `rim`: whether the surface may end, as a shell's does where it is mounted.
 
-    Raises `InputError` for a surface with holes, triangles turned both ways, one that is inside out, and
-    one that is too large or small to be meant in metres.
+    **Raises:** `InputError` for a surface with holes, triangles of both orientations, a surface that is
+    inside out, and one whose size is not plausible in metres.
+
+    **Example:**
+
+        >>> corners = 0.1 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+        >>> shell = compensate.armor.Mesh(corners, [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
+        >>> shell.corners().shape
+        (4, 3, 3)
     """
 
     sides: Faces

@@ -55,18 +55,28 @@ class Alternative(NamedTuple):
 
 
 class UncertainArmor(eqx.Module):
-    """An armor that is known up to some draws of it, on readings with noise.
+    """An armor with uncertain parameters, represented by draws, and with noise on its readings.
 
-    Draw d sees the readings plus noise of its own, solves with its own sensor and cover, and finds the
-    cover e_d deeper, of deviation `scatter`, the same throughout a record: P^e moves by e_d F / F_n along
-    the line of action. The spread of the draws is the uncertainty of the contact.
+    Draw d adds its own noise to the readings and solves with its own sensor and cover. Its cover is thicker
+    by e_d, of standard deviation `scatter`, which is constant throughout a record: P^e moves by e_d F / F_n
+    along the line of action. The spread of the draws is the uncertainty of the contact.
 
     **Arguments:**
 
-    - `armor`: whose contact is told. `draws`: the same with a leading axis on what differs, such as
-      `Calibration.draws(200)` or `Posterior.model`.
-    - `noise` (6,), N and N m: deviation of one reading. `scatter`, m: of the cover from place to place.
+    - `armor`: its contact is the estimate.
+    - `draws`: the same with a leading axis on what differs, such as `Calibration.draws(200)` or
+      `Posterior.model`.
+    - `noise` (6,), N and N m: standard deviation of one reading.
+    - `scatter`, m: standard deviation of the cover from place to place.
     - `seed`: of noise and scatter.
+
+    **Example:**
+
+        >>> offset = lambda each: each.solver.cover.compensator.b
+        >>> draws = eqx.tree_at(offset, armor, jnp.array([6.0, 6.2, 6.4]))
+        >>> uncertain = compensate.armor.UncertainArmor(armor, draws, np.full(6, 0.01))
+        >>> uncertain.solve([0.0, 0.0, -10.0, 0.0, 0.0, 0.0]).draws.point.shape
+        (3, 3)
     """
 
     armor: Armor

@@ -16,20 +16,28 @@ from hysteresis.preisach import NetworkDensity
 
 @register
 class EverettNetwork(AbstractModel[Any, Any]):
-    """Force from a reading by sums over the reading's extremum stack of a network that cannot go wrong:
+    """Force from a reading by a monotone Everett network: sums over the reading's extremum stack.
 
         F = R(v) - sum_k +-2 E(M_k, m_k),    v = z + sum_j c_j (z - lag_j z),    E(a, b) = mass of mu there
 
-    The network gives the density mu > 0, a softplus, of a leading Preisach model. So E(a, a) = 0, E grows
-    with a and falls with b, and R is steep enough for F to rise with v whatever came before. The c_j > 0
-    take away what creep has added to the reading, the reverse of a delay.
+    The network gives the density mu > 0, a softplus, of a leading Preisach model. So E(a, a) = 0, E
+    increases with a and decreases with b, and R is steep enough that F increases with v after any history.
+    The terms with c_j > 0 subtract the creep from the reading; they are the inverse of a delay.
 
-    All parts are positive as softplus of free numbers, so that any gradient step leads to such a model.
+    All parts are softplus functions of unconstrained parameters, so each gradient step leads to such a
+    model.
 
     **Arguments:** what a training changes, see `random`: `network`, `total`, `rises` of R's cells,
-    `relaxing` c_j; and what it does not: `high` of the reading, `force` to scale by, `times` of the delays.
+    `relaxing` c_j; and what it keeps: `high` of the reading, `force` to scale by, `times` of the delays.
 
-    Source: Kim and Park (2018), equation (2); Zakerzadeh (2011), a network in the place of the Everett map.
+    **Source:** Kim and Park (2018), equation (2); Zakerzadeh (2011), a network instead of the Everett map.
+
+    **Example:**
+
+        >>> options = {"high": 6.0, "force": 3.0, "times": (), "cells": 8}
+        >>> start = compensate.microchannel.EverettNetwork.random(jax.random.key(0), **options)
+        >>> start.simulate(None, u).shape
+        (13,)
     """
 
     network: Float[Array, " count"]

@@ -30,19 +30,31 @@ def export_force(
     estimator: ForceEstimator, path: str | Path, readings: ArrayLike, *, times: ArrayLike | None = None,
     channels: Sequence[Quantity] = (READING,), estimate: Quantity = FORCE, title: str = "",
 ) -> Path:  # fmt: skip
-    """Write an estimator as JSON for `compensate.runtime.load`, with readings that it replays on loading.
+    """Write an estimator as JSON for `compensate.runtime.load`, with readings to verify it on loading.
 
     **Arguments:**
 
     - `estimator`: of a `StaircaseNetwork`, an `EverettNetwork`, or a chain of models that `invert` takes.
-    - `readings`: (samples,), or (samples, channels), as it will get them: the first of them are its golden
-      pair, and the Preisach memory is made as deep as they need.
+    - `readings`: (samples,), or (samples, channels), typical of its use. The file keeps the first of them
+      with their forces, and its Preisach memory is as deep as they need.
 
-    **Other arguments:** `times` (samples,) of the readings, s; `channels`: names and units of the readings,
-    one for each; `estimate`: of the force; `title`: in a line.
+    **Other arguments:**
 
-    Raises `InputError` for a model that cannot be exported, less than two finite readings, times that are
-    needed and missing, and as many names as there are no channels.
+    - `times` (samples,): of the readings, s.
+    - `channels`: name and unit of each channel; `estimate`: of the force.
+    - `title`: a description in one line.
+
+    **Returns:** the path of the file.
+
+    **Raises:** `InputError` for a model that cannot be exported, fewer than two finite readings, missing
+    times where the model needs them, and another number of names than of channels.
+
+    **Example:**
+
+        >>> y = model.simulate(t, u)
+        >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
+        >>> compensate.runtime.load(file).high
+        6.0
     """
     y = np.asarray(readings, float)
     count = 1 if y.ndim == 1 else y.shape[1]

@@ -35,7 +35,13 @@ class BackwardsInput(NamedTuple):
 class BackwardsModel(AbstractModel[Any, BackwardsInput]):
     """A compensator as a model from reading to force, without its status: y = compensator[u].value.
 
-    **Arguments:** `compensator`, such as `invert` gives.
+    **Arguments:** `compensator`, e.g. from `invert`.
+
+    **Example:**
+
+        >>> backwards = compensate.microchannel.BackwardsModel(compensator)
+        >>> backwards.simulate(t, model.simulate(t, u)).round(6).tolist() == u.tolist()
+        True
     """
 
     compensator: AbstractCompensator
@@ -86,23 +92,31 @@ class ForceState(NamedTuple):
 
 @register
 class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
-    """Force from a model that runs from reading to force, learnt in that direction:
+    """Force from readings, by a model that was trained in this direction.
 
-        F = clip(M[z], 0, high),     deviation: how far off it was on readings it did not learn from
+        F = clip(M[z], 0, high),     deviation: its error on readings that were held out
 
     The model is the paper's network (`StaircaseNetwork`), a monotone Everett network (`EverettNetwork`), or
-    any other. A model that was fitted from force to reading, as the sensor works, is run backwards
-    by `invert`, or, with what is known of the reading's noise, by `MultiContactEstimator` of one contact.
+    any other. `invert` inverts a model that was fitted from force to reading, as the sensor works; where
+    the noise of the reading is known, use a `MultiContactEstimator` of one contact instead.
 
     **Arguments:**
 
-    - `model`: reading -> force in N. `deviation`: N. `high`: the largest force it was taught, N.
-    - `low_reading`, `high_reading`: the readings it was taught, a number, or (channels,) where the model
-      takes several; a sample with any other reading is EXTRAPOLATED, one without a reading INVALID.
+    - `model`: reading -> force in N. `deviation`: N. `high`: the largest force of the training, N.
+    - `low_reading`, `high_reading`: the range of the readings in the training, a number, or (channels,)
+      where the model takes several. A sample with any other reading is EXTRAPOLATED, one without a reading
+      INVALID.
 
-    Raises `InputError` for a deviation or range that is not positive.
+    **Raises:** `InputError` for a deviation or range that is not positive.
 
-    Source: Kim and Park (2018), section III A.
+    **Source:** Kim and Park (2018), section III A.
+
+    **Example:**
+
+        >>> backwards = compensate.microchannel.BackwardsModel(compensator)
+        >>> found = compensate.microchannel.ForceEstimator(backwards, deviation=0.05, high=5.0)
+        >>> found.simulate(t, model.simulate(t, u)).value[4:8].round(6).tolist()
+        [4.0, 5.0, 5.0, 5.0]
     """
 
     model: AbstractModel

@@ -16,32 +16,43 @@ LEAST = 100
 def gains_in_use(
     readings: ArrayLike, known: ArrayLike, *, pressed: float = 0.5, blur: float = 0.03
 ) -> Float[np.ndarray, "2 2"]:
-    """Gains G of two places in two layers from readings z = G s of both, s >= 0 the signals of the places.
+    """Gains G of two places in two layers, from readings z = G s of both, with the places' signals s >= 0.
 
-        direction of G_k: one of the outermost two directions of z in which readings pile up
+        direction of G_k: one of the outermost two directions of z in which readings accumulate
 
-    A contact pushes and never pulls, so what two places read together lies between their directions, and on
-    one of them where its place is pressed alone. Other than independent components, this asks for
-    no independence and no distribution, but that each place is sometimes pressed alone.
+    A contact pushes and never pulls, so a reading of both places lies between their directions, and on one
+    of them where that place is pressed alone. Independent component analysis needs independent signals;
+    this method only needs each place to be pressed alone now and then.
 
-    Nothing in the readings says which direction is whose, nor how much signal 1 N is: order and lengths of
-    the columns are those of `known`, such as the gains of another sensor of this kind.
+    The readings do not tell which direction belongs to which place, nor how large the signal of 1 N is:
+    order and lengths of the columns are those of `known`, such as the gains of another sensor of this kind.
 
     **Arguments:**
 
-    - `readings`: z, (samples, 2) in V, zero at rest. `known`: (layers, places), V a signal.
+    - `readings`: z, (samples, 2) in V, zero at rest.
+    - `known`: (layers, places), V per unit of signal.
 
     **Other arguments:**
 
-    - `pressed`: readings shorter than this, in V, say nothing of a direction: some ten times the noise.
-    - `blur`: rad by which directions are blurred, 0.005 to 0.2; a finger, which is placed anew for every
-      press, needs more than a machine, and places whose directions are close bear less.
+    - `pressed`: readings shorter than this, in V, are ignored: use some ten times the noise.
+    - `blur`: by how much directions are smoothed, 0.005 to 0.2 rad. A finger, which is placed anew for
+      every press, needs more than a machine; places whose directions are close allow less.
 
-    Raises `InputError` for other shapes and numbers out of range, too few readings, and places that are
-    never pressed alone.
+    **Returns:** G, (layers, places).
 
-    Source: the mixture that Kim and Park (2018) would give to independent component analysis. That signals
-    are not negative, and mixtures so between the single ones, is all that is used here.
+    **Raises:** `InputError` for other shapes and numbers out of range, too few readings, and places that
+    are never pressed alone.
+
+    **Source:** the mixture to which Kim and Park (2018) would apply independent component analysis. This
+    method uses only that signals are not negative, so that mixtures lie between single presses.
+
+    **Example:**
+
+        >>> one, none = np.linspace(0.0, 3.0, 100), np.zeros(100)
+        >>> signals = np.column_stack([np.r_[one, none], np.r_[none, one]])
+        >>> readings = signals @ np.array([[1.1, 0.5], [0.4, 1.1]]).T
+        >>> compensate.microchannel.gains_in_use(readings, [[1.0, 0.6], [0.5, 1.0]]).round(2).tolist()
+        [[1.05, 0.48], [0.38, 1.06]]
     """
     z, given = np.asarray(readings, float), np.asarray(known, float)
     if z.ndim != 2 or z.shape[1] != 2 or given.shape != (2, 2):

@@ -76,15 +76,21 @@ class Confusion:
 @register
 @dataclass(frozen=True)
 class Localizer:
-    """Tells from one reading of each channel which place is pressed, whatever the force.
+    """Estimates from one reading of each channel which place is pressed, at any force.
 
-    Two kinds under one interface, made by `train`:
+    There are two methods, see `train`:
 
-    - "gaussian": each place a normal distribution of the channels' log ratios, in which the force drops
-      out; the probabilities are Bayes's, P(k | z) ~ prior_k N(z; m_k, W_k + N).
+    - "gaussian": each place has a normal distribution of the channels' log ratios, from which the force
+      cancels; the probabilities follow from Bayes's theorem, P(k | z) ~ prior_k N(z; m_k, W_k + N).
     - "neighbours": the paper's k nearest neighbours; the probabilities are votes.
 
-    Both reject a press that is unlike all those seen, by its Mahalanobis distance from every place.
+    Both reject a press that is unlike those of the training, by its Mahalanobis distance from every place.
+
+    **Example:**
+
+        >>> found = compensate.microchannel.Localizer.train(presses.reading, presses.location)
+        >>> found.locate(presses.reading[::40]).place.tolist()
+        [0, 2, 4]
     """
 
     names: tuple[Hashable, ...]

@@ -66,29 +66,36 @@ class Moved(NamedTuple):
 
 
 class MotionFilter(eqx.Module):
-    """Forces F whose rates r change little but at turns, one after 1 / `turns` seconds in the mean:
+    """A filter for forces F whose rates r change little except at turns, on average every 1 / `turns` s:
 
         dF = r dt,    dr = N(0, acceleration^2 dt),    at a turn r = N(0, turn^2),    z = h(F) + N(0, R)
 
-    A turn is seen some readings late. So several ways are followed side by side, each with the sensor's
-    memory of its own: one that turned now, one that turned a reading ago, ... and those that went on; with
-    every reading the least likely gives its place to the likeliest, turned. Each is an extended Kalman
-    filter whose update is Gauss-Newton's; the estimate is their mean. Forces stay in [0, high].
+    A turn shows in the readings only some samples later. So the filter follows several hypotheses in
+    parallel, each with its own memory of the sensor: the force turned now, one reading ago, ..., or not at
+    all. With every reading a turned copy of the most likely hypothesis replaces the least likely one. Each
+    is an extended Kalman filter with a Gauss-Newton update; the estimate is their mean. Forces are limited
+    to [0, high].
 
     **Arguments:**
 
-    - `high`: the largest force to look for, N.
+    - `high`: the largest possible force, N.
 
     **Other arguments:**
 
-    - `acceleration`, N/s^(3/2); `turn`, N/s; `turns`, 1/s. `ways`: how many are followed.
-    - `delay`: how many readings late the forces are told once more: a turn is hard to see at first, as the
-      reading stays while the sensor's friction turns, and easy afterwards.
-    - `gap_s`: a longer time without a reading leaves the forces where they were and their rates unknown.
+    - `acceleration`, N/s^(3/2); `turn`, N/s; `turns`, 1/s. `ways`: the number of hypotheses.
+    - `delay`: by how many readings the second, late estimate lags. A turn is hard to detect at first,
+      because the reading hardly changes while the sensor's friction reverses, and easy afterwards.
+    - `gap_s`: after a longer time without a reading the forces are kept and their rates are unknown.
 
-    Raises `InputError` for numbers that are not positive.
+    **Raises:** `InputError` for numbers that are not positive.
 
-    Source: Adams and MacKay, Bayesian online changepoint detection (2007), of a Gaussian sum filter.
+    **Source:** Adams and MacKay, Bayesian online changepoint detection (2007), with a Gaussian sum filter.
+
+    **Example:**
+
+        >>> motion = compensate.microchannel.MotionFilter(high=6.0, ways=4)
+        >>> motion.init(channels).covariance.shape
+        (4, 4, 4)
     """
 
     high: float = eqx.field(static=True, converter=float)

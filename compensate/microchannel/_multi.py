@@ -40,12 +40,12 @@ class MultiContactState(NamedTuple):
 
 
 class MultiContactEstimator(eqx.Module):
-    """Forces by Gauss-Newton through a sensor that can be differentiated, with its memory:
+    """Forces of several contacts from a differentiable sensor model with memory, by Gauss-Newton:
 
         maximise  -sum_l (z_l - h_l(F))^2 / (2 sigma_l^2) + log p(F | before)      at every reading
 
-    for each of the ways in which the forces may have turned lately, see `MotionFilter`. With one contact
-    and one channel it is the force from one reading, best where the noise counts.
+    for each hypothesis about recent turns of the forces, see `MotionFilter`. With one contact and one
+    channel it estimates the force from one reading; it is the best choice where noise matters.
 
     **Arguments:**
 
@@ -53,9 +53,17 @@ class MultiContactEstimator(eqx.Module):
     - `reading_sigma`: standard deviation of each channel's reading, its noise and the models' error.
     - `motion`: how forces move.
 
-    Raises `InputError` for deviations that are not positive.
+    **Raises:** `InputError` for deviations that are not positive.
 
-    Source: the inverse that Kim and Park (2018), section III D, search for on a grid.
+    **Source:** the inverse for which Kim and Park (2018), section III D, use a grid search.
+
+    **Example:**
+
+        >>> motion = compensate.microchannel.MotionFilter(high=6.0, ways=3)
+        >>> both = compensate.microchannel.MultiContactEstimator(channels, [0.01, 0.01], motion)
+        >>> y = np.asarray(model.simulate(t, u))  # the first contact alone is pressed
+        >>> both.simulate(0.1 * t, np.column_stack([y, 0.5 * y])).value[4].round(1).tolist()
+        [4.0, 0.0]
     """
 
     sensor: AbstractSensor

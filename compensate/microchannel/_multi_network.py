@@ -23,16 +23,22 @@ Network = Callable[[Array], Array]
 
 
 class ForceNetwork(eqx.Module):
-    """Readings from the last 20 forces of one location: LSTM layers, a dense one, a line.
+    """Readings from the last 20 forces of one location: LSTM layers, a dense layer, a linear layer.
 
         i, f, o = sigmoid(W x + U h + b),  c <- f c + i relu(W x + U h + b),  h <- o relu(c)  in each layer
         z = V relu(D dropout(h_3) + d) + v,      of the last of the sequence
 
-    **Arguments:** the weights, see `random`; `dropout`: the part of the last layer that a training leaves
-    out; `inference`: leave out none.
+    **Arguments:** the weights, see `random`; `dropout`: the share of the last layer that a training omits;
+    `inference`: True omits none.
 
-    Source: Kim and Park (2018), section III D: three layers of 70, dropout of 0.5 at the third, a fully
+    **Source:** Kim and Park (2018), section III D: three layers of 70, dropout of 0.5 at the third, a fully
     connected layer of 25, ReLU throughout, sequences of 20.
+
+    **Example:**
+
+        >>> start = compensate.microchannel.ForceNetwork.random(jax.random.key(0), hidden=6, depth=1)
+        >>> start(jnp.asarray(compensate.microchannel.windows(u))).shape
+        (13, 2)
     """
 
     matrices: tuple[Float[Array, "_ gates"], ...]
@@ -102,7 +108,17 @@ def _layer(W: Array, b: Array, rows: Float[Array, "sequence windows in_"]) -> Ar
 def windows(
     force: Float[np.ndarray, " samples"], sequence: int = SEQUENCE
 ) -> Float[np.ndarray, "samples sequence"]:
-    """The last `sequence` forces at every sample; before the first there was none."""
+    """The last `sequence` forces at every sample; before the first sample the force is zero.
+
+    **Arguments:** `force` (samples,), N.
+
+    **Returns:** (samples, sequence), the latest force last.
+
+    **Example:**
+
+        >>> compensate.microchannel.windows(np.array([1.0, 2.0, 3.0]), sequence=2).tolist()
+        [[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]
+    """
     padded = np.concatenate([np.zeros(sequence - 1), np.asarray(force, float)])
     return np.lib.stride_tricks.sliding_window_view(padded, sequence).copy()
 
@@ -114,17 +130,23 @@ class SearchState(NamedTuple):
 
 
 class SearchEstimator(eqx.Module):
-    """The paper's inverse: of all pairs of forces within 0.4 N of the last ones, in steps of 0.1 N, the one
-    whose reading is nearest,
+    """The paper's inverse: a grid search for the forces whose reading is closest.
 
         F_n = argmin over F in F_(n-1) + {-0.4, -0.3, ..., 0.4}^contacts of |z_n - sum_k N_k(F_k, past)|^2
 
-    81 pairs with two contacts, from two times 9 sequences. It begins with ten zeros, and forces
-    stay at 0 or above. Nothing says how sure it is, and no force may change faster than 0.4 N a sample.
+    Two contacts have 81 pairs of forces, from two times 9 sequences. The search starts from ten zeros, and
+    forces are never negative. It gives no uncertainty, and no force can change faster than 0.4 N a sample.
 
     **Arguments:** `networks`, one for each location: (windows, sequence) -> (windows, layers).
 
-    Source: Kim and Park (2018), section III D.
+    **Source:** Kim and Park (2018), section III D.
+
+    **Example:**
+
+        >>> networks = [lambda F: F[:, -1:] * jnp.array([[1.0, 0.5]])]
+        >>> search = compensate.microchannel.SearchEstimator(networks)
+        >>> search.simulate(None, np.array([[0.3, 0.15], [0.6, 0.3]])).round(6).tolist()
+        [[0.3], [0.6]]
     """
 
     networks: tuple[Network, ...] = eqx.field(converter=tuple)

@@ -114,7 +114,16 @@ class PositionEstimator(eqx.Module):
 def standardised(
     readings: ArrayLike,
 ) -> tuple[Float[Array, "rows features"], Float[Array, " features"], Float[Array, " features"]]:
-    """The patterns of readings (rows, channels) less their mean, over their deviation; both."""
+    """Standardised patterns of readings (rows, channels): less their mean, divided by their deviation.
+
+    **Returns:** the standardised patterns, the mean and the deviation.
+
+    **Example:**
+
+        >>> x, mean, scale = compensate.microchannel.standardised(presses.reading)
+        >>> x.shape, mean.shape, scale.shape
+        ((100, 3), (3,), (3,))
+    """
     x = pattern(jnp.asarray(readings, float))
     centre, scale = x.mean(0), x.std(0)
     scale = jnp.where(scale > 0, scale, 1)

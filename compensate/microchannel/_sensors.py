@@ -18,14 +18,21 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
 
         z_l = sum_k G_lk M_k[F_k],
 
-    with a model M_k, force -> reading, of each location, and the layers' gains. What is fitted from
-    presses of one location at a time then says what several at once will read.
+    with a model M_k, force -> reading, of each location, and the layers' gains. So models that were
+    fitted to presses of one location at a time predict the reading of several contacts.
 
     **Arguments:**
 
     - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
 
-    Raises `InputError` where these do not fit.
+    **Raises:** `InputError` where these do not fit.
+
+    **Example:**
+
+        >>> sensor = compensate.microchannel.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
+        >>> reading, slope = sensor.look(sensor.init(), jnp.array(0.0), jnp.array([2.0, 0.0]))
+        >>> np.asarray(reading).round(2).tolist()
+        [2.7, 1.35]
     """
 
     models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)

@@ -30,9 +30,16 @@ class ArmorContact(NamedTuple):
 
 
 class Armor:
-    """Where a robot under a soft cover is touched, reading by reading.
+    """Contacts on a robot under a soft cover, reading by reading, without JAX.
 
-    `step` gives what `WristSensor.step` and `ContactSolver.step` give in JAX, to 1e-9 m.
+    `step` gives the results of `WristSensor.step` and `ContactSolver.step` in JAX, to 1e-9 m.
+
+    **Example:**
+
+        >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
+        >>> runtime = compensate.runtime.load_armor(file)
+        >>> runtime.step(0.0, (0.0, 0.0, -10.0, 0.0, 0.0, 0.0)).status.name
+        'OK'
     """
 
     def __init__(self, document: dict[str, Any]):
@@ -278,10 +285,18 @@ def _put(states: list[Any], values: list[dict[str, Any]]) -> None:
 
 
 def load_armor(path: str | Path) -> Armor:
-    """The armor of a file, once it has replayed the golden contacts in it.
+    """Load an armor from a file that `compensate.armor.export_armor` wrote, and verify it.
 
-    Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
-    otherwise.
+    The armor first replays the contacts that the file contains, and must find them again.
+
+    **Raises:** `FileError` where the file is missing, damaged, changed or of another format, or where the
+    replay gives other contacts.
+
+    **Example:**
+
+        >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
+        >>> compensate.runtime.load_armor(file).step(0.0, (0, 0, -10, 0, 0, 0)).surface
+        1
     """
     return replayed(path, KIND, "contacts lie {:.3g} m off", _replay)
 

@@ -19,14 +19,21 @@ TERMS = 50
 
 
 class ForceEstimator:
-    """Force from readings, as `compensate.microchannel.ForceEstimator`, reading by reading.
+    """Force from readings, as `compensate.microchannel.ForceEstimator`, reading by reading, without JAX.
 
     - `title`; `channels`: name and unit of every reading, {"name", "unit"}; `estimate`: of the force.
-    - `limits`: (low, high) of every channel; readings beyond were never taught, EXTRAPOLATED.
-    - `high`: the largest force, beyond which it is held, SATURATED. `deviation`: of the force.
+    - `limits`: (low, high) of every channel in the training; readings beyond them are EXTRAPOLATED.
+    - `high`: the largest force; a larger estimate is cut to it and SATURATED. `deviation`: of the force.
     - `rates`: whether `step` needs the time since the last reading.
 
     The JAX estimator that was exported gives the same to 1e-9 of the largest force.
+
+    **Example:**
+
+        >>> y = model.simulate(t, u)
+        >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
+        >>> compensate.runtime.load_force(file).step(100.0).status.name
+        'SATURATED'
     """
 
     def __init__(self, document: dict[str, Any]):
@@ -157,10 +164,20 @@ def _text(number: Any) -> str:
 
 
 def load_force(path: str | Path) -> ForceEstimator:
-    """The estimator of a file, once it has replayed the golden readings in it.
+    """Load a force estimator from a file that `compensate.microchannel.export_force` wrote, and verify it.
 
-    Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
-    otherwise.
+    The estimator first replays the readings that the file contains, and must find their forces again.
+
+    **Raises:** `FileError` where the file is missing, damaged, changed or of another format, or where the
+    replay gives other forces.
+
+    **Example:**
+
+        >>> y = model.simulate(t, u)
+        >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
+        >>> runtime = compensate.runtime.load_force(file)
+        >>> [round(runtime.step(float(reading)).value, 6) for reading in y[:4]]
+        [0.0, 1.0, 2.0, 3.0]
     """
     return replayed(path, KIND, "readings give forces {:.3g} off", _replay)
 

@@ -88,6 +88,13 @@ def calibrate_armor(
     **Returns:** a `CalibratedArmor`.
 
     **Raises:** `InputError` as `identify.calibrate` does.
+
+    **Example:**
+
+        >>> free = {"solver.cover.factor.value": 0.2}
+        >>> found = hysid.calibrate_armor(armor, planned, free, rounds=1)
+        >>> round(float(found.armor.solver.cover.factor.value), 3)
+        1.0
     """
     free = doubts(armor) if deviations is None else deviations
     residuals = PressResiduals(presses, jnp.asarray(noise, float), scatter=scatter, reading=reading)
@@ -133,6 +140,13 @@ def choose_presses(
     **Returns:** an `identify.Choice`: the chosen presses, and the variance that each leaves.
 
     **Raises:** `InputError` as `identify.choose` does.
+
+    **Example:**
+
+        >>> free = {"solver.cover.factor.value": 0.2}
+        >>> choice = hysid.choose_presses(armor, planned, planned, count=2, deviations=free)
+        >>> len(choice.chosen)
+        2
     """
     noise = jnp.asarray([0.03] * 3 + [0.006] * 3)
     residuals = PressResiduals(candidates, noise)

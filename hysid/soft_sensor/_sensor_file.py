@@ -62,6 +62,12 @@ def load_sensor(folder: str | Path) -> SoftSensor:
 
     **Raises:** `InputError` where the folder has no sensor, a file is damaged or was changed, or a newer
     version of hysid wrote it.
+
+    **Example:**
+
+        >>> sensor = hysid.load_sensor(sensor_folder)
+        >>> [channel.name for channel in sensor.channels]
+        ['layer 1', 'layer 2']
     """
     folder = Path(folder)
     document = _document(folder)
