@@ -30,7 +30,7 @@ def step_answer(
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.subplots()
     t, value, low, high = predicted
-    axes.fill_between(t, low, high, color=SKY, alpha=0.6, lw=0, label="range left open, 90 %")
+    axes.fill_between(t, low, high, color=SKY, alpha=0.6, lw=0, label="range, 90 %")
     for name, x, y, colour, _ in measured:
         axes.plot(x, y, ls="", marker="o", ms=2.5, mew=0, color=colour, label=name)
     axes.plot(t, value, lw=1.1, color=VERMILLION, label="model")
@@ -46,7 +46,7 @@ def spectrum(
     tau: np.ndarray, strength: np.ndarray, error: np.ndarray, inside: tuple[float, float],
     x_label: str, y_label: str,
 ) -> Figure:  # fmt: skip
-    """Strengths over their time constants, with errors (NaN for none); grey where no row tells."""
+    """Strengths over their time constants, with errors (NaN for none); grey outside the record."""
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.subplots()
     _logarithmic(axes, "x")

@@ -1,4 +1,4 @@
-"""Figures of whether a fit can be believed: what `identify` found in, a matplotlib Figure out."""
+"""Figures of the diagnostics of a fit: results of `identify` in, a matplotlib Figure out."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -59,7 +59,7 @@ def residual_correlation(found: Whiteness) -> Figure:
         wide = len(c.lags) <= 60
         axes.vlines(c.lags, 0, c.values, color=BLUE, lw=2 if wide else 0.9)
         axes.vlines(c.lags[beyond], 0, c.values[beyond], color=VERMILLION, lw=2 if wide else 0.9,
-                    label="beyond")  # fmt: skip
+                    label="significant")  # fmt: skip
         axes.axhline(0, color=EDGE, lw=0.8)
         axes.set(xlabel=x_label, title=title)
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
@@ -74,8 +74,8 @@ def residual_correlation(found: Whiteness) -> Figure:
 def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
     """The error of every start, the best first, and how far from the best its parameters ended.
 
-    Distances are in the free space: 1 is a factor of e for a positive parameter. The first `refined`
-    starts were followed to their end.
+    Distances are in the unconstrained space: 1 is a factor of e for a positive parameter. The first
+    `refined` starts were optimised to convergence.
 
     **Example:**
 
@@ -90,7 +90,7 @@ def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
     for axes, y in ((above, errors), (below, np.maximum(starts.distance, 1e-6))):
         axes.plot(rank, y, color=DIM, lw=1, zorder=1)
         for which, colour, mark, name in (
-            (same, GREEN, "o", "at the least error"), (~same, GREY, "s", "elsewhere")
+            (same, GREEN, "o", "at the lowest error"), (~same, GREY, "s", "other minimum")
         ):  # fmt: skip
             ended = which & (rank <= refined)
             axes.plot(rank[which], y[which], mark, mec=colour, mfc="white", ms=5, label=name)
@@ -101,7 +101,9 @@ def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
             axes.set_ylim(0.5 * finite.min(), 3 * finite.max())
         _log_ticks(axes.yaxis)
     above.set_ylabel(label("rms error", unit))
-    below.set(xlabel="start, best first" + (" (filled: followed to its end)" if refined else ""))
+    below.set(
+        xlabel="start, best first" + (" (filled: optimised to convergence)" if refined else "")
+    )
     below.set_ylabel("distance")
     below.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     handles, names = above.get_legend_handles_labels()
@@ -140,7 +142,7 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
         for other in p.others:
             axes.plot(other, np.interp(other, p.values, p.drop), "o", mec=INK, mfc="white", ms=4)
         axes.set_ylim(top, -0.08 * top)
-    figure.supylabel("log-likelihood below its greatest", fontsize=9.5)
+    figure.supylabel("drop of the log-likelihood", fontsize=9.5)
     _shared_legend(figure, grid[: len(found)])
     return figure
 
@@ -197,7 +199,7 @@ def spectrum(found: Sloppiness) -> Figure:
     axes.invert_yaxis()
     axes.tick_params(length=0)
     axes.set_xlabel("error of the combination")
-    bar = figure.colorbar(mesh, ax=axes, shrink=0.85, label="part in it")
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.85, label="weight")
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
 

@@ -1,4 +1,4 @@
-"""How our objects look in a notebook: a table, what to think of it, and a small picture."""
+"""HTML of records, fits, posteriors and compensators in a notebook: a verdict, a table and a picture."""
 
 import base64
 import io
@@ -142,10 +142,10 @@ def _compensator(compensator: AbstractCompensator) -> str:
     y, _, status = swept(compensator)
     held = [Status(int(s)).name for s in np.unique(status) if s != Status.OK]
     said = [
-        f"Readings go from {number(y.min())} to {number(y.max())}, back, and half way up again."
+        f"The readings rise from {number(y.min())} to {number(y.max())}, fall back and rise half way again."
     ]
     if held:
-        said.append(f"Parts of it are {', '.join(held)}.")
+        said.append(f"Some estimates have the status {', '.join(held)}.")
     return _page(
         type(compensator).__name__,
         [

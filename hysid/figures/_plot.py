@@ -33,8 +33,8 @@ def plot(thing: Any, **options: Any) -> Figure:
 
 def draw_record(record: Record, most: int = f.MOST) -> Figure:
     """Output against input; rows that do not count are grey."""
-    others = f.Curve("does not count", *path(record, record.output, ~record.mask, most), f.GREY)
-    counted = f.Curve("counts", *path(record, record.output, record.mask, most), f.BLUE)
+    others = f.Curve("excluded", *path(record, record.output, ~record.mask, most), f.GREY)
+    counted = f.Curve("used", *path(record, record.output, record.mask, most), f.BLUE)
     if record.mask.all():
         return f.chart([counted._replace(label="")], *axes_of(record))
     return f.chart([others, counted], *axes_of(record))
@@ -69,7 +69,7 @@ def draw_compensator(compensator: AbstractCompensator) -> Figure:
     y, value, status = swept(compensator)
     ok = status == Status.OK
     curves = [
-        f.Curve("held or continued", y, np.where(ok, np.nan, value), f.GREY),
+        f.Curve("held or extrapolated", y, np.where(ok, np.nan, value), f.GREY),
         f.Curve("", y, np.where(ok, value, np.nan), f.BLUE),
     ]
     return f.chart(curves[int(ok.all()) :], "reading", "estimate of the input")

@@ -84,9 +84,9 @@ def spreads(found: Sequence[Spread]) -> Figure:
     for axes, s in zip(grid.flat, found, strict=False):
         at, out = np.arange(1, len(s.value) + 1), np.array(s.out)
         if s.new is not None:
-            axes.axhspan(*s.new, color=SKY, alpha=0.28, lw=0, label="a new specimen, 90 %")
+            axes.axhspan(*s.new, color=SKY, alpha=0.28, lw=0, label="new specimen, 90 %")
         for which, colour, mark, word in (
-            (~out, BLUE, "o", "specimen, 90 %"), (out, VERMILLION, "s", "stands out")
+            (~out, BLUE, "o", "specimen, 90 %"), (out, VERMILLION, "s", "outlier")
         ):  # fmt: skip
             if which.any():
                 axes.vlines(at[which], s.low[which], s.high[which], color=colour, lw=1.2)

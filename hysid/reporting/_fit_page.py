@@ -21,8 +21,8 @@ from ._section_model import compensator, density, posterior
 
 TEMPLATE = "report.html.j2"
 HEADLINES = {
-    "PASS": "It can be used inside the range it was trained on.",
-    "CAUTION": "It can be used with care: read the reasons.",
+    "PASS": "The model can be used inside its training range.",
+    "CAUTION": "The model can be used with care; read the reasons.",
     "FAIL": "Do not use this model.",
 }
 
@@ -113,10 +113,10 @@ def facts(case: Case) -> list[tuple[str, str]]:
 
 PARTS_IN_WORDS = {
     "curve": "a rising curve",
-    "Maxwell": "branches that relax, with springs of their own",
-    "strengths": "relaxation that is felt more at some levels than at others",
-    "softening": "stiffness of what was never reached before",
-    "relays": "relays that remember where the input turned",
+    "Maxwell": "Maxwell branches, which relax",
+    "strengths": "relaxation whose strength depends on the input level",
+    "softening": "extra stiffness beyond the largest past input",
+    "relays": "relays that remember reversals of the input",
 }
 
 
@@ -128,31 +128,31 @@ def in_words(case: Case) -> str:
         slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
         text = f"A straight line, {slope} × {case.input} + {quantity(float(model.b), output_unit)}"
         if math.isfinite(float(model.threshold)):
-            text += f", from {quantity(float(model.threshold), input_unit)} on and nothing below"
-        return f"{text}: no memory, so no loop."
+            text += f", above a threshold of {quantity(float(model.threshold), input_unit)}"
+        return f"{text}. It has no memory, so no loop."
     if isinstance(model, Burgers):
         return (
-            "A Burgers element, a spring and a dashpot in series with a spring beside a dashpot:"
-            f" its {case.output} creeps and depends on the rate."
+            "A Burgers element: a spring and a dashpot in series with a spring and dashpot in parallel."
+            f" Its {case.output} creeps and depends on the rate."
         )
     if isinstance(case.fit.detail, identify.Composition):
         composed = case.fit.detail.linear
         said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
         text = f"A sum of {', '.join(said)}"
         if composed.meaning.first:
-            text += ", of an input that a curve has mapped"
+            text += ", of an input mapped by a curve"
         if composed.meaning.floor is not None:
             text += f", on a floor at {quantity(composed.meaning.floor, output_unit)}"
         if lag := case.fit.clocks.lag:
-            text += f"; its input is taken {quantity(lag, case.fit.train.time_unit)} earlier"
+            text += f"; its input is shifted {quantity(lag, case.fit.train.time_unit)} earlier"
         return f"{text}."
     if not isinstance(model, Preisach):
         first = (type(model).__doc__ or type(model).__name__).split("\n")[0]
         return first if first.endswith(".") else f"{first.rstrip(':,')}."
     return (
-        "A Preisach model, a density of relays beside a memoryless curve:"
-        f" its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
-        " remembers where that turned, and does not depend on the rate."
+        "A Preisach model: a density of relays plus a memoryless curve."
+        f" Its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
+        " remembers its reversals, and does not depend on the rate."
     )
 
 
@@ -167,14 +167,14 @@ def next_command(case: Case) -> tuple[str, str]:
     if isinstance(fit.detail, identify.DiscreteSpectrum):
         return _report_step.next_command(case, source)
     if not fit.trusted:
-        return "Look at the data, then fit again", f"hysid check {source} {columns}"
+        return "Check the data, then fit again", f"hysid check {source} {columns}"
     if fit.test is None:
         return (
-            "Hold something out and fit again",
+            "Hold out some rows and fit again",
             f"hysid fit {source} {columns} --test-cycles 1 --out DIR",
         )
     if case.posterior is None:
-        return "Find out how much the data leave open", f"hysid sample {folder}"
+        return "Sample the posterior to quantify the uncertainty", f"hysid sample {folder}"
     if fit.channels is not None:
         return "Run the model over new data", f"hysid predict {folder} FILE"
     return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"

@@ -16,7 +16,7 @@ TRIP = 100_000
 class Rows(NamedTuple):
     """Residuals of the rows of one or two records, in order.
 
-    - `word`: "training", "left out" (of the fit), "held-out", or "" for rows that do not count.
+    - `word`: "training", "excluded" (from the fit), "held-out", or "" for rows that do not count.
     - `group`: the cycle, or the sequence where there are several.
     """
 
@@ -47,7 +47,7 @@ def residual_rows(
     `used` says which training rows were fitted, `held_out` which of that record's are the held-out ones.
     """
     train, *tests = records
-    words = [np.where(train.mask, np.where(used, "training", "left out"), "")]
+    words = [np.where(train.mask, np.where(used, "training", "excluded"), "")]
     if held_out is not None:
         words[0] = np.where(held_out, "held-out", words[0])
     words += [np.where(test.mask, "held-out", "") for test in tests]

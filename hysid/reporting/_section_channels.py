@@ -1,4 +1,4 @@
-"""The section of a report on what combines several channels into one input."""
+"""Report section on the channel map, which combines several channels into one input."""
 
 import numpy as np
 
@@ -17,11 +17,13 @@ def channels(case: Case) -> Section:
     section = Section("Channels", [
         f"The input is a sum of curves, one for each of {len(names)} channels, in the unit of the"
         f" {case.output}: what the {case.output} would be without memory."
-        " Beyond its ends a curve is held. Curves that fall beside others that rise cancel what the"
-        f" channels feel and the {case.output} does not."
+        " Beyond its ends a curve keeps its end value. Falling curves next to rising ones cancel effects"
+        f" that the channels measure and the {case.output} does not contain."
     ])  # fmt: skip
     figure = f.panels(axes, nodes, values, label("part of the input", unit))
-    caption = "What each channel adds, over the values it was fitted on; a flat one adds nothing."
+    caption = (
+        "Contribution of each channel over its fitted range; a flat curve contributes nothing."
+    )
     section.pictures.append(picture(figure, f"Curves of {len(names)} channels", caption))
     share = np.ptp(values, axis=1)
     rows = [
@@ -31,6 +33,6 @@ def channels(case: Case) -> Section:
         for c in np.argsort(-share)
     ]  # fmt: skip
     columns = ("Channel", "From", "To", "Range of its curve", "Sense")
-    said = "The sense is the correlation of curve and channel: 1 rises throughout, −1 falls."
+    said = "Sense is the correlation of curve and channel: 1 rises throughout, −1 falls."
     section.tables.append(Table(said, columns, [tuple(row) for row in rows]))
     return section

@@ -1,4 +1,4 @@
-"""Sections of a report on creep and relaxation: the curve, its spectrum, what it says of later times."""
+"""Report sections on creep and relaxation: the curve, its spectrum, predictions of later times."""
 
 import shlex
 from typing import Any
@@ -44,8 +44,8 @@ def curve(case: Case) -> Section:
         )
         how = "logarithmic" if log else "linear"
         caption = (
-            f"Over {how} time. Behind the dashed line no row was fitted: there the range holds all"
-            " that slow processes could still do without the fitted rows showing it."
+            f"{how.capitalize()} time axis. The fitted rows end at the dashed line. Beyond it the range"
+            " covers every slow process that the fitted rows cannot exclude."
         )
         alt = f"{case.output} over {how} time: measured, model and range"
         section.pictures.append(picture(figure, alt, caption))
@@ -56,7 +56,9 @@ def curve(case: Case) -> Section:
         cells = [quantity(float(x), case.units[1]) for x in (step * value, *ends)]
         table.append((quantity(float(when), case.fit.train.time_unit), *cells))
     columns = (plain_time(case).capitalize(), "Model", "At least", "At most")
-    section.tables.append(Table("What the record says of later times, 90 %.", columns, table))
+    section.tables.append(
+        Table("Predictions of later times with their 90 % range.", columns, table)
+    )
     return section
 
 
@@ -81,8 +83,8 @@ def spectrum(case: Case) -> Section:
             label("time constant", unit), label("compliance" if creep else "stiffness", of_strength),
         )  # fmt: skip
         caption = (
-            "What each delayed element gives, and when. In the grey no row tells: an element there is"
-            " known as a spring or a dashpot only."
+            "Strength and time constant of each delayed element. The grey times lie outside the record:"
+            " an element there acts as a spring or a dashpot, and its time constant is unknown."
         )
         section.pictures.append(picture(figure, "Strengths over time constants", caption))
     least = min(row.evidence for row in found.table)
@@ -104,9 +106,9 @@ def spectrum(case: Case) -> Section:
     ]
     section.tables.append(
         Table(
-            "Orders tried. The least evidence (Bayesian information criterion) is best; ten more is"
-            " out of the question.",
-            ("Time constants", "Parameters", "Relative error, rms", "Evidence above the best",
+            "Orders tried. The lowest Bayesian information criterion is best; an order that is ten above"
+            " it has very little support.",
+            ("Time constants", "Parameters", "Relative error, rms", "Criterion above the best",
              "Held-out error, of the range"),
             rows,
             strong=found.order,
@@ -116,7 +118,7 @@ def spectrum(case: Case) -> Section:
 
 
 def residuals(case: Case) -> Section:
-    """What is left over, relative to the output, over logarithmic time."""
+    """Residuals relative to the output, over logarithmic time."""
     from ..figures import _base as f
 
     found, step = spectrum_of(case), step_of(case)
@@ -132,10 +134,12 @@ def residuals(case: Case) -> Section:
     figure = f.chart(curves, x_label, "predicted / measured − 1 (%)", zero=True)
     noise = found.noise
     text = (
-        f"Relative to the {case.output}, as the fit weighs them: {number(100 * noise.sigma)} % rms over"
-        f" the fitted rows, correlated over {number(noise.correlation_time)} of them."
+        f"Residuals relative to the {case.output}, as the fit weights them: {number(100 * noise.sigma)} %"
+        f" rms over the fitted rows, correlated over {number(noise.correlation_time)} rows."
     )
-    caption = "It should look like noise; a wave is a time constant that is missing, or the rig's."
+    caption = (
+        "Residuals should look like noise. A wave means a missing time constant or a rig effect."
+    )
     return Section("Residuals", [text], [picture(figure, "Relative residuals over time", caption)])
 
 
@@ -170,12 +174,12 @@ def next_command(case: Case, source: str) -> tuple[str, str]:
     said = f"--step {step_of(case):g} --output {shlex.quote(fit.train.output_name)}"
     said += f" --time {shlex.quote(fit.train.time_name)}"
     if not fit.trusted:
-        return "Look at the data, then fit again", f"hysid check {source} {said}"
+        return "Check the data, then fit again", f"hysid check {source} {said}"
     if fit.test is None:
         command = f"hysid fit {source} {said} --test-tail 0.5 --out DIR"
-        return "Hold the end out and see whether it is foretold", command
+        return "Hold out the end and test the prediction of it", command
     folder = shlex.quote(str(case.folder))
-    return "Predict other times, with the range left open", f"hysid predict {folder} FILE"
+    return "Predict other times, with their range", f"hysid predict {folder} FILE"
 
 
 def title(case: Case) -> str:
@@ -213,6 +217,6 @@ def _records(case: Case) -> list[tuple[Record, str, Any]]:
 def _span_in_words(case: Case, found: Spectrum) -> str:
     unit = case.fit.train.time_unit
     return (
-        f"{case.output} after a step to {quantity(step_of(case), case.units[0])}, from"
-        f" {quantity(found.step, unit)} to {quantity(found.span, unit)} after it."
+        f"{case.output} after a step of the input to {quantity(step_of(case), case.units[0])}, from"
+        f" {quantity(found.step, unit)} to {quantity(found.span, unit)} after the step."
     )

@@ -1,4 +1,4 @@
-"""The section of a report that asks whether its figures can be believed."""
+"""Report section on the diagnostics of a fit."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -26,9 +26,8 @@ WORST = 8
 
 def believed(case: Case) -> Section:
     """Every diagnostic that makes sense for the fit, each under the question it answers."""
-    section = Section("Can this number be believed?", [
-        "Every fit gives figures. What follows tries to prove these wrong; each question is answered in its"
-        " first sentence."
+    section = Section("Can the results be trusted?", [
+        "Each diagnostic below tests the fit. The first sentence under each question answers it."
     ])  # fmt: skip
     section.parts = [part for part in _parts(case) if part is not None]
     return section
@@ -52,10 +51,10 @@ def _parts(case: Case) -> Iterator[Section | None]:
     if aim is not None and len(case.fit.train) <= MOST_ROWS:
         yield _sensitivity(case)
     elif aim is not None:
-        yield Section("What was not asked", [
-            f"Profiles, combinations of parameters and the fit without single cycles are left out for more"
-            f" than {MOST_ROWS:,} rows; identify.profiles, identify.sloppiness and identify.sensitivity"
-            " make them."
+        yield Section("Skipped diagnostics", [
+            "The report skips profiles, combinations of parameters and fits without single cycles for more"
+            f" than {MOST_ROWS:,} rows. identify.profiles, identify.sloppiness and identify.sensitivity"
+            " compute them."
         ])  # fmt: skip
 
 
@@ -66,9 +65,10 @@ def _noise(case: Case) -> Section:
     section = Section("What is the noise?")
     if model is None:
         section.text.append(
-            f"Residuals of {quantity(noise.sigma, unit)}, correlated over {number(noise.correlation_time)}"
-            f" samples: {counts}, and errors are widened for it. No noise model explains them"
-            f"{'' if fit.detail.is_linear else ': they hold structure'}."
+            f"The residuals are {quantity(noise.sigma, unit)} rms, correlated over"
+            f" {number(noise.correlation_time)} samples: {counts}, and the standard errors are widened"
+            " accordingly. No noise model explains them"
+            f"{'' if fit.detail.is_linear else '; treat them as model error'}."
         )
         return section
     section.text.append(f"{model.words[:1].upper()}{model.words[1:]}: {counts}.")
@@ -81,8 +81,8 @@ def _noise(case: Case) -> Section:
         ranked = sorted(evidence.items(), key=lambda item: item[1])
         listed = ", ".join(f"{kind} {number(over)}" for kind, over in ranked[1:4])
         section.notes.append(
-            f"Chosen by evidence among {len(ranked)} kinds; its logarithm falls behind by this: {listed}."
-            " From 3 on a kind is hardly to be believed."
+            f"Chosen by evidence among {len(ranked)} noise models. Log-evidence below it: {listed}."
+            " A model that is 3 or more below is unlikely."
         )
     return section
 
@@ -103,11 +103,14 @@ def _whiteness(case: Case) -> Section:
     found = identify.whiteness(case.fit)
     section = Section("Are the residuals white?", [" ".join(found.said)])
     caption = (
-        "Correlation of the residuals with themselves, with the input and with its speed some rows before;"
-        " below zero, after. What sticks out of the dotted lines is no chance."
+        "Correlation of the residuals with themselves, with the input and with its speed, over the lag in"
+        " rows; at negative lags the input comes later. Bars outside the dotted lines are statistically"
+        " significant."
     )
     if case.fit.noise_model is not None and case.fit.noise_model.phi is not None:
-        caption += " They are one-step-ahead errors: what the noise model foresees is taken away."
+        caption += (
+            " These are one-step-ahead errors: the prediction of the noise model is subtracted."
+        )
     alt = "Autocorrelation of the residuals and their correlation with the input and its speed"
     section.pictures.append(picture(f.residual_correlation(found), alt, caption))
     return section
@@ -116,7 +119,7 @@ def _whiteness(case: Case) -> Section:
 def _breakdown(case: Case) -> Section:
     unit = case.units[1]
     found = identify.breakdown(case.fit)
-    section, rows = Section("Where is it wrong?", [found.said]), []
+    section, rows = Section("Where is the model wrong?", [found.said]), []
     for kind in ("branch", "rate", "input", "cycle"):
         parts = found.of(kind)
         shown = sorted(parts, key=lambda part: -part.rmse)[:WORST] if len(parts) > WORST else parts
@@ -128,14 +131,15 @@ def _breakdown(case: Case) -> Section:
             ))  # fmt: skip
         if len(parts) > WORST:
             section.notes.append(f"The worst {WORST} of {len(parts)} parts by {kind} are shown.")
-    columns = ("Rows", "Number", "rms error", "Mean error", "Share of squares", "Beyond chance")
+    columns = ("Rows", "Count", "rms error", "Mean error", "Share of squares", "Significance")
     said = (
-        "Fitted rows. Beyond chance: how many deviations a part's mean square is off that of all."
+        "Fitted rows. Significance: difference between the mean squares of the part and of all rows, in"
+        " standard deviations."
     )
     section.tables.append(Table(said, columns, rows))
     if case.fit.test is not None:
         held_out = identify.breakdown(case.fit, case.fit.test)
-        section.text.append(f"Of the held-out rows: {held_out.said[:1].lower()}{held_out.said[1:]}")
+        section.text.append(f"Held-out rows: {held_out.said[:1].lower()}{held_out.said[1:]}")
     return section
 
 
@@ -145,7 +149,7 @@ def _starts(case: Case) -> Section:
     section, starts = Section("Is there a better minimum?"), case.fit.starts
     if starts is None:
         section.text.append(
-            "No: for this model the fit is a convex problem, which has one minimum. No starts were needed."
+            "No. The fit of this model is a convex problem, which has one minimum. No starts were needed."
         )
         return section
     errors = np.sqrt(starts.objective)
@@ -156,13 +160,13 @@ def _starts(case: Case) -> Section:
     if failed:
         text += f" {failed} gave no finite output."
     if same == 1 < len(errors):
-        text += " A minimum found once may not be the best there is: try more starts."
+        text += " A minimum that only one start finds may not be the best one. Use more starts."
     section.text.append(text)
     caption = (
-        "Every start, sorted. A long flat beginning means that the minimum can be relied on; a low error"
-        " far away from the best is another answer."
+        "Error of every start, sorted. If many starts share the lowest error, the minimum is reliable."
+        " A low error far from the best parameters is an alternative solution."
     )
-    alt = f"Errors of {len(errors)} starts, sorted; {same} of them share the best"
+    alt = f"Errors of {len(errors)} starts, sorted; {same} of them share the lowest"
     figure = f.waterfall(starts, refined=REFINED, unit=case.units[1])
     section.pictures.append(picture(figure, alt, caption))
     return section
@@ -176,7 +180,7 @@ def _profiles(case: Case) -> Section:
     text = "The data bound every parameter from both sides."
     if open_:
         text = " ".join(p.said for p in open_)
-    section = Section("How far can each number go?", [text])
+    section = Section("How precisely is each parameter known?", [text])
     unit = {p.name: pretty(p.unit) or "1" for p in found}
     fitted = {p.name: p for p in case.fit.parameters}
     rows: list[tuple[str | Link, ...]] = []
@@ -188,13 +192,21 @@ def _profiles(case: Case) -> Section:
             p.name, number(p.best), *ends, unit[p.name],
             f"± {number(error)}" if error is not None and math.isfinite(error) else status,
         ))  # fmt: skip
-    columns = ("Parameter", "Likeliest", "Low, 90 %", "High, 90 %", "Unit", "Standard error")
+    columns = (
+        "Parameter",
+        "Maximum likelihood",
+        "Low, 90 %",
+        "High, 90 %",
+        "Unit",
+        "Standard error",
+    )
     section.tables.append(Table("", columns, rows))
     errors = [fitted[p.name].stderr for p in found]
     caption = (
-        "Profile likelihood: one parameter is moved and all others make up for it as well as they can."
-        " Where the blue line leaves the red one the interval ends. Where it leaves the dashed parabola a"
-        " symmetric error misleads; where it stays flat the data do not tell."
+        "Profile likelihood: one parameter is fixed at each value and all others are refitted. The interval"
+        " ends where the blue line crosses the red one. Where the blue line departs from the dashed"
+        " parabola, the symmetric standard error is misleading. Where it is flat, the data do not"
+        " determine the parameter."
     )
     figure = f.profiles(found, errors)
     section.pictures.append(picture(figure, "Profile likelihood of each parameter", caption))
@@ -205,13 +217,14 @@ def _sloppiness(case: Case) -> Section:
     from ..figures import _diagnostics as f
 
     found = identify.sloppiness(case.fit)
-    section = Section("Which combinations are known?", [" ".join(found.said)])
+    section = Section("Which combinations of parameters are known?", [" ".join(found.said)])
     if len(found.names) < 2:
         return section
     condition = number(found.condition) if math.isfinite(found.condition) else "beyond rounding"
     caption = (
-        "Columns are combinations of parameters, from the best known to the worst; how dark, how much of"
-        f" each is in it. A factor below means that the combination is not known. Condition {condition}."
+        "Each column is a combination of parameters, from the best known to the worst. Darker cells have"
+        " more weight. An error given as a factor (×) means that the combination is poorly known."
+        f" Condition number: {condition}."
     )
     alt = "Eigenvectors of the Fisher information with the error of each"
     section.pictures.append(picture(f.spectrum(found), alt, caption))
@@ -236,18 +249,18 @@ def _beliefs(case: Case, aim: identify.Target) -> Section:
     section = Section("What did the data add to the prior?")
     if posterior is not None:
         said = [f"{s.name} has {' and is '.join(s.words)}" for s in posterior.summaries if s.words]
-    text = f"{'; '.join(said)}." if said else "Every parameter is known better than before."
+    text = f"{'; '.join(said)}." if said else "The data narrowed every parameter."
     section.text.append(text[:1].upper() + text[1:])
     if posterior is None:
-        section.text = ["The posterior was not sampled: Laplace's approximation stands for it."]
+        section.text = ["The posterior was not sampled; Laplace's approximation is used instead."]
     if not found:
         return section
     asked = [f"{n}: {p}" for n, p in priors.items() if not p.default]
-    caption = "Before the data, dashed, and after. A posterior as wide as its prior learnt nothing."
+    caption = "Prior (dashed) and posterior. If they are equally wide, the data add nothing."
     if asked:
-        caption += f" Priors that were asked for: {', '.join(asked)}."
+        caption += f" User-specified priors: {', '.join(asked)}."
     else:
-        caption += " The priors are weak ones, from the data's scale."
+        caption += " The priors are weak defaults, scaled to the data."
     section.pictures.append(
         picture(f.beliefs(found), "Prior and posterior of each parameter", caption)
     )
@@ -264,15 +277,15 @@ def _predictive(case: Case) -> Section:
 
     word, record = case.judged
     found = identify.predictive(case.fit, posterior=case.posterior)
-    section = Section("Do new readings lie where they should?", [found.said])
+    section = Section("Do new readings lie inside the predictive bands?", [found.said])
     levels = [f"{100 * level:.0f} % band" for level in identify.LEVELS]
     rows: list[tuple[str | Link, ...]] = [
         (name, *(f"{100 * share:.0f} %" for share in shares))
         for name, shares in found.cycles.items()
     ]
     rows = [*rows[:WORST], (f"all {word}", *(f"{100 * share:.0f} %" for share in found.coverage))]
-    caption = "Readings inside each band." + (
-        " Laplace's approximation stands for the posterior." if case.posterior is None else ""
+    caption = "Share of the readings inside each band." + (
+        " The bands use Laplace's approximation of the posterior." if case.posterior is None else ""
     )
     section.tables.append(Table(caption, ("Rows", *levels), rows, strong=len(rows) - 1))
     clock = len(record.labels) == 1 and record.time is not None
@@ -285,18 +298,18 @@ def _predictive(case: Case) -> Section:
     gaps = np.flatnonzero((np.diff(found.rows) > 2 * usual) | (np.diff(inside) > 0)) + 1
     words = {"x_label": x_label, "gaps": gaps}
     figure = f.bands(found, x, y_label=case.output_label, **words)
-    caption = f"Predictive bands over the {word} rows, the noise included."
+    caption = f"Predictive bands over the {word} rows, including the noise."
     section.pictures.append(picture(figure, f"Predictive bands of {case.output}", caption))
     y_label = label("measured − median", case.units[1])
     figure = f.bands(found, x, y_label=y_label, about=True, **words)
-    caption = "The same with the median taken away, so that the bands' widths can be seen."
+    caption = "The same bands with the median subtracted, which shows their widths."
     section.pictures.append(picture(figure, "Predictive bands around their median", caption))
     return section
 
 
 def _sensitivity(case: Case) -> Section:
     found = identify.sensitivity(case.fit)
-    section = Section("What does it hang on?", [" ".join(found.said)])
+    section = Section("Which rows does the fit depend on?", [" ".join(found.said)])
     rows: list[tuple[str | Link, ...]] = []
     for without in found.cases:
         shown = [
@@ -305,9 +318,7 @@ def _sensitivity(case: Case) -> Section:
         ]
         rows.append((without.said, f"{without.rows:,}", f"± {without.expected:.1f}", *shown))
     if rows:
-        said = (
-            "How far each parameter moves, in its standard errors, when some rows are not fitted."
-        )
-        columns = ("Without", "Rows", "By chance", *found.names)
+        said = "Change of each parameter, in its standard errors, when the fit excludes some rows."
+        columns = ("Excluded", "Rows", "Expected", *found.names)
         section.tables.append(Table(said, columns, rows))
     return section

@@ -1,4 +1,4 @@
-"""Sections of a report on the fit: loops, residuals, parameters, starts, candidates, data."""
+"""Report sections on the fit: loops, residuals, parameters, candidates, data."""
 
 import math
 
@@ -30,7 +30,7 @@ def loops(case: Case) -> Section:
         curves = []
         if part == "train" and dropped.any():
             left = f.trace(record.input, record.output, dropped, record.starts)
-            curves.append(f.Curve("first cycle, left out", *left, f.DIM))
+            curves.append(f.Curve("first cycle, excluded", *left, f.DIM))
         measured = f.trace(record.input, record.output, keep, record.starts)
         model = f.trace(record.input, predicted, keep, record.starts)
         curves += [
@@ -42,11 +42,11 @@ def loops(case: Case) -> Section:
         caption = f"{word.capitalize()} rows, rms error {quantity(rms, case.units[1])}."
         caption += " The thin line should lie inside the broad one."
         if part == "train" and dropped.any():
-            caption += " The first cycle (grey) conditions the sample and was left out of the fit."
+            caption += " The fit excludes the first cycle (grey), which conditions the sample."
         alt = f"{case.output} against {case.input}: measured loop of the {word} rows and the model"
         section.pictures.append(picture(figure, alt, caption))
     if fit.test is None:
-        section.notes.append("Nothing was held out, so there is no second panel.")
+        section.notes.append("Nothing was held out, so there is only one panel.")
     return section
 
 
@@ -59,10 +59,10 @@ def residuals(case: Case) -> Section:
     y_label = label("predicted − measured", unit)
     rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
     section = Section("Residuals", [
-        f"What the model does not explain: predicted less measured {case.output}."
-        f" Over the fitted rows it is {quantity(rms, unit)} rms."
+        f"Residuals are predicted minus measured {case.output}."
+        f" Over the fitted rows they are {quantity(rms, unit)} rms."
     ])  # fmt: skip
-    colours = {"training": f.BLUE, "held-out": f.GREEN, "left out": f.GREY}
+    colours = {"training": f.BLUE, "held-out": f.GREEN, "excluded": f.GREY}
 
     x = train.time if case.one_clock else np.arange(len(rows.input), dtype=float)
     assert x is not None
@@ -78,9 +78,9 @@ def residuals(case: Case) -> Section:
     shown = rows.residual[counted if left > 3 * most else rows.word != ""]
     figure = f.chart(curves, x_label if case.one_clock else "row", y_label, zero=True,
                      limits=(x[rows.word != ""], shown), breaks=x[rows.starts[1:]])  # fmt: skip
-    caption = "In order: it should look like noise. A slope is drift, a wave a missing effect."
+    caption = "Residuals should look like noise. A slope means drift, a wave a missing effect."
     if left > 3 * most:
-        caption += f" The cycle left out reaches {quantity(left, unit)}, beyond the picture."
+        caption += f" The excluded cycle reaches {quantity(left, unit)}, outside the picture."
     section.pictures.append(picture(figure, "Residuals in the order of the rows", caption))
 
     signs, curves, means = {1: "loading", -1: "unloading"}, [], []
@@ -97,8 +97,8 @@ def residuals(case: Case) -> Section:
         means.append(f"{quantity(float(rows.residual[at].mean()), unit)} while {word}")
     figure = f.chart(curves, case.input_label, y_label, zero=True)
     caption = (
-        f"By branch: on average {' and '.join(means)}. Lines apart from each other mean that the"
-        " loop's width is off; lines that bend together, its curve."
+        f"Residuals by branch: on average {' and '.join(means)}. Lines that are apart mean that the"
+        " loop's width is wrong; lines that bend together mean that its curve is wrong."
     )
     section.pictures.append(picture(figure, "Residuals against input by branch", caption))
 
@@ -107,8 +107,8 @@ def residuals(case: Case) -> Section:
     keys = {w: c for w, c in colours.items() if w in words}
     figure = f.bars(names, sizes, [colours[w] for w in words], keys, kind, label("rms error", unit))
     worst = int(np.argmax(sizes))
-    caption = f"By {kind}: the worst is {names[worst]} ({words[worst]})"
-    caption += f" with {quantity(sizes[worst], unit)} rms."
+    caption = f"Error by {kind}. The largest is that of {names[worst]} ({words[worst]}),"
+    caption += f" {quantity(sizes[worst], unit)} rms."
     section.pictures.append(picture(figure, f"Bars of the rms error of each {kind}", caption))
     return section
 
@@ -156,14 +156,14 @@ def parameters(case: Case) -> Section:
         meaning = fit.detail.linear.meaning
         section.text.append(
             f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"
-            f" density, and {meaning.cells} increments of the memoryless curve: too many to list, so"
-            " their sums stand here. The map below shows the weights."
+            f" density, and {meaning.cells} increments of the memoryless curve. The table lists their"
+            " sums; the map below shows the weights."
         )
     if outside:
         section.notes.append(
-            f"* The value of {', '.join(outside)} lies outside its interval: the data leave much"
-            " open, the fit took the smoothest answer and the draws take all that can be. Trust the"
-            " prediction, not these figures one by one."
+            f"* The value of {', '.join(outside)} lies outside its interval. The data do not determine"
+            " it: the fit gives the smoothest solution, and the draws cover all possible ones. Trust the"
+            " prediction rather than the single parameters."
         )
     section.notes += [*fit.notes]
     return section
@@ -194,10 +194,10 @@ def candidates(case: Case) -> Section:
     )
     said = "Errors in per cent of the measured range."
     if (case.fit.train.mask & ~case.fit.used).any():
-        said += " The training error counts the first cycle too, which was left out of the fit."
+        said += " The training error includes the first cycle, which the fit excludes."
     section = Section("Candidates", [
-        "Ranked by the score, the error on parts of the training rows that were held out while"
-        " choosing. The held-out rows themselves chose nothing."
+        "Models are ranked by their score, the cross-validation error within the training rows."
+        " The held-out rows play no part in the choice."
     ], tables=[Table(said, columns, rows, strong=0)])  # fmt: skip
     tests = {
         c["model"]: t["nrmse_percent"]
@@ -207,10 +207,10 @@ def candidates(case: Case) -> Section:
     best = min(tests, key=tests.__getitem__, default=case.fit.name)
     if tests and tests[best] < 0.95 * tests.get(case.fit.name, 0.0):
         section.notes.append(
-            f"{best} predicts the held-out rows better ({number(tests[best])} against"
-            f" {number(tests[case.fit.name])} %): on more data the choice may change."
+            f"{best} predicts the held-out rows better ({number(tests[best])} % instead of"
+            f" {number(tests[case.fit.name])} %). With more data the choice may change."
         )
-    section.notes += [f"{name} was left out: {why}" for name, why in document["skipped"].items()]
+    section.notes += [f"{name} was skipped: {why}" for name, why in document["skipped"].items()]
     return section
 
 
@@ -235,7 +235,7 @@ def data(case: Case) -> Section:
         ("Fitted in", quantity(document["seconds"], "s")),
         ("Versions", ", ".join(f"{k} {v}" for k, v in document["versions"].items())),
     ]
-    return Section("Data", tables=[Table("", ("What", "Value"), rows)])
+    return Section("Data", tables=[Table("", ("Item", "Value"), rows)])
 
 
 def _history(case: Case) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Sections of a report on the model: its posterior, its density, its compensator."""
+"""Report sections on the model: its posterior, its density, its compensator."""
 
 import shlex
 from collections import Counter
@@ -14,10 +14,10 @@ from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Link, Section, Table, picture
 
 MEANINGS = {
-    Status.OK: "inside the model's reach",
-    Status.EXTRAPOLATED: "beyond the trained inputs, continued",
-    Status.SATURATED: "beyond the outputs the model can have, held at its end",
-    Status.FLAT: "where the model is flat, nearest input held",
+    Status.OK: "inside the model's range",
+    Status.EXTRAPOLATED: "beyond the trained inputs, extrapolated",
+    Status.SATURATED: "beyond the outputs of the model, held at its limit",
+    Status.FLAT: "where the model is flat, nearest input kept",
     Status.BELOW_THRESHOLD: "below the contact threshold",
     Status.INVALID: "not a number",
 }
@@ -29,13 +29,13 @@ def posterior(case: Case) -> Section:
     section, posterior, fit = Section("Posterior"), case.posterior, case.fit
     if posterior is None:
         section.text.append(
-            "Not sampled, so how much the data leave open is known by the standard errors alone."
-            f" To sample: hysid sample {shlex.quote(str(case.folder))}"
+            "The posterior was not sampled; the standard errors are the only measure of uncertainty."
+            f" To sample it, run: hysid sample {shlex.quote(str(case.folder))}"
         )
         return section
     ensembles, draws, _ = posterior.draws.shape
-    believed = "Its chains agree: it can be believed." if posterior.converged else (
-        "It has not converged (R-hat above 1.01 or fewer than 100 effective draws): take more steps."
+    believed = "The chains have converged." if posterior.converged else (
+        "Not converged: R-hat is above 1.01 or there are fewer than 100 effective draws. Use more steps."
     )  # fmt: skip
     section.text.append(
         f"{ensembles * draws:,} draws by {posterior.method}, in {posterior.seconds:.3g} s. {believed}"
@@ -55,7 +55,7 @@ def posterior(case: Case) -> Section:
         figure = f.corner(labels, flat, values)
         caption = (
             "Draws of each parameter and each pair; the lines mark the fit. A narrow slanted"
-            " cloud means that two parameters can stand in for each other."
+            " cloud means that two parameters are correlated."
         )
         alt = f"Corner plot of {', '.join(posterior.names)}"
         section.pictures.append(picture(figure, alt, caption))
@@ -84,10 +84,10 @@ def density(case: Case) -> Section:
     )
     said = f"{int(excited.sum())} of {int(lower.sum())} cells switched among the fitted rows."
     if (lower & ~excited).any():
-        said += " About the hatched ones the data say nothing: the smoothness prior filled them in."
+        said += " The data do not determine the hatched cells; the smoothness prior does."
     said += (
-        " To have switched is not to be told apart: full loops fix no more than the sums along rows"
-        " and columns, smaller loops inside them the rest."
+        " Switching alone does not determine a cell: full loops determine only the sums along rows and"
+        " columns, and smaller loops inside them determine the rest."
     )
     section = Section("Density", [said])
     unit = pretty(f"{output_unit} / {input_unit}²") if input_unit != "1" else output_unit
@@ -95,8 +95,8 @@ def density(case: Case) -> Section:
                         *labels, label("relays per area", unit))  # fmt: skip
     densest = quantity(float((weights / area)[lower].max()), unit)
     caption = (
-        "Where the relays are. Mass along the diagonal makes narrow loops, far from it wide ones."
-        f" The densest cell has {densest}; where the scale ends in an arrow, that is beyond it."
+        "Density of the relays. Weight near the diagonal makes narrow loops, weight far from it wide ones."
+        f" The densest cell has {densest}; if the scale ends in an arrow, this is beyond the scale."
     )
     section.pictures.append(picture(figure, "Density over the triangle of thresholds", caption))
 
@@ -116,7 +116,7 @@ def density(case: Case) -> Section:
             case.input_label,
             label("memoryless part", output_unit),
         )
-        caption = "The memoryless part, to which the relays add the loop."
+        caption = "Memoryless part of the model; the relays add the loop to it."
         section.pictures.append(picture(figure, "Memoryless part against the input", caption))
     return section
 
@@ -127,27 +127,27 @@ def compensator(case: Case) -> Section:
     section, trip, unit = Section("Compensator"), case.round_trip, case.units[0]
     if isinstance(trip, InputError):
         section.text.append(
-            f"This model has no inverse to show: {trip.problem} {trip.cause} {trip.fix}"
+            f"This model has no compensator. {trip.problem} {trip.cause} {trip.fix}"
         )
         return section
     word, record = case.judged
     n = len(trip.estimate)
     span = float(np.ptp(record.input[record.mask])) or 1.0
     section.text.append(
-        f"From the measured {case.output} of the {word} rows it finds the {case.input} to"
+        f"From the measured {case.output} of the {word} rows it estimates the {case.input} with an error of"
         f" {quantity(trip.rms, unit)} rms, {quantity(trip.largest, unit)} at most"
         f" ({number(100 * trip.rms / span)} % of its range)."
     )
     section.text.append(
-        "Fed with the model's own output it gives that output back to"
+        "From the model's own output it reproduces that output to"
         f" {number(trip.exactness)} of its range"
         + (": exact." if trip.exactness < 1e-9 else ", which is not exact.")
     )
     counts = Counter(int(s) for s in trip.status[trip.counted])
     said = [f"{k:,} {MEANINGS[Status(s)]}" for s, k in counts.most_common()]
-    section.text.append(f"Of {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
+    section.text.append(f"Status of the {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
     if n < len(record):
-        section.notes.append(f"Only the first {n:,} of {len(record):,} rows were sent through.")
+        section.notes.append(f"This section uses only the first {n:,} of {len(record):,} rows.")
     u, starts = record.input[:n], record.starts[record.starts < n]
     colour = f.GREEN if word == "held-out" else f.BLUE
     path = f.trace(u, trip.estimate, trip.counted, starts)
@@ -155,8 +155,8 @@ def compensator(case: Case) -> Section:
     measured = label(f"{case.input}, measured", unit)
     figure = f.chart([f.Curve(word, *path, colour)], measured, estimated, diagonal=True)
     caption = (
-        "Estimated against measured input. On the dashed line it is exact; a loop around it"
-        " is hysteresis that was not compensated."
+        "Estimated against measured input. The dashed line is an exact estimate; a loop around it"
+        " is uncompensated hysteresis."
     )
     section.pictures.append(picture(figure, "Estimated against measured input", caption))
     clock = record.time is not None and len(record.labels) == 1
@@ -170,7 +170,9 @@ def compensator(case: Case) -> Section:
     )
     section.pictures.append(
         picture(
-            figure, "Error of the estimated input in the order of the rows", "Its error over time."
+            figure,
+            "Error of the estimated input in the order of the rows",
+            "Error of the estimated input in the order of the rows.",
         )
     )
     return section

@@ -18,10 +18,10 @@ from ..figures._format import quantity
 from ..intake._folders import folders_of
 
 FAR = 3.5
-"""Robust deviations from the median beyond which a specimen stands out."""
+"""Robust deviations from the median beyond which a specimen is an outlier."""
 
 FEW = 5
-"""Specimens below which none is said to stand out."""
+"""Number of specimens below which outliers are not searched."""
 
 
 class Figure90(NamedTuple):
@@ -86,7 +86,7 @@ class Specimen:
                 unit = next(p.unit for p in self.fit.parameters if p.name == name)
                 value = quantity(self.figures[name].value, unit)
                 said.append(f"{name} {side} the others, {value}")
-        return f"{self.name} stands out: {'; '.join(said)}."
+        return f"{self.name} is an outlier: {'; '.join(said)}."
 
 
 def places(folders: Sequence[Path]) -> dict[str, Path]:

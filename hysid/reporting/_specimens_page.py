@@ -83,7 +83,7 @@ def write_many(
         headline=f"Of {len(specimens)} fits: {', '.join(counts)}.",
         reasons=_reasons(specimens),
         facts=_facts(specimens),
-        model="Each specimen has a model of its own, and a report behind its name.",
+        model="Each specimen has its own model; its name links to its report.",
         command=None,
         sections=sections,
     )
@@ -103,9 +103,12 @@ def write_many(
 def _reasons(specimens: Sequence[Specimen]) -> list[str]:
     said = [one.sentence for one in specimens if one.why]
     if len(said) > NAMED:
-        return [*said[:NAMED], f"{len(said) - NAMED} more stand out; the tables mark them *."]
+        return [
+            *said[:NAMED],
+            f"{len(said) - NAMED} more are outliers; the tables mark them with *.",
+        ]
     if not said and len(specimens) >= FEW:
-        return ["No specimen stands out from the others."]
+        return ["No specimen is an outlier."]
     return said
 
 
@@ -117,7 +120,7 @@ def _facts(specimens: Sequence[Specimen]) -> list[tuple[str, str]]:
         ("specimens", str(len(specimens))),
         (f"{word} error, median", quantity(float(np.median(wrong)), "%")),
         (f"{word} error, largest", f"{quantity(max(wrong), '%')}, {worst.name}"),
-        ("that stand out", str(sum(bool(one.why) for one in specimens))),
+        ("outliers", str(sum(bool(one.why) for one in specimens))),
     ]
 
 

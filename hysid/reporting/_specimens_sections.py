@@ -1,4 +1,4 @@
-"""Sections of the page on many specimens: fits, loops, parameters and their population."""
+"""Report sections on many specimens: fits, loops, parameters and their population."""
 
 import os
 from collections.abc import Sequence
@@ -23,7 +23,13 @@ CHARTS = 12
 POINTS = 160
 """Points of a small curve, at most."""
 
-POPULATION = ("Parameter", "Unit", "Mean", "Scatter between specimens", "A new specimen, 90 %")
+POPULATION = (
+    "Parameter",
+    "Unit",
+    "Mean",
+    "Standard deviation between specimens",
+    "New specimen, 90 %",
+)
 
 
 def fits(specimens: Sequence[Specimen], home: Path, failed: dict[str, str]) -> Section:
@@ -39,10 +45,10 @@ def fits(specimens: Sequence[Specimen], home: Path, failed: dict[str, str]) -> S
         ))  # fmt: skip
     columns = ("Specimen", "Verdict", "Model", "Judged on", "Error of the range", "rms error",
                "Largest error", "Training rows")  # fmt: skip
-    caption = "The error is that of the held-out rows where there are any."
+    caption = "Errors refer to the held-out rows, or to the training rows if nothing was held out."
     section = Section("Fits", tables=[Table(caption, columns, rows)])
     if any("error" in one.why for one in specimens):
-        section.notes.append("* Stands out from the other specimens.")
+        section.notes.append("* Outlier among the specimens.")
     section.notes += [f"{name} is not in the table: {why}" for name, why in failed.items()]
     return section
 
@@ -71,7 +77,7 @@ def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
     across, up = (label(plain_name(*n), n[1])
                   for n in (x_name, (first.output_name, first.output_unit)))  # fmt: skip
     section = Section(f"Loops{name}", [
-        f"{up} over {across}, all on one scale: broad, the {word} rows as measured; thin, the model."
+        f"{up} over {across}, all on one scale. Broad line: measured {word} rows. Thin line: model."
     ])  # fmt: skip
     for one, (measured, model) in zip(group, drawn, strict=True):
         error = quantity(one.judged[1]["nrmse_percent"], "%").replace(" ", "\u00a0")
@@ -92,11 +98,11 @@ def parameters(
     units = {p.name: p.unit for one in group for p in one.fit.parameters}
     known = {p.name: p for p in (population.parameters if population else ())}
     section = Section(f"Parameters{name}", [
-        "Values with their 90 % intervals: of the posterior's draws where a fit was sampled, else of its"
+        "Values with their 90 % intervals, from the posterior if the fit was sampled, otherwise from the"
         " likelihood."
     ])  # fmt: skip
     if known:
-        caption = f"The population of the {len(group)} specimens, those that stand out among them."
+        caption = f"Population of the {len(group)} specimens, outliers included."
         section.tables.append(
             Table(caption, POPULATION, [_population_row(p) for p in known.values()])
         )
@@ -121,18 +127,18 @@ def parameters(
             )
             for n in free
         ]
-        caption = "Every parameter over the specimens, in the order of the table."
+        caption = "Each parameter over the specimens, in the order of the table."
         if known:
-            caption += " Nine of ten new specimens lie in the pale band."
+            caption += " The pale band contains 90 % of new specimens."
         section.pictures.append(
             picture(spreads(spread), "Parameters with intervals over the specimens", caption)
         )
     if any(set(one.why) - {"error"} for one in group):
         section.notes.append(
-            f"* Stands out: more than {FAR:g} robust deviations from the median of the specimens."
+            f"* Outlier: more than {FAR:g} robust deviations from the median of the specimens."
         )
     if len(group) < FEW:
-        section.notes.append(f"Fewer than {FEW} specimens: none can be said to stand out.")
+        section.notes.append(f"Fewer than {FEW} specimens are too few to find outliers.")
     section.notes += said
     return section
 
@@ -145,16 +151,16 @@ def _population_row(p: identify.PooledParameter) -> tuple[str | Link, ...]:
 def pooled(group: Sequence[Specimen]) -> tuple[identify.Pooled | None, list[str]]:
     """What the specimens have in common, and what is to be said about what they have not."""
     if len(group) < 2:
-        return None, ["One specimen has no scatter."]
+        return None, ["The scatter between specimens needs at least two specimens."]
     try:
         found = identify.pool(
             [one.fit for one in group], posteriors=[one.posterior for one in group], draws=1600
         )
     except (InputError, np.linalg.LinAlgError) as error:
         why = error.problem if isinstance(error, InputError) else str(error)
-        return None, [f"There is no mean of the population: {why}"]
+        return None, [f"The population has no mean: {why}"]
     left = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
-    return found, [f"Without a mean of the population: {left}."] if left else []
+    return found, [f"Parameters without a population mean: {left}."] if left else []
 
 
 def _of(group: Sequence[Specimen], name: str) -> list[Figure90]:

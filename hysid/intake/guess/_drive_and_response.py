@@ -69,7 +69,7 @@ def choose(
         ]  # fmt: skip
     if asked_in and asked_out:
         by_name = {c.name: c for c in columns}
-        why = {"input": "as given", "output": "as given"}
+        why = {"input": "given", "output": "given"}
         return Choice(by_name[asked_in], by_name[asked_out], "sure", why, {}, [])
     if not found:
         return _unknown(table, usable, options, given, place)
@@ -105,26 +105,26 @@ def _directed(
     while the effect does (a slack specimen), so that no function leads from one to the other.
     """
     a, b = pair.input, pair.output
-    why = {"input": "the cause", "output": "the effect"}
+    why = {"input": "the usual input of this pair", "output": "the usual output of this pair"}
     record, other = _record(table, a, b, options), _record(table, b, a, options)
     fixed = asked_in == a.name or asked_out == b.name
     reason = ""
     if fixed:
         reason = ""
     elif a.missing > max(MISSING, 2 * b.missing):
-        reason = f"{a.name!r} has gaps ({a.missing:.0%}), and what drives must be complete"
+        reason = f"{a.name!r} has gaps ({a.missing:.0%}), and an input must be complete"
     elif held(b.x) > HELD > held(a.x):
-        reason = f"{b.name!r} is held: the rig commanded it"
+        reason = f"{b.name!r} is held constant, so the rig commanded it"
     elif b.kind.name in ("displacement", "strain", "angle"):
         ours, theirs = (leftover(r.input, r.output, r.branch) for r in (record, other))
         if ours > FLAT * theirs and ours > 0.03:
             reason = (
-                f"{b.name!r} goes on while {a.name!r} hardly changes, so the way back is no function "
-                f"(it leaves {ours:.0%} open, this one {theirs:.0%})"
+                f"{b.name!r} changes while {a.name!r} hardly does, so {a.name!r} does not determine it "
+                f"(unexplained: {ours:.0%} that way, {theirs:.0%} this way)"
             )
     if reason:
         a, b, record = b, a, other
-        why = {"input": reason, "output": "what answers it"}
+        why = {"input": reason, "output": "the response to it"}
     turn = loop_direction(record) if record.n_cycles else 0.0
     if turn:
         falls = _falls(record)
@@ -168,14 +168,14 @@ def _step(
         numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
         raise InputError(
             "cannot-decide",
-            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. Of these"
-            f" {len(found) or 'none'} could drive or follow, and a loop takes two that move.",
+            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}."
+            f" {len(found) or 'None'} of them can be an input or an output; a loop needs two that change.",
             place=table.path,
             cause="A single column, words instead of numbers, or a separator other than , ; tab |.",
             fix="Export input and output side by side; for creep give --step VALUE.",
         )
     output = found[0]
-    why = {"output": "the one column that moves over time"}
+    why = {"output": "the only column that changes over time"}
     value, unit, sure = given.get("step"), given.get("input_unit"), "sure"
     kept = next(
         (
@@ -186,20 +186,22 @@ def _step(
         None,
     )
     if value is not None:
-        why["step"] = "as given"
+        why["step"] = "given"
     elif kept is not None and float(np.nanmax(kept.x)):
         value, unit = float(np.nanmax(kept.x)), kept.unit
-        why["step"] = f"{kept.name!r} is {value:g} in every row: creep or relaxation under it"
+        why["step"] = (
+            f"{kept.name!r} is {value:g} in every row, so this is a creep or relaxation test"
+        )
         unit = None if unit == "1" else unit
     elif output.kind.name in ("compliance", "modulus"):
         value, sure = 1.0, "likely"
-        why["step"] = f"a {output.kind.name} is the answer to a unit step"
+        why["step"] = f"a {output.kind.name} is the response to a unit step"
     else:
         raise InputError(
             "cannot-decide",
             f"Only {output.name!r} changes over time; the constant input is not known.",
             place=table.path,
-            fix="hysid init FILE --step VALUE, the constant force or displacement; or a file with both.",
+            fix="Give the constant input (hysid init FILE --step VALUE), or a file with both columns.",
         )
     options = {"step": value} | ({"input_unit": unit} if unit else {})
     return Choice(None, output, sure, why, options, [])
@@ -217,7 +219,7 @@ def _channels(
             place=place,
             fix="Name the output (--output COL).",
         )
-    why = {"input": f"one of {len(inputs)} channels", "output": "as given"}
+    why = {"input": f"one of {len(inputs)} channels", "output": "given"}
     return Choice(by_name[inputs[0]], by_name[output], "sure", why, {"input": inputs}, [])
 
 
@@ -240,7 +242,10 @@ def _unknown(
         falls = _falls(record)
         if (loop_direction(record) < 0) != falls:
             a, b = b, a
-    why = {"input": "the names say nothing; this way round the output lags", "output": "it lags"}
+    why = {
+        "input": "the names are unknown; with this input the output lags",
+        "output": "it lags the input",
+    }
     return Choice(a, b, "guess", why, {}, [_said(b.name, a.name)])
 
 
@@ -250,7 +255,7 @@ def _undecided(columns: list[Column], place: str) -> InputError:
         "cannot-decide",
         f"It is not clear which of these columns is the input and which the output: {names}.",
         place=place,
-        fix='hysid init FILE --input "COL" --output "COL", by their exact headers.',
+        fix='Give their exact headers: hysid init FILE --input "COL" --output "COL".',
     )
 
 

@@ -157,20 +157,20 @@ def _time(
             clocks = []  # a clock without its name stands first
     if not clocks and (stamped := _stamps(table)):
         out.selection["dt"] = stamped[1]
-        out.says("dt", stamped[1], LIKELY, f"{stamped[0]!r} is dates and times: their mean step")
+        out.says("dt", stamped[1], LIKELY, f"mean step of the dates and times in {stamped[0]!r}")
         return None
     if not clocks:
         out.says(
             "time",
             "none",
             LIKELY,
-            "no column rises as a clock does: give --dt SECONDS if speed matters",
+            "no column rises like a clock; give --dt SECONDS if speed matters",
         )
         return None
     best = max(clocks, key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0))
     sure = SURE if best.kind.name == "time" else GUESS
     out.selection["time"] = best.name
-    out.says("time", best.name, sure, f"it rises, by {_step(best.x):.4g} in the median")
+    out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
     return best.name
 
 
@@ -276,7 +276,7 @@ def _clocks(
         out.says("time", own["output"], SURE, "the output's own clock")
     if own["input"] and own["output"] and own["input"] != own["output"]:
         out.selection["input_time"] = own["input"]
-        out.says("input_time", own["input"], SURE, "the input was read at times of its own")
+        out.says("input_time", own["input"], SURE, "the input has its own clock")
 
 
 def _hold(table: Table, out: Guess) -> None:
@@ -289,11 +289,11 @@ def _hold(table: Table, out: Guess) -> None:
     if not all(_goes_and_stays(record) for record in records):
         return
     out.selection["hold"] = True
-    why = "it goes one way and stays: creep or relaxation, of which the hold tells"
+    why = "the input moves one way and stays there, so the hold shows creep or relaxation"
     if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
         del out.selection["group"]
         out.selection["each"] = group[0]
-        why += ", one fit for each"
+        why += "; one fit for each value of the group"
     out.says("hold", "true", LIKELY, why)
 
 

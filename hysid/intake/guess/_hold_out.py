@@ -30,14 +30,14 @@ def hold_out(
             continue
         if len(good) > len(faults):
             return proposed, why
-    return {}, "there is too little to hold out"
+    return {}, "there are too few rows to hold any out"
 
 
 def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] | None):
     if split is not None:
-        yield {"test_where": [f"{split[0]}={split[1]}"]}, "the file names these rows itself"
+        yield {"test_where": [f"{split[0]}={split[1]}"]}, "the file marks these rows as test rows"
     if selection_of(options).is_step:
-        yield {"test_tail": 0.2}, "the last fifth: can the model foretell?"
+        yield {"test_tail": 0.2}, "the last fifth, which tests the prediction of later times"
         return
     good, _ = selection_of(options).records(table)
     record = next(iter(good.values()))[0]
@@ -59,11 +59,17 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
             "the last sequence",
         )
     if counts < 2 and all(held(r.input) > 0.7 for r, _ in good.values()):
-        yield {"test_tail": 0.2}, "the last fifth of the hold: can the model foretell?"
+        yield (
+            {"test_tail": 0.2},
+            "the last fifth of the hold, which tests the prediction of later times",
+        )
     turns = sum(int(np.count_nonzero(np.diff(r.branch))) for r, _ in good.values())
     if turns >= 3:
-        yield {"test_tail": SHARE}, "too few complete cycles: the last quarter of the rows"
-    yield {}, "one loop: without a second one no model can be tested on what it has not seen"
+        yield (
+            {"test_tail": SHARE},
+            "the last quarter of the rows, because there are too few complete cycles",
+        )
+    yield {}, "one loop only; a test on unseen rows needs a second one"
 
 
 def _sequences(table: Table, record: Record, column: str) -> str:

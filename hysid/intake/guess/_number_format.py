@@ -31,7 +31,9 @@ def reading(
     commas = [x for x in table.text.values() if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
     if commas and "decimal" not in options and table.decimal == ".":
         options["decimal"] = ","
-        notes.append(("decimal", ",", f"{len(commas)} columns are numbers with a decimal comma"))
+        notes.append(
+            ("decimal", ",", f"{len(commas)} columns contain numbers with a decimal comma")
+        )
     decimal = options.get("decimal", table.decimal)
     odd: Counter[str] = Counter()
     for name, cells in table.text.items():
@@ -48,7 +50,9 @@ def reading(
     words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
     if words and "na_values" not in options:
         options["na_values"] = tuple(words)
-        notes.append(("na_values", ", ".join(words), "words among numbers: read as missing"))
+        notes.append(
+            ("na_values", ", ".join(words), "words among the numbers, read as missing values")
+        )
     return options, notes
 
 

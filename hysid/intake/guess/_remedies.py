@@ -53,25 +53,25 @@ def _units(table: Table, options: Options, notes: list[Note]) -> Options:
         inside = [w for w in name.split("_")[1:] if w in _INSIDE]
         if unit == "1" and inside:
             options[f"{role}_unit"] = inside[0]
-            notes.append((f"{role}_unit", inside[0], "it stands within the header"))
+            notes.append((f"{role}_unit", inside[0], "part of the header"))
         elif unit in ("g", "kg") and {"force", "load", "kraft"} & set(words_of(name)):
             options[f"{role}_unit"] = f"{unit}f"
             notes.append(
-                (f"{role}_unit", f"{unit}f", f"a force in {unit}: the weight of that mass")
+                (f"{role}_unit", f"{unit}f", f"a force in {unit} is the weight of that mass")
             )
     return options
 
 
 def _interpolate(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
-    return {"nan": "interpolate"}, f"the input has gaps, filled in a straight line: {fault.problem}"
+    return {"nan": "interpolate"}, f"gaps of the input are interpolated linearly: {fault.problem}"
 
 
 def _omit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
-    return {"nan": "omit"}, f"rows without output do not count: {fault.problem}"
+    return {"nan": "omit"}, f"rows without an output are excluded: {fault.problem}"
 
 
 def _segments(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
-    return {"segments": "auto"}, f"a new sequence wherever time goes back: {fault.problem}"
+    return {"segments": "auto"}, f"a new sequence starts wherever time goes back: {fault.problem}"
 
 
 def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
@@ -82,16 +82,18 @@ def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, s
     # Where a new run begins, or a break ends, the clock leaps.
     forward = step[(step >= 0) & (step < 20 * step[step > 0].mean())]
     dt = float(f"{forward.mean():.4g}")
-    return {"dt": dt}, f"an even clock, as this one is coarser than the sampling: {fault.problem}"
+    return {
+        "dt": dt
+    }, f"an even clock, because the recorded one is coarser than the sampling: {fault.problem}"
 
 
 def _unknown_unit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
     name = fault.place.rpartition("column ")[2]
     if name == repr(options.get("time")):
         added, _ = _even(table, options, fault)
-        return added, f"{fault.problem} Its steps are taken for seconds"
+        return added, f"{fault.problem} Its steps are read as seconds"
     role = "input" if name == repr(options.get("input")) else "output"
-    return {f"{role}_unit": "1"}, f"{fault.problem} Give the unit, or leave it as a bare number"
+    return {f"{role}_unit": "1"}, f"{fault.problem} Give the unit, or keep the column without one"
 
 
 _REMEDIES: Mapping[str, Callable[[Table, Options, InputError], tuple[Options, str]]] = {

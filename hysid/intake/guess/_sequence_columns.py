@@ -78,7 +78,7 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
             groups.append(name)
     each = min(specimens, key=lambda n: len(np.unique(table.text[n])), default=None)
     if each is not None:
-        said.append(("each", each, "one specimen, one model: a fit for each of its values"))
+        said.append(("each", each, "one fit for each specimen"))
     groups = [g for g in groups if _cuts(table, g, time)]
     if len(groups) > 1:  # the finest; others come in where its values are not in one piece
         groups.sort(key=lambda g: -len(np.unique(table.text[g])))
@@ -91,9 +91,7 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
         count = len(set(zip(*(table.text[n].tolist() for n in chosen), strict=True)))
         said.append(("group", ", ".join(chosen), f"{count} independent sequences of one model"))
     if split:
-        said.append(
-            ("test_where", f"{split[0]}={split[1]}", "the file says which rows are for testing")
-        )
+        said.append(("test_where", f"{split[0]}={split[1]}", "the file marks the rows for testing"))
     return Sequences(chosen, each, split, frozenset(labels), tuple(said))
 
 

@@ -130,7 +130,7 @@ def test_plots_are_figures():
 
 def test_masked_rows_are_drawn_apart():
     figure = record().select(cycle=1).plot()
-    assert [line.get_label() for line in figure.axes[0].lines] == ["does not count", "counts"]
+    assert [line.get_label() for line in figure.axes[0].lines] == ["excluded", "used"]
 
 
 def test_hysid_changes_nothing():

@@ -206,7 +206,7 @@ def test_whole_sequences_of_middling_range_are_held_out():
     (held,) = found["selection"]["test_where"]
     name, _, values = held.partition("=")
     assert name == "trial"
-    assert "1" not in values.split(",")  # the widest stays: nothing is foretold beyond the range
+    assert "1" not in values.split(",")  # the widest stays, so no test is an extrapolation
 
 
 def test_a_split_in_the_file_is_taken():
@@ -261,8 +261,11 @@ BAD: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "empty": ("", ("the file is empty",)),
     "header only": (f"{T},{F},{X}\n", ("a header and no rows",)),
     "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ("binary data",)),
-    "no header": ("0,1.5,2\n1,2.5,3\n2,3.5,5\n", ("first line is numbers", "write a line above")),
-    "no header, twice a number": ("0,0\n1,2\n2,3\n", ("first line is numbers",)),
+    "no header": (
+        "0,1.5,2\n1,2.5,3\n2,3.5,5\n",
+        ("first line contains numbers", "Write a line above"),
+    ),
+    "no header, twice a number": ("0,0\n1,2\n2,3\n", ("first line contains numbers",)),
     "one column": ("force (N)\n1\n2\n3\n", ("force (N)", "side by side")),
     "words": ("a,b\nx,y\nz,w\nu,v\n", ("none", "side by side")),
     "nothing moves": (

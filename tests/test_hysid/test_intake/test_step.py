@@ -88,7 +88,7 @@ def test_report_shows_curve_spectrum_and_range(creep: dict[str, Any], folder: Pa
     for heading in ("Creep", "Spectrum", "Parameters", "Residuals", "Data"):
         assert f">{heading}</h2>" in page
     assert page.count("<img") == 4
-    assert "What the record says of later times" in page
+    assert "Predictions of later times" in page
     rows = re.findall(r"<tr>.*?</tr>", page.replace("\n", " "))
     assert any("mm" in row and row.count("<td") == 3 for row in rows)
 

@@ -17,13 +17,13 @@ from tests.test_identify.lines import line, pressed
 QUESTIONS = (
     "What is the noise?",
     "Are the residuals white?",
-    "Where is it wrong?",
+    "Where is the model wrong?",
     "Is there a better minimum?",
-    "How far can each number go?",
-    "Which combinations are known?",
+    "How precisely is each parameter known?",
+    "Which combinations of parameters are known?",
     "What did the data add to the prior?",
-    "Do new readings lie where they should?",
-    "What does it hang on?",
+    "Do new readings lie inside the predictive bands?",
+    "Which rows does the fit depend on?",
 )
 
 

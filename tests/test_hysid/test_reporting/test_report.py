@@ -112,7 +112,7 @@ def test_it_says_what_a_rig_engineer_asks(preisach: Path, page: Page):
         assert reason in page.text
     assert re.search(r"held-out error, rms 0\.0\d+ mm", page.text)
     assert f"hysid sample {preisach}" in page.text  # what to do next
-    assert re.search(r"finds the force to [0-9.]+ N rms", page.text)
+    assert re.search(r"estimates the force with an error of [0-9.]+ N rms", page.text)
     assert "of its range: exact." in page.text
     assert "210 weights" in page.text  # summed up, and says so
     assert "No starts were needed." in page.text
