@@ -93,7 +93,8 @@ def _check_step(model: AbstractModel, walk: _Walk) -> None:
 def _check_split(model: AbstractModel, walk: _Walk) -> None:
     k = SAMPLES // 3
     first, rest = (
-        [None if x is None else x[part] for x in walk] for part in (slice(k), slice(k, None))
+        _Walk(None if walk.t is None else walk.t[part], walk.u[part])
+        for part in (slice(k), slice(k, None))
     )
     whole, state = model.simulate(*walk), model.stream(*first)[0]
     _equal("a split record carries the state", model.simulate(*rest, state), whole[k:], model, k)
@@ -141,7 +142,7 @@ def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:
     value = jax.jit(summed)
     bad: dict[str, list[str]] = {}
     for number, walk in enumerate(walks):
-        t, u = (None if x is None else jnp.asarray(x, float) for x in walk)
+        t, u = None if walk.t is None else jnp.asarray(walk.t, float), jnp.asarray(walk.u, float)
         # Off the plateaus: where the input stands still, a model may have a corner.
         shaken = np.random.default_rng(100 + number).uniform(-1, 1, SAMPLES)
         u = u + jnp.asarray(1e-3 * np.ptp(walk.u) * shaken, u.dtype)
