@@ -1,7 +1,7 @@
 """Linear recurrences z_k = a_k z_(k-1) + b_k, as parallel in time as the machine makes worthwhile.
 
-Their derivative is the same recurrence, driven by da_k z_(k-1) + db_k. So either mode needs a and z and
-no more: the reverse one runs the transposed recurrence backwards.
+Their derivative is the same recurrence, driven by da_k z_(k-1) + db_k. So forward and reverse mode need
+only a and z; reverse mode runs the transposed recurrence backwards.
 """
 
 from functools import partial
@@ -16,14 +16,14 @@ Rows = tuple[Float[Array, " samples"], ...]
 Numbers = tuple[Float[Array, ""], ...]
 
 AT_ONCE = 3
-"""Recurrences in one loop on a CPU: each of three takes 2 ns a sample, one alone 4, each of many 50, since
-XLA calls the operations of a large body one by one."""
+"""Recurrences in one loop on a CPU. Each of three takes 2 ns a sample, a single one 4, and each of many 50,
+because XLA calls the operations of a large loop body one by one."""
 
 
 @jax.custom_jvp
 def linear_recurrence(a: Rows, b: Rows) -> Rows:
-    """z_k = a_k z_(k-1) + b_k with z_(-1) = 0, for numbers; several that have nothing to do with one
-    another, each an array of its own.
+    """z_k = a_k z_(k-1) + b_k with z_(-1) = 0, for scalars: several independent recurrences, each with
+    arrays of its own.
 
     On a CPU a plain scan is the fastest way; an accelerator needs the associative form, whose depth is
     log(samples).
@@ -49,10 +49,10 @@ def _derivative(primals: tuple[Rows, Rows], tangents: tuple[Rows, Rows]) -> tupl
 def even_recurrence(
     steps: tuple[Numbers, ...], inputs: Rows, goes_on: Float[Array, " samples"]
 ) -> Float[Array, " samples"]:
-    """Sum of z_k = goes_on_k (a z_(k-1) + b before_k + c now_k) over steps (a, b, c) that are numbers.
+    """Sum of z_k = goes_on_k (a z_(k-1) + b before_k + c now_k) over steps (a, b, c) that are scalars.
 
     Mapped over many steps, the loop moves all of them side by side, and the inputs are read once. Of the
-    derivatives in steps only that in a takes a recurrence more, the same for all tangents:
+    derivatives with respect to steps, only that for a takes another recurrence, the same for all tangents:
 
         z = b v + c w,    dz = s da + v db + w dc,    s_k = goes_on_k (a s_(k-1) + z_(k-1)).
 
@@ -81,6 +81,8 @@ def even_recurrence(
 
 @partial(even_recurrence.defjvp, symbolic_zeros=True)
 def _even_derivative(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    # goes_on is 0 or 1, so it has no derivative. The responses to unit steps serve every tangent: a fit's
+    # forward mode has one for each parameter, and each then costs a row of a product of matrices.
     (steps, inputs, goes_on), (d_steps, d_inputs, _) = primals, tangents
     responses = [_responses(step, inputs, goes_on) for step in steps]
     rows = zip(steps, responses, strict=True)
@@ -88,6 +90,7 @@ def _even_derivative(primals: Any, tangents: Any) -> tuple[Array, Array]:
     # One product of matrices: mapped over walkers and tangents, sums of rows would read them across.
     slopes = jnp.stack([_filled(slope) for step in d_steps for slope in step])
     dz = slopes @ jnp.stack([row for rows in responses for row in rows])
+    # The inputs of a fit are data: the recurrence of their tangents is left out where they have none.
     if not all(isinstance(du, SymbolicZero) for du in d_inputs):
         dz = dz + even_recurrence(steps, tuple(map(_filled, d_inputs)), goes_on)
     return z, dz
@@ -148,6 +151,7 @@ def _before(z: Array) -> Array:
 @jax.jit
 def _solve(a: Rows, b: Rows) -> Rows:
     def scan(a: Rows, b: Rows) -> Rows:
+        # Neither one loop for all nor one each: see `AT_ONCE`.
         groups = [slice(k, k + AT_ONCE) for k in range(0, len(a), AT_ONCE)]
         return tuple(z for group in groups for z in _scan(a[group], b[group]))
 
@@ -163,6 +167,7 @@ def _scan(a: Rows, b: Rows) -> Rows:
 
 
 def _associative(a: Rows, b: Rows) -> Rows:
+    # Each step is an affine map z -> a z + b; two of them in a row are one, in any grouping.
     def combine(first: tuple[Array, Array], then: tuple[Array, Array]) -> tuple[Array, Array]:
         return then[0] * first[0], then[0] * first[1] + then[1]
 

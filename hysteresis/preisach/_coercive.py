@@ -202,6 +202,9 @@ class GaussianDensity(AbstractCoerciveDensity):
         above = (self.bias + centre - a) / spread
         below = (b - self.bias + centre) / spread
         no_relay = jnp.broadcast_to(-centre / width, jnp.shape(above))
+        # Two of the three boundaries have the correlation -tanh v. For m + h = a and m - h = b that is
+        # tanh(log(s_m / s_h)) = (s_m^2 - s_h^2) / spread^2; for either and h = 0 it is
+        # tanh(arcsinh(s_h / s_m)) = s_h / spread.
         both = jnp.log(bias_width / width), jnp.arcsinh(width / bias_width)
         # Three calls instead of one on stacked arguments, because XLA runs them in parallel.
         corners = (above, below, both[0]), (above, no_relay, both[1]), (below, no_relay, both[1])

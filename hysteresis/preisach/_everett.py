@@ -45,6 +45,8 @@ def everett_table(weights: Float[Array, "cells cells"]) -> EverettTable:
     lower = jnp.tril(weights)
     up_to_row = _running_sum(lower)
     node = _running_sum(up_to_row.T, from_the_end=True)  # transposed, [q, p]
+    # No row lies below node 0 and no column from node n on, so the padding is exact. Entries with p <= q
+    # are 0 so far, so adding the transpose doubles nothing.
     node = jnp.pad(node, ((0, 1), (1, 0)))
     return EverettTable(node + node.T, jnp.diagonal(lower))
 
@@ -62,7 +64,7 @@ def _running_sum(rows: Array, from_the_end: bool = False) -> Array:
 def everett_terms(table: EverettTable, pairs: GridPairs) -> tuple[Array, Array, Array]:
     """E(a, b) of every pair as three terms: bilinear(T; a, b), h(a) and h(b).
 
-    Many pairs share an a: where h(a) is known, it need not be found for each of them.
+    They are separate because many pairs share an a, for which h(a) is then computed once.
     """
     f, g = pairs.fraction, pairs.fraction_b
     half_a = read(table.diagonal, pairs.cell) * f * (f - 1)
@@ -86,7 +88,7 @@ def bilinear(table: Float[Array, "nodes nodes"], pairs: GridPairs) -> Float[Arra
 
 
 def read(array: Array, index: Any) -> Array:
-    """array[index] without a bounds check, which doubles the time of a look-up; no index is negative.
+    """array[index] without a bounds check, which would double the time; no index may be negative.
 
     **Example:**
 

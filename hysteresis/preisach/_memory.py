@@ -20,7 +20,7 @@ IntArray = Int[np.ndarray, " _"]
 
 
 class MemoryTree(NamedTuple):
-    """Where every sample and anchor of a path hangs; all entries index into arrays, none is a value.
+    """Where every sample and anchor of a path hangs; all entries are indices or signs, none is a value.
 
     - `anchor` (samples,): the anchor each sample of the path hangs on.
     - `node` (anchors,): the sample of the path each anchor stands at; anchor 0 is the path's start.
@@ -54,9 +54,11 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     value = path[np.append(turning, end)]
     anchors = len(turning)
     branch, top, landing, parent = _wipe_outs(value.tolist())
+    # The path starts at its minimum, so the first branch rises, and branches alternate.
     rising = np.where(np.arange(anchors) % 2 == 0, 1, -1).astype(np.int32)
 
-    # Branch k covers samples begin[k] .. begin[k+1]-1: from behind its anchor to the next reversal.
+    # Branch k covers samples begin[k] .. begin[k+1]-1: from the sample after its anchor to the next
+    # reversal, which belongs to the branch that it ends. The root's branch also holds the root itself.
     begin = np.append(turning + 1, len(path))
     begin[0] = 0
     passed = _first_beyond(
@@ -67,7 +69,8 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
         begin[branch + 1] - 1,
     )
 
-    # Merge the two kinds of events, both sorted by branch: each branch pushes, then pops.
+    # Merge the two kinds of events, both sorted by branch. Each branch pushes its anchor and then pops, so
+    # before the push of branch k come k pushes and all pops of the branches before it.
     pops = np.bincount(branch, minlength=anchors)
     position = np.arange(anchors) + np.cumsum(pops) - pops
     events = anchors + len(branch)
@@ -108,7 +111,9 @@ def _wipe_outs(
     its parent) and the anchor landed on; and every anchor's parent.
     """
     anchors = len(value) - 1
-    extremum = [*value, np.inf]  # below the start nothing is wiped out, above the bottom neither
+    # Sentinels end the loop below without a check of the stack's length. An input may return exactly to the
+    # saturation it started from; the root stays then, because nothing falls to -inf.
+    extremum = [*value, np.inf]
     extremum[0] = -np.inf
     stack = [anchors + 1]
     branch, top, landing, parent = [], [], [], [0]
@@ -116,6 +121,7 @@ def _wipe_outs(
         stack.append(k)
         x = extremum[k + 1]
         rises = k % 2 == 0
+        # "or equal": a loop is closed as soon as the input is back at the extremum that opened it.
         while (x >= extremum[stack[-2]]) if rises else (x <= extremum[stack[-2]]):
             branch.append(k)
             top.append(stack.pop())
@@ -135,7 +141,8 @@ def _first_beyond(
 ) -> Int[np.ndarray, " wipes"]:
     """First sample in first..last with sign * path >= level, by one bisection for all at once.
 
-    The path is monotone there, and its last sample is known to be beyond.
+    The path is monotone there, and its last sample is known to be beyond. White noise wipes out a loop
+    about every third sample, hence one vectorised search instead of a search each in Python.
     """
     low, high = first.copy(), last.copy()
     open_ = np.flatnonzero(high > low)

@@ -23,8 +23,8 @@ from ._sequences import hang, past_inputs
 from ._stack import OpenLoops
 
 SMALL_TABLE = 100_000
-"""Numbers in a table that is stored once more where it is read. That stores its gradient too, which takes a
-third of the time then; a large table takes longer to copy than that saves."""
+"""Tables with fewer entries than this are stored once more where they are read. That also stores their
+gradient, which then takes a third of the time. A larger table takes longer to copy than that saves."""
 
 
 class PreisachState(NamedTuple):
@@ -263,15 +263,18 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """`evaluate` with the density's table, `density.tabulate()`, at hand."""
         tree = prepared.tree
         true = tree.parent[0] == 0
+        # `evaluate` has stored the table once; storing it again is for its gradient, see `SMALL_TABLE`.
         if sum(part.size for part in jax.tree.leaves(table)) < SMALL_TABLE:
             table = materialise(table, true)
         past = prepared.past_sign * self.density.everett(table, prepared.past)
-        # The change from an anchor's parent to the anchor is what the sample it stands at has moved.
+        # The change from an anchor's parent to the anchor is that of the sample at which the input turned,
+        # so anchors need no look-ups of their own. Anchors of the path to the first state are in `past`.
         place = jnp.maximum(prepared.place - len(past), 0)
         before, place_past = prepared.place < len(past), jnp.minimum(prepared.place, len(past) - 1)
         if 8 * len(place) < len(prepared.sign) and isinstance(self.density, AbstractGridDensity):
-            # Few anchors are sooner looked up again than all samples are stored, and an anchor's own term
-            # is found once for all its samples.
+            # A branch then has over eight samples on average. Looking up the few anchors again is faster
+            # than storing the rises of all samples to read them twice. E's term of the anchor alone is the
+            # same for all samples of its branch, so it is computed once and added to the anchor's level.
             both, _, of_sample = everett_terms(table, prepared.sample)
             own = prepared.sign * (both + of_sample)
             at_node = jax.tree.map(lambda part: read(part, place), prepared.sample)
@@ -285,9 +288,12 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             own = materialise(own, true)
             rise, of_anchor = read(own, place), 0.0
         rise = jnp.where(before, read(past, place_past), rise)
+        # The root of the tree is negative saturation, where all relays together give -mass.
         level = anchor_levels(tree, rise, true) - self.density.mass(table) + of_anchor
         relays = read(level, tree.anchor) + own
         if self.up is not None:
+            # Relays with both thresholds outside the visited inputs are still in their first state: those
+            # that were up count +1 instead of -1.
             up = materialise(occupancy_table(jnp.asarray(self.up)), true)
             relays += 2 * bilinear(up, prepared.unvisited)
         return self._output(relays, prepared.cell, prepared.within)
