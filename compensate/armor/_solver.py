@@ -207,9 +207,10 @@ class ContactSolver(eqx.Module):
     def settle(self, crossing: Crossing, pressed: Float[Array, " faces"]) -> Float[Array, " faces"]:
         """d_n of each face, from the material's g(F_n).
 
-        d_n depends on the place P^i, and P^i lies aside by d_n tan(angle between F and n). So we go round:
-        from turn to turn the error shrinks by |grad d_n| tan(angle), which is 0.02 for a frame that sags
-        by 1.5 mm within 60 mm, pushed at 45 degrees, and 0.15 with a threshold's 1.5 of 15 N.
+        d_n depends on the place P^i, and P^i lies aside by d_n tan(angle between F and n). A fixed-point
+        iteration solves this: each round shrinks the error by |grad d_n| tan(angle), which is
+        0.02 for a frame that sags by 1.5 mm within 60 mm, pushed at 45 degrees, and 0.15 with a
+        threshold's 1.5 of 15 N.
         """
         force = jnp.maximum(crossing.along, 0)
 
@@ -236,7 +237,7 @@ class ContactSolver(eqx.Module):
 
 
 def _nearby(solver: ContactSolver, force: Array, moment: Array) -> Array | None:
-    # No method: Equinox takes 0.1 ms to bind one, and small batches are solved as fast.
+    # Not a method: Equinox takes 0.1 ms to bind one, and small batches are solved as fast.
     def most(cosines: Array) -> Array:
         return _most(solver.cover, force, cosines.astype(force.dtype))
 
@@ -253,6 +254,8 @@ def _solve(
         best = likeliest(crossing, found, limits)
         return judged(best, crossing, found, line, limits, doubt)
 
+    # Each contact needs a row for every face in between. For a large batch these leave the cache, so
+    # `lax.map` solves it in chunks, one after the other.
     leading = force.shape[:-1]
     doubt = jnp.broadcast_to(doubt, leading)
     wrenches = jax.tree.map(
@@ -274,6 +277,7 @@ def _touched(
     Every face makes a trial of its own normal force; the state of the touched one is kept.
     """
     limits = solver.limits()
+    # Two thresholds: with one, noise at the threshold would end and begin the contact again and again.
     least = jnp.where(state.touching, solver.release, limits.threshold)
     limits = limits._replace(threshold=least)
     line = line_of(force, moment)
@@ -289,6 +293,8 @@ def _touched(
         before = jax.tree.map(lambda v, kept: jnp.where(is_fresh, v, kept), virgin, state.cover)
         return solver.cover.press(before, t, along)
 
+    # Which face is touched depends on how far each is pressed in, and that on the history of the cover. So
+    # every face presses its own copy first; the choice follows, and the other copies are dropped.
     covers, pressed = jax.vmap(trial)(fresh, jnp.maximum(crossing.along, 0))
     found = candidates_of(crossing, solver.settle(crossing, pressed), limits)
     best = likeliest(crossing, found, limits)

@@ -1,4 +1,4 @@
-"""Elements of the runtime, translated word by word from Python to C99."""
+"""Translation of the runtime's elements from Python to C99, statement by statement."""
 
 import ast
 import inspect
@@ -53,6 +53,8 @@ class Element:
     def __post_init__(self) -> None:
         source = inspect.getsource(self.module)
         tree = ast.parse(source)
+        # ast drops comments. The C code keeps them for its readers, and the ones with "at most:" bound the
+        # loops, so they come from the tokens and are found again by their line.
         tokens = tokenize.generate_tokens(io.StringIO(source).readline)
         remarks = [t for t in tokens if t.type == tokenize.COMMENT]
         alone = [t for t in remarks if t.line.lstrip().startswith("#")]
@@ -148,6 +150,8 @@ class Function:
         self, home: Element, node: ast.FunctionDef, given: dict[str, str], done: dict[str, str]
     ):
         self.home, self.node, self.given, self.done = home, node, given, done
+        # C has no closures. A function that takes another one is written once for each it is called with,
+        # under that one's name, so that the copies differ and the compiler can inline the call.
         base = given["look"].removesuffix("_look") if "look" in given else home.prefix
         self.name = f"{base}_{node.name}"
         self.body = node.body[bool(ast.get_docstring(node)) :]
@@ -171,12 +175,15 @@ class Function:
         }.get(kind, f"{home.real} {name}")
 
     def translate(self) -> str:
-        """Its text goes to `done`, what it calls before it; the name."""
+        """Add its text to `done`, after the functions that it calls, and return its name."""
         if self.name in self.done:
             return self.name
+        # Translating the body translates what it calls, and C wants a function before its first call:
+        # `done` keeps the order in which functions are finished, so the body comes first.
         body = self._block(self.body, _INDENT)
         used = set().union(*map(_names, self.body))
         taken = [name for name, kind in self.kinds.items() if kind != "Callable"]
+        # All functions of one kind share their arguments; compilers warn about those a body does not use.
         unused = [f"{_INDENT}(void){name};" for name in taken if name not in used]
         arguments = ", ".join(map(self._argument, taken))
         about = ast.get_docstring(self.node)
@@ -188,7 +195,7 @@ class Function:
     # Statements
 
     def _infer(self) -> dict[str, str]:
-        """Types of the variables: real where one thing they are set to is."""
+        """Types of the variables: real where any assigned value is real."""
         found: dict[str, str] = {}
         sets = [n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n)]
         self.types |= {_target(n): "int" for n in sets if _target(n) not in self.kinds}
@@ -196,6 +203,8 @@ class Function:
             n.target.id: "int" for n in ast.walk(self.node)
             if isinstance(n, ast.For) and isinstance(n.target, ast.Name)
         }  # fmt: skip
+        # In a loop a variable may take its type from one that is assigned further down. A type that became
+        # real stays real, so passes can be repeated; three follow a chain of three assignments.
         for node in [*sets, *sets, *sets]:
             name = _target(node)
             if name not in self.kinds:
@@ -213,6 +222,8 @@ class Function:
         lines: list[str] = []
         for before, node in zip([None, *body], body, strict=False):
             lines += self._comments(node, before, indent)
+            # A variable that is first set within a branch or loop, and used after it, is declared before
+            # that statement; one that this statement sets is declared by the assignment itself.
             fresh = self.declared.get(id(node), [])
             lines += [f"{indent}{self._declare(n)};" for n in fresh if n != _target(node)]
             lines += self._statement(node, indent)
@@ -251,6 +262,7 @@ class Function:
                 )
                 return [head, *self._block(node.body, deeper), f"{indent}}}"]
             case ast.For(target=ast.Name(id=k), iter=ast.Call(args=ends)):
+                # range(n) or range(m, n): the last two of ["0", m, n].
                 first, last = ["0", *(self._expression(e).text for e in ends)][-2:]
                 head = f"{indent}for (int {k} = {first}; {k} < {last}; ++{k}) {{"
                 return [head, *self._block(node.body, deeper), f"{indent}}}"]
@@ -287,6 +299,7 @@ class Function:
         return self._real(found).text if makes_real else found.text
 
     def _real(self, found: Expression) -> Expression:
+        # A literal becomes 2.0f; (real)2 is the same number, but harder to read.
         if found.text.lstrip("-").isdigit():
             return Expression(number(float(found.text), self.home.single), "real")
         return Expression(f"({self.home.real}){found.within(14)}", "real", 14)
@@ -299,6 +312,7 @@ class Function:
                 return Expression(str(int(node.value)), "int")  # type: ignore[arg-type]
             case ast.Constant(value=float()):
                 return Expression(number(node.value, home.single), "real")  # type: ignore[arg-type]
+            # Status codes are enumerators of the header, so C and Python share one list of them.
             case ast.Name(id=name) if name.isupper() and hasattr(_codes, name):
                 return Expression(f"{home.stem}_{name}".upper(), "int")
             case ast.Name(id=name):
@@ -343,9 +357,13 @@ class Function:
         sign, level = _OPERATORS[type(op)]
         a, b = self._expression(left, quiet), self._expression(right, quiet)
         kind = "int"
+        # 1/2 is 0.5 in Python and 0 in C, so both sides of a division become real. // and % of integers
+        # round down in Python and towards zero in C; they agree, because indices are not negative.
         if "real" in (a.type, b.type) or isinstance(op, ast.Div):
             kind = "real"
             a, b = (self._real(e) if e.type == "int" else e for e in (a, b))
+        # Operators group from the left, a - b - c = (a - b) - c: on the right an equal level needs
+        # parentheses. So no sum changes its order, and C rounds where Python does.
         return Expression(f"{a.within(level)} {sign} {b.within(level + 1)}", kind, level)
 
     def _call(self, node: ast.Call, name: str, quiet: bool) -> Expression:
@@ -358,6 +376,7 @@ class Function:
             owner = owner.borrowed(name)
         target = owner.functions[name]
         kinds = {a.arg: _kind(a.annotation) for a in target.args.args}
+        # Inference asks for types before all are known; translating here would put wrong ones in `done`.
         if quiet:
             return Expression("", _kind(target.returns))
         given, plain = {}, []
@@ -366,6 +385,7 @@ class Function:
                 assert isinstance(value, ast.Name)
                 given[argument] = self.given.get(value.id) or self._own(value.id)
                 continue
+            # What is Any belongs to the caller: its parameters, passed on to the function that it gives.
             if kind == "Any":
                 assert isinstance(value, ast.Name)
                 of_own = f"const {self.home.prefix}_parameters"

@@ -1,4 +1,4 @@
-"""Inverse of a Preisach model: on a grid exact, branch by branch, with the forward model's memory."""
+"""Inverse of a Preisach model: exact on a grid, branch by branch, with the forward model's memory."""
 
 from typing import Any, NamedTuple
 
@@ -104,10 +104,13 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
         z = jnp.clip(wanted, self.floor, self.ceiling)
         rising = jnp.where(z > state.z, 1, jnp.where(z < state.z, -1, state.rising))
         s = rising.astype(z.dtype)
+        # A reversal of y is one of u, because every branch is monotone. So z alone decides which loops open
+        # and close, and an error of u cannot close a loop too early.
         loops = state.loops.push(rising != state.rising, state.u, state.z)
         # Strictly beyond: on a flat branch z may equal a level whose input is not reached yet.
         loops = loops.wipe_out(lambda extremum, level: s * z > s * level)
         u, slope = self._solve(loops, state.u, rising, z)
+        # An output that does not move leaves the input in place; solving again could move it by rounding.
         u = jnp.where(z == state.z, state.u, u)
 
         # Beyond saturation only the reversible part goes on, along its last increment.
@@ -142,10 +145,14 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
 
         # Bisect for the last cell, in the direction of travel, that is entered below the target; flat ones,
         # in which it rises by rounding alone, are not gone through.
+        # The number of rounds is fixed, so the loop has a known length for `vmap` and for reverse-mode
+        # derivatives; a round on a finished interval changes nothing.
         goal = target.rise - self.margin
 
         def halve(_: Any, interval: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = interval
+            # A falling branch is searched in -cell, so that q grows with the index here too; a cell is
+            # then entered at its upper node. Rounding up makes an interval of two cells shrink.
             middle = (low + high + 1) >> 1
             node = jnp.where(way > 0, middle, 1 - middle)
             below = self._at_node(target, node) < goal
@@ -158,7 +165,8 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
         rounds = int(np.ceil(np.log2(grid.cells))) + 1
         cell = way * jax.lax.fori_loop(0, rounds, halve, (first, last))[0]
 
-        # q = A f^2 + B f + C + rise within the cell; dq/df has the sign of s.
+        # q = A f^2 + B f + C + rise within the cell; dq/df has the sign of s. The quadratic term is the
+        # triangle of relays on the diagonal, which have both thresholds in this cell.
         o = self.model.orientation
         begin, stop = self._at_node(target, cell), self._at_node(target, cell + 1)
         A = 2 * o * read(self.table.diagonal, cell)
@@ -170,6 +178,7 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
         numerator = jnp.where(s * B >= 0, 2 * C, s * root - B)
         fraction = jnp.where(divisor == 0, entry, numerator / jnp.where(divisor == 0, 1.0, divisor))
         fraction = jnp.clip(fraction, 0.0, 1.0)
+        # Rounding must not move the input against the output, nor beyond the end of the branch.
         u = grid.at(cell, fraction)
         u = jnp.where(way > 0, jnp.clip(u, here, end), jnp.clip(u, end, here))
         # At the edge of a flat cell the input may be anywhere in it.
@@ -179,7 +188,11 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
         return u, jnp.where(flat, 0.0, s * (2 * A * fraction + B))
 
     def _at_node(self, target: _Target, node: Array) -> Array:
-        """q at a grid node."""
+        """q at a grid node.
+
+        The reversal r lies at the fraction g of its cell. There E is linear between the nodes, less
+        g (1 - g) times the mass of the half cell on the diagonal.
+        """
         stride = self.table.node.shape[0]
         g, entry = target.fraction_r, target.cell_r * stride + node
         table = self.table.node.reshape(-1)
