@@ -1,1 +1,1 @@
-"""`hysid init`: what the columns of an unknown file are."""
+"""Guesses of `hysid init`: the roles of the columns in an unknown file."""

@@ -1,4 +1,4 @@
-"""Which columns drive and which follow: pairs of quantities that make a hysteresis loop, weighed."""
+"""Scores of column pairs: which quantities usually form the input and output of a hysteresis loop."""
 
 from typing import NamedTuple
 
@@ -33,7 +33,7 @@ PAIRS: dict[tuple[str, str], float] = {
     **{("displacement", sensed): 0.8 for sensed in SENSED[:4]},
     **{("angle", sensed): 0.8 for sensed in SENSED[:4]},
 }
-"""What drives, what follows, and how usual that is. What drives lags nothing: the output lags it."""
+"""Input, output, and how usual the pair is. The output lags the input."""
 
 
 class Column(NamedTuple):
@@ -47,7 +47,7 @@ class Column(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Input, output, and how well they fit the parts, in [0, 1]."""
+    """Input, output, and the score of the pair, in [0, 1]."""
 
     input: Column
     output: Column
@@ -55,7 +55,7 @@ class Pair(NamedTuple):
 
 
 def columns_of(table: Table) -> dict[str, Column]:
-    """The columns of numbers by name; those of words, and those without a value, are left out."""
+    """The columns of numbers by name; columns of words or without a value are skipped."""
     found = {}
     for name, x in table.columns.items():
         if x.dtype.kind != "f":
@@ -110,7 +110,7 @@ def correlation(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def leftover(u: np.ndarray, y: np.ndarray, branch: np.ndarray, bins: int = 50) -> float:
-    """What of y its input u and the branch leave open, over the range of y.
+    """Part of y that its input u and the branch do not explain, relative to the range of y.
 
     `rms(y - mean of y in the bin of u on that branch) / range(y)`
     """
@@ -136,7 +136,7 @@ def held(x: np.ndarray) -> float:
 
 
 def duplicates(columns: list[Column]) -> list[Column]:
-    """The same columns, of those that are one quantity in two units or signs the better one.
+    """The same columns, but only the better one of two that hold one quantity in two units or signs.
 
     Better: a reading before a command, a unit of its own, then SI's, then positive values.
     """

@@ -1,4 +1,4 @@
-"""Input and output of a file: the best pair of quantities, and which of the two drives."""
+"""Choice of input and output: the best pair of quantities, and which of the two is the input."""
 
 import shlex
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ from hysteresis import InputError, Record, Table, loop_direction
 from ._column_pairs import Column, Pair, correlation, duplicates, held, leftover, pairs
 
 MISSING = 0.05
-"""Above this share of gaps a column cannot drive: history needs every sample."""
+"""Above this share of gaps a column cannot be an input, because history needs every sample."""
 FAINT = 0.4
-"""Below this score a pair that has a rival is no answer."""
+"""Below this score a pair is rejected if another pair scores almost as high."""
 HELD = 0.7
-"""Above this share of its rows at two levels a column is held: it was the commanded one."""
+"""Above this share of rows at two levels a column is held constant, so the rig commanded it."""
 FLAT = 2.0
-"""How much less the other direction must leave open before it is taken although it leads."""
+"""Factor by which the unexplained part must be smaller in the other direction, which is then chosen."""
 
 
 class Choice(NamedTuple):
-    """Input (None with a constant step) and output, how sure, why; further options; other choices."""
+    """Input (None for a constant input), output, certainty, reasons, further options, alternatives."""
 
     input: Column | None
     output: Column
@@ -39,7 +39,7 @@ def choose(
     options: Mapping[str, Any],
     given: Mapping[str, Any],
 ) -> Choice:
-    """What drives and what follows among columns that move; `still` are those that do not.
+    """Input and output among the columns that change; `still` are those that do not.
 
     Raises `InputError` `cannot-decide`, `no-column`.
     """
@@ -98,11 +98,11 @@ def _directed(
     asked_in: str | None,
     asked_out: str | None,
 ) -> Choice:
-    """A pair the right way round.
+    """A pair with its input and output chosen.
 
-    A loop whose output lags is the one that a model with memory describes: cause before effect. It is
-    turned where the cause has gaps, where the effect is what was held, and where the cause hardly moves
-    while the effect does (a slack specimen), so that no function leads from one to the other.
+    A model with memory describes a loop whose output lags its input. The pair is turned if the usual
+    input has gaps, if the usual output was held constant, and if the usual input hardly changes while the
+    output does (a slack specimen), because the output is then not a function of the input.
     """
     a, b = pair.input, pair.output
     why = {"input": "the usual input of this pair", "output": "the usual output of this pair"}
@@ -159,7 +159,7 @@ def _step(
     time: str | None,
     given: Mapping[str, Any],
 ) -> Choice:
-    """Creep or relaxation: a constant input, and what it does over time."""
+    """Creep or relaxation: a constant input, and the output over time."""
     asked = given.get("output")
     found = [c for c in columns if asked in (None, c.name) and c.kind.name != "unknown"] or [
         c for c in columns if asked in (None, c.name)
@@ -230,7 +230,7 @@ def _unknown(
     given: Mapping[str, Any],
     place: str,
 ) -> Choice:
-    """Two columns whose names say nothing: the loop's direction says which one lags."""
+    """Two columns with unknown names: the direction of the loop shows which one lags."""
     asked = {given.get("output"), *(given.get("input") or ())} - {None}
     if len(columns) != 2:
         raise _undecided(columns, place)

@@ -1,4 +1,4 @@
-"""What a file from a rig holds: how it is written, what drives, what follows, what to hold out."""
+"""Guess of `hysid init`: number format, input, output, clock, sequences and hold-out of a file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ from ._sequence_columns import (
 
 SURE, LIKELY, GUESS = "sure", "likely", "guess"
 STAYS = 0.7
-"""Of its rows: an input that is held for more was to be held."""
+"""Share of rows above which an input counts as held constant."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     """Options for `hysid fit` from the file alone, beside those `given`, which are not doubted.
 
     Raises `InputError` as reading does, and `no-header`, `cannot-decide` where the file does
-    not say what drives and what follows; the message says what to give.
+    not show which columns are input and output; the message names the options to give.
     """
     given = {key: value for key, value in (given or {}).items() if value}
     out = Guess()
@@ -220,7 +220,7 @@ def _measured(
     not_these: set[str],
     given: Mapping[str, Any],
 ) -> list[Column]:
-    """Columns that may drive or follow."""
+    """Columns that can be an input or an output."""
     keys = sequences.group + ((sequences.each,) if sequences.each else ())
     found = []
     for name, column in columns.items():
@@ -280,7 +280,7 @@ def _clocks(
 
 
 def _hold(table: Table, out: Guess) -> None:
-    """An input that goes one way and stays there asks for the spectrum of what goes on meanwhile."""
+    """Selects the hold, if the input moves one way and stays there, to fit its spectrum."""
     if selection_of(out.selection).is_step or not isinstance(out.selection["input"], str):
         return
     if not {"time", "dt"} & set(out.selection):

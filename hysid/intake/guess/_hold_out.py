@@ -1,4 +1,4 @@
-"""What to hold out, so that the models are ranked on what they have not seen."""
+"""Choice of the rows to hold out, so that models are tested on unseen rows."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""How a file writes its numbers: decimal sign, a row of odd units, words for missing values."""
+"""Number format of a file: decimal sign, row of units, words for missing values."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What a column is by its name and unit: words that rigs write, in the languages they write them in."""
+"""Quantity of a column by its name and unit, in the languages that rigs use."""
 
 import re
 import unicodedata

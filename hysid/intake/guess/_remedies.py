@@ -1,4 +1,4 @@
-"""What the reader refuses, and what is done about it: each remedy is one option, and is said."""
+"""Remedies for faults that the reader finds; each is one option, and is reported."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -18,7 +18,7 @@ _INSIDE = ("N", "mN", "kN", "gf", "mm", "um", "V", "mV", "A", "mA", "Pa", "kPa",
 def settle(table: Table, options: Options) -> tuple[Options, list[Note]]:
     """Options with which the file can be read, and what was added.
 
-    Every fault that the reader names has at most one remedy here, tried once; what is left is raised.
+    Every fault that the reader names has at most one remedy here, tried once; other faults are raised.
     """
     notes: list[Note] = []
     options = _units(table, dict(options), notes)

@@ -1,4 +1,4 @@
-"""What tells the sequences of a file apart: runs, specimens, a split that is there already."""
+"""Columns that separate the sequences of a file: runs, specimens, an existing split."""
 
 from typing import NamedTuple
 
@@ -35,10 +35,10 @@ class Sequences(NamedTuple):
 
 
 def sequences_of(table: Table, time: str | None) -> Sequences:
-    """What tells the sequences of a file apart.
+    """Columns that separate the sequences of a file.
 
     A column counts when it holds words, or whole numbers under a name for runs or specimens, and each of
-    its values several rows. Where time goes on across its changes it cuts nothing: no group.
+    its values several rows. A column is no group if time continues across its changes.
     """
     rows = len(table.line)
     labels, said = set(), []
