@@ -72,7 +72,7 @@ def _status_shown(status: str, report: str, folder: Path, found: FitResult) -> S
     return Shown(
         report=bool(names) and status in report and any(lack in report for lack in OPEN),
         document=bool(names) and all(p["stderr"] is None for p in listed),
-        text=bool(names) and f"{', '.join(names)}: {status}, so without an error bar" in reasons,
+        text=bool(names) and f"No standard error for {', '.join(names)} ({status})." in reasons,
     )
 
 
