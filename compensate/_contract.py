@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import html_of, plot_of
 from hysteresis._show import one_line, table
-from hysteresis._type_variables import State
+from hysteresis._type_variables import PyTree, State
 
 from .runtime._status import Status as Status
 

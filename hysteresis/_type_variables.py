@@ -5,11 +5,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
+    PyTree = Any  # what jaxtyping exports is not a type to them
+
     State = TypeVar("State", default=Any)
     Prepared = TypeVar("Prepared", default=Any)
     Pairs = TypeVar("Pairs", default=Any)
     Table = TypeVar("Table", default=Any)
 else:  # beartype, which the tests check types with, refuses defaults
     from typing import TypeVar
+
+    from jaxtyping import PyTree as PyTree
 
     State, Prepared, Pairs, Table = map(TypeVar, ("State", "Prepared", "Pairs", "Table"))

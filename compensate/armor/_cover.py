@@ -5,10 +5,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, FoamCurve, InputError, is_concrete
+from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator
 from ..inverses._linear_sponge import LinearSpongeCompensator

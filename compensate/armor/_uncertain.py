@@ -6,10 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key, PyTree
+from jaxtyping import Array, Float, Key
 from numpy.typing import ArrayLike
 
 from hysteresis import Scalar, parameter
+from hysteresis._type_variables import PyTree
 
 from ..runtime._contact_status import ContactStatus
 from ._armor import Armor
@@ -119,7 +120,7 @@ class UncertainArmor(eqx.Module):
         count = next((new.shape[0] for old, new in pairs if new.ndim > old.ndim), 1)
         return jax.random.split(jax.random.key(self.seed), count)
 
-    def axes(self) -> PyTree[int | None]:
+    def axes(self) -> PyTree:
         """Which leaves of `draws` have the leading axis, for `vmap`."""
         return jax.tree.map(
             lambda old, new: 0 if jnp.ndim(new) > jnp.ndim(old) else None, self.armor, self.draws

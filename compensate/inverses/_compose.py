@@ -4,7 +4,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import (
@@ -18,6 +18,7 @@ from hysteresis import (
     is_concrete,
     register,
 )
+from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Estimate, State, Status
 from ._bisection import BracketedCompensator

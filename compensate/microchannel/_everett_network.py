@@ -7,10 +7,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, PRNGKeyArray
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series, register
+from hysteresis._type_variables import PyTree
 from hysteresis.preisach import NetworkDensity
 
 

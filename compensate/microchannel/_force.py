@@ -6,10 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete, register
+from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status, scan_steps
 from ..uncertainty._ensemble import UncertainEstimate

@@ -5,10 +5,11 @@ from collections.abc import Iterable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
+from hysteresis._type_variables import PyTree
 
 from ._motion import AbstractSensor
 
