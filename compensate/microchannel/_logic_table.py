@@ -94,7 +94,7 @@ class LogicTable:
 
     def __init__(
         self,
-        levels: ArrayLike,
+        levels: ArrayLike | Sequence[Sequence[float]],
         names: Sequence[Hashable] | None = None,
         *,
         unit: float | Sequence[float] = 1.0,

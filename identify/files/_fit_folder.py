@@ -81,7 +81,8 @@ def write_fit(
         (folder / old).unlink(missing_ok=True)
     channels: dict[str, Any] = {}
     if fit.channels is not None:
-        channels["channels"], _ = described(fit.channels, "channels", arrays)
+        words, _ = described(fit.channels, "channels", arrays)
+        channels["channels"] = words | {"names": fit.channels.names, "units": fit.channels.units}
     _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
     _write_arrays(
@@ -133,12 +134,12 @@ def load(folder: str | Path) -> FitResult:
 def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
     """`load`, and the document of the fit: fit.json is read once."""
     document = read_document(folder)
-    if "folders" in document:
+    if several := [*document.get("folders", {}).values()] or [*document.get("each", ())]:
         raise InputError(
             "several-fits",
-            f"here are {len(document['folders'])} fits, one in each folder below.",
+            f"here are {len(several)} fits, one in each folder below.",
             place=str(folder),
-            fix=f"name one of them: {', '.join(list(document['folders'].values())[:5])}.",
+            fix=f"name one of them: {', '.join(several[:5])}.",
         )
     try:
         return _load(folder, document), document

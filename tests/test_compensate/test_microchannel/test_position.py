@@ -69,7 +69,7 @@ def test_one_reading_is_like_many_and_has_a_slope():
 
 def test_faults_say_what_to_do():
     places = grid(4.0)
-    with pytest.raises(InputError, match="ten of both"):
+    with pytest.raises(InputError, match="at least ten rows of both"):
         fit_positions(readings(places[:5], 0), places[:5])
     bad = readings(places, 0)
     bad[3, 2] = np.nan

@@ -361,7 +361,7 @@ def test_single_precision_is_refused_by_the_fit():
     with pytest.raises(InputError) as caught:
         identify.fit(record, "LinearSponge")
     assert caught.value.code == "single-precision"
-    assert "jax_enable_x64" in str(caught.value)
+    assert "hysid.enable_x64()" in str(caught.value)
     assert "allow_float32=True" in str(caught.value)
     put(CLEAN)
     # All of a fit can be had in it, the search for the kind of noise among it.

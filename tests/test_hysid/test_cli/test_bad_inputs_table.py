@@ -442,7 +442,7 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
     ),
     "21: turned": (
         lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"bounds": [50, 0]}}),
-        "bad-bounds", ("[50, 0]", "below the upper", "turn them round"),
+        "bad-bounds", ("[50, 0]", "below the upper", "swap them"),
     ),
 }  # fmt: skip
 

@@ -112,7 +112,7 @@ def test_three_records_in_time_have_a_trend(folder):
         (("new",), (), ("too-few-fits",)),
         (("new",), ("--change",), ("A change needs at least two fits",)),
         (("new", "aged"), ("--change", "--times", "0,x"), ("--times 0,x", "[bad-option]")),
-        (("new", "aged"), ("--change", "--times", "0,1"), ("no trend beyond scatter",)),
+        (("new", "aged"), ("--change", "--times", "0,1"), ("cannot tell a trend from scatter",)),
         (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
         (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
     ],

@@ -144,7 +144,7 @@ def test_a_channel_that_is_not_there(trained: Trained):
     rows = [row[:2] + row[3:] for row in presses("AC")]
     file = put(trained.folder / "lost.csv", rows, HEADER[:2] + HEADER[3:])
     done = run("microchannel", "estimate", trained.out, file)
-    refused(done, f"{TWO!r}", "trained with", "[wrong-channels]")
+    refused(done, f"{TWO!r}", "a channel of the trained sensor", "[wrong-channels]")
 
 
 def test_a_stream_goes_on_behind_bad_samples(trained: Trained):
@@ -274,7 +274,7 @@ def test_what_cannot_be_learnt_is_said(tmp_path: Path):
     def answer(*options: Any, file: Path = session) -> Result:
         return run("microchannel", "train", file, *INPUTS, "--out", tmp_path / "out", *options)
 
-    refused(answer(), "nothing is to be learnt", "--force")
+    refused(answer(), "There is nothing to learn", "--force")
     refused(answer("--force", FORCE), "--time COL")
     refused(answer("--force", FORCE, "--kind", "magic"), "'magic'", "everett")
     refused(answer("--place", "where"), "'where'", f"{PLACE!r}")

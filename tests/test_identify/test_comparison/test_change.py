@@ -125,11 +125,11 @@ def test_what_cannot_be_compared_is_refused() -> None:
         change(before, before)
     with pytest.raises(InputError, match="below 1"):
         change(before, after, margin=5)
-    with pytest.raises(InputError, match="2 fits, and 1 posteriors"):
+    with pytest.raises(InputError, match="2 fits but 1 posteriors"):
         change(before, after, posteriors=[None])
     with pytest.raises(InputError, match="3 times"):
         change_over_time([before, after], [0, 1, 2])
-    with pytest.raises(InputError, match="no trend beyond scatter"):
+    with pytest.raises(InputError, match="cannot tell a trend from scatter"):
         change_over_time([before, after], [0, 1])
     with pytest.raises(InputError, match="No parameter 'E1'; have K, b, threshold"):
         pool([before, after], ["E1"])

@@ -145,7 +145,7 @@ def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
     renamed = replace(free, train=replace(free.train, output_name="height"))
     with pytest.raises(InputError, match="one predicts displacement, two height"):
         compare({"one": free, "two": renamed})
-    with pytest.raises(InputError, match="takes two"):
+    with pytest.raises(InputError, match="give two or more"):
         compare([free])
     # Fitted to fewer rows: the test record is still the same.
     fewer = replace(given, train=given.train.select(cycle=[3, 4, 5]))
