@@ -81,8 +81,8 @@ def write_fit(
         (folder / old).unlink(missing_ok=True)
     channels: dict[str, Any] = {}
     if fit.channels is not None:
-        words, _ = described(fit.channels, "channels", arrays)
-        channels["channels"] = words | {"names": fit.channels.names, "units": fit.channels.units}
+        curves, _ = described(fit.channels, "channels", arrays)
+        channels["channels"] = curves | {"names": fit.channels.names, "units": fit.channels.units}
     _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
     _write_arrays(

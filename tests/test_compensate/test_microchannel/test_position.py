@@ -73,7 +73,7 @@ def test_faults_say_what_to_do():
         fit_positions(readings(places[:5], 0), places[:5])
     bad = readings(places, 0)
     bad[3, 2] = np.nan
-    with pytest.raises(InputError, match="leave it out"):
+    with pytest.raises(InputError, match="exclude that row"):
         fit_positions(bad, places)
     with pytest.raises(InputError, match="one place a reading"):
         PositionEstimator(bad, places[:4], Kernel(*map(jnp.asarray, (1.0, np.ones(10), 0.1))))

@@ -96,7 +96,7 @@ def test_each_is_qualified_by_its_own_fit(folder):
     said = run("qualify", folder / "each", folder / "blocks.csv")
     assert said.code == 0
     assert "block = soft\nCAUTION: " in said.out
-    assert said.out.count("nothing is known about unseen data") == 2
+    assert said.out.count("so the error on new data is not known") == 2
     result = run("qualify", folder / "each", folder / "blocks.csv", "--json").json()
     assert list(result["each"]) == ["soft", "thin"]
     assert result["verdict"]["level"] == "CAUTION"

@@ -131,11 +131,11 @@ def test_what_cannot_be_compared_is_refused() -> None:
         change_over_time([before, after], [0, 1, 2])
     with pytest.raises(InputError, match="cannot tell a trend from scatter"):
         change_over_time([before, after], [0, 1])
-    with pytest.raises(InputError, match="No parameter 'E1'; have K, b, threshold"):
+    with pytest.raises(InputError, match="no fit has a parameter 'E1'; they have K, b, threshold"):
         pool([before, after], ["E1"])
     with pytest.raises(InputError, match="no parameter is known in every fit"):
         pool([before, after], ["threshold"])
-    with pytest.raises(InputError, match="takes two"):
+    with pytest.raises(InputError, match="give two or more"):
         pool([before])
 
 
