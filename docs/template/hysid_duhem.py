@@ -16,9 +16,9 @@ def guess(record):
 class Duhem(AbstractSteppedModel):
     """Between two samples y follows a straight line and an exponential, exactly."""
 
-    alpha: float = parameter(unit="1 / input", bounds=(0, np.inf), meaning="forgetting per input")
-    beta: float = parameter(unit="output / input", bounds=(0, np.inf), meaning="slope far away")
-    gamma: float = parameter(unit="output / input", bounds=(0, np.inf), meaning="slope at first")
+    alpha: float = parameter(unit="1 / input", bounds=(0, jnp.inf), meaning="forgetting per input")
+    beta: float = parameter(unit="output / input", bounds=(0, jnp.inf), meaning="slope far away")
+    gamma: float = parameter(unit="output / input", bounds=(0, jnp.inf), meaning="slope at first")
 
     def init(self, t0=None, u0=None):
         return jnp.zeros_like(self.alpha), jnp.zeros_like(self.alpha)  # input and output

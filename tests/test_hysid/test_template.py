@@ -1,5 +1,6 @@
 """The template distribution, installed, through the command line."""
 
+import ast
 import json
 import subprocess
 import sys
@@ -80,3 +81,20 @@ def test_a_model_of_another_distribution_is_fitted_reported_and_refused_for_expo
     assert exported.returncode == 2
     assert "Duhem cannot be exported" in exported.stderr
     assert not (tmp_path / "duhem.json").exists()
+
+
+def test_a_model_takes_fifteen_lines():
+    """With its imports, without docstrings and `guess`, which is optional."""
+    module = ast.parse((TEMPLATE / "hysid_duhem.py").read_text("utf-8"))
+    (model,) = (part for part in module.body if isinstance(part, ast.ClassDef))
+    used = {node.id for node in ast.walk(model) if isinstance(node, ast.Name)}
+    imports = [
+        part
+        for part in module.body
+        if isinstance(part, ast.Import | ast.ImportFrom)
+        and used & {name.asname or name.name for name in part.names}
+    ]
+    assert isinstance(model.body[0], ast.Expr)  # the docstring
+    parts = [*imports, *model.decorator_list, *model.body[1:]]
+    written = "\n".join(map(ast.unparse, parts)).splitlines()
+    assert len(written) + len(["class Duhem(...):"]) <= 15, written
