@@ -216,7 +216,7 @@ def _entry_points() -> Iterator[EntryPoint]:
     yield from entry_points(group=GROUP)
 
 
-def _loaded(point: EntryPoint) -> Registered:
+def _loaded(point: Any) -> Registered:  # an `EntryPoint`, also of the backport
     """What an entry point names; registered under the entry's name where its module did not do it."""
     try:
         kind = point.load()
