@@ -12,6 +12,7 @@ from jaxtyping import Array
 from hysteresis import AbstractModel, InputError
 
 from ..export._element_tree import program_of
+from ..export._precision import require_double
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number, write
 from ._cover import Cover
@@ -40,7 +41,7 @@ def export_armor(
     **Returns:** the path of the file.
 
     **Raises:** `InputError` for a shape of more than 256 faces, a cover or a sensor's hysteresis that
-    cannot be exported, and a compensator without its model.
+    cannot be exported, a compensator without its model, and JAX in single precision.
 
     **Example:**
 
@@ -48,6 +49,7 @@ def export_armor(
         >>> compensate.runtime.load_armor(file).title
         'upper arm'
     """
+    require_double()
     faces = solver.shape.faces()
     if len(faces.offset) > MOST_FACES:
         raise InputError(

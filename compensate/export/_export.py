@@ -19,6 +19,7 @@ from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._c99_header import header
 from ._element_tree import Tree, error_tree, tree_of
+from ._precision import require_double
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
@@ -64,7 +65,8 @@ def export_runtime(
       either side.
     - `depth`: reversals that a Preisach model remembers, 64 by default.
 
-    Raises `InputError` where the model has no inverse, cannot be exported, or needs times.
+    Raises `InputError` where the model has no inverse, cannot be exported, or needs times, and where JAX
+    runs in single precision.
 
     **Example:**
 
@@ -117,6 +119,7 @@ class Program:
         depth: int = 64,
         error: CalibratedCompensator | None = None,
     ):
+        require_double()
         compensator = inverse_of(model)
         tree = tree_of(model, depth=depth)
         y = np.asarray(readings, float)

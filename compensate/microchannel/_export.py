@@ -13,6 +13,7 @@ from hysteresis.networks import StaircaseNetwork
 
 from ..export._element_tree import tree_of
 from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest
+from ..export._precision import require_double
 from ..inverses._compose import ScaledCompensator, SeriesCompensator
 from ..inverses._viscoelastic import ViscoelasticCompensator
 from ..runtime._file import SCHEMA, number, write
@@ -47,7 +48,8 @@ def export_force(
     **Returns:** the path of the file.
 
     **Raises:** `InputError` for a model that cannot be exported, fewer than two finite readings, missing
-    times where the model needs them, and another number of names than of channels.
+    times where the model needs them, another number of names than of channels, and JAX in single
+    precision.
 
     **Example:**
 
@@ -56,6 +58,7 @@ def export_force(
         >>> compensate.runtime.load(file).high
         6.0
     """
+    require_double()
     y = np.asarray(readings, float)
     count = 1 if y.ndim == 1 else y.shape[1]
     if len(channels) != count:

@@ -59,7 +59,12 @@ def write_many(
     A fit that cannot be read is named on the page. Raises `InputError` where none can be.
     """
     if not found:
-        raise InputError("file-not-found", "There are no fits to compare.", place=str(file.parent))
+        raise InputError(
+            "file-not-found",
+            "There are no fits to compare.",
+            place=str(file.parent),
+            fix="Name a folder that holds folders of hysid fit --out DIR.",
+        )
     specimens, failed = opened(found)
     failed = (not_fitted or {}) | failed
     groups = kinds(specimens)

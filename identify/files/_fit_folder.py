@@ -161,7 +161,12 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
     for name, digest in document["files"].items():
         file = folder / Path(name).name
         if not file.is_file():
-            raise InputError("file-not-found", f"{name} is missing.", place=str(folder))
+            raise InputError(
+                "file-not-found",
+                f"{name} is missing.",
+                place=str(folder),
+                fix="fit again, or copy the whole folder.",
+            )
         if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
             raise InputError(
                 "wrong-checksum",

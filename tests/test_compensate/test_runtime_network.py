@@ -199,4 +199,6 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         with pytest.raises(InputError) as refused:
             export_force(estimator, file, readings, times=times, channels=channels)
         assert refused.value.code == code
+    with jax.enable_x64(False), pytest.raises(InputError, match="single-precision"):
+        one.export(tmp_path)
     assert not file.exists()

@@ -16,19 +16,22 @@ def file_bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except IsADirectoryError:
-        raise fault("is-directory", path, "this is a folder, not a file.") from None
+        mend = "give a file that is in it."
+        raise fault("is-directory", path, "this is a folder, not a file.", mend) from None
     except (FileNotFoundError, NotADirectoryError):
         folder = path.parent
         names = [p.name for p in folder.iterdir()] if folder.is_dir() else []
         near = ", ".join(get_close_matches(path.name, names, 3, 0.3)) or "nothing alike"
         where = f"nearest: {near}." if folder.is_dir() else "its folder does not exist."
-        raise fault("file-not-found", path, f"not found; {where}") from None
+        mend = "give the path of a file that exists, from the current folder or from the root."
+        raise fault("file-not-found", path, f"not found; {where}", mend) from None
     except PermissionError:
         raise fault("permission-denied", path, "you may not read it.", "chmod +r FILE.") from None
     except OSError as error:
-        raise fault("unreadable-file", path, f"cannot be read: {error.strerror}.") from None
+        problem = f"cannot be read: {error.strerror}."
+        raise fault("unreadable-file", path, problem, "copy the file and read the copy.") from None
     if not data.strip():
-        raise fault("empty-file", path, "the file is empty.")
+        raise fault("empty-file", path, "the file is empty.", "export the data again.")
     return data
 
 

@@ -188,3 +188,11 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         export_armor(ContactSolver(forearm(around=24, along=8)), tmp_path / "it.json")
     with pytest.raises(InputError, match="not-exportable"):
         export_armor(ContactSolver(BOX, invert(GEAR)), tmp_path / "it.json")
+
+
+def test_nothing_is_exported_in_single_precision(tmp_path: Path):
+    """The file would be refused when it is loaded."""
+    solver = ContactSolver(BOX)
+    with jax.enable_x64(False), pytest.raises(InputError, match=r"enable_x64.*single-precision"):
+        export_armor(solver, tmp_path / "it.json")
+    assert not (tmp_path / "it.json").exists()
