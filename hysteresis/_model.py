@@ -55,7 +55,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         **Arguments:**
 
         - `t`: times, shape `(samples,)`; None for rate-independent models.
-        - `u`: inputs, shape `(samples,)`.
+        - `u`: inputs, shape `(samples,)`; `(samples, 2)` for a model that takes a condition too.
         - `state`: where an earlier record ended; None for the virgin state.
         - `starts`: first samples of the independent sequences in `u`: each begins in `state`.
         """
@@ -83,6 +83,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         return {
             "input": input_unit, "output": output_unit, "time": time_unit,
             "force": force, "displacement": displacement,
+            "condition": getattr(self, "unit", "condition"),
         }  # fmt: skip
 
     def __str__(self) -> str:
@@ -96,7 +97,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     ) -> tuple[State, Float[Array, " samples"]]:
         """`step` over all samples: (state after the last one, outputs). Slower than `simulate`."""
         u = jnp.asarray(u)
-        t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
+        t = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, u.dtype)
         state = self.init() if state is None else state
         return _scan(self, state, t, u)
 

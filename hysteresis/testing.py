@@ -13,6 +13,7 @@ from . import _serialisation as files
 from ._errors import InputError
 from ._model import AbstractModel
 from ._parameter import parameters
+from .models._conditioned import Conditioned, condition_of
 
 SAMPLES, HISTORIES = 40, 4
 
@@ -41,7 +42,8 @@ def check_model(model: AbstractModel, low: float, high: float) -> None:
     **Arguments:**
 
     - `model`: with parameters inside their bounds.
-    - `low`, `high`: the inputs of the histories.
+    - `low`, `high`: the inputs of the histories. The condition of a model that takes one goes beyond its
+      knots on either side.
 
     Raises `AssertionError` that says which law failed, where, and by how much.
 
@@ -64,13 +66,26 @@ def check_model(model: AbstractModel, low: float, high: float) -> None:
 
 def _walks(model: AbstractModel, low: float, high: float) -> Iterator[_Walk]:
     random = np.random.default_rng(0)
-    needs_times = _needs_times(model, np.linspace(low, high, SAMPLES))
+    conditioned = condition_of(model)
+    needs_times = _needs_times(model, _with_condition(conditioned, np.linspace(low, high, SAMPLES)))
     for turns in np.linspace(3, SAMPLES, HISTORIES).astype(int):
         corners = random.uniform(low, high, turns)
         u = np.interp(np.linspace(0, turns - 1, SAMPLES), np.arange(turns), corners)
         u[SAMPLES // 2] = u[SAMPLES // 2 - 1]  # a plateau
         t = np.cumsum(10.0 ** random.uniform(-2, 1, SAMPLES))
-        yield _Walk(t if needs_times else None, u)
+        yield _Walk(t if needs_times else None, _with_condition(conditioned, u, random))
+
+
+def _with_condition(
+    model: Conditioned | None, u: np.ndarray, random: np.random.Generator | None = None
+) -> np.ndarray:
+    """Inputs as a model takes them: beside a condition that changes, where it takes one."""
+    if model is None:
+        return u
+    first, last = float(model.knots[0]), float(model.knots[-1])
+    part = (random or np.random.default_rng(0)).uniform(-0.2, 1.2, len(u))
+    low = first / 2 if model.axis != "linear" else -np.inf
+    return np.column_stack([u, np.maximum(first + part * ((last - first) or 1.0), low)])
 
 
 def _needs_times(model: AbstractModel, u: np.ndarray) -> bool:
@@ -83,7 +98,9 @@ def _needs_times(model: AbstractModel, u: np.ndarray) -> bool:
 
 def _check_step(model: AbstractModel, walk: _Walk) -> None:
     y = np.asarray(model.simulate(*walk))
-    assert y.shape == walk.u.shape, f"simulate gives the shape {y.shape} for inputs {walk.u.shape}"
+    assert y.shape == walk.u.shape[:1], (
+        f"simulate gives the shape {y.shape} for inputs {walk.u.shape}"
+    )
     assert np.isfinite(y).all(), (
         f"simulate: the output is not finite at sample {np.argmin(np.isfinite(y))}"
     )
@@ -144,7 +161,7 @@ def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:
     for number, walk in enumerate(walks):
         t, u = None if walk.t is None else jnp.asarray(walk.t, float), jnp.asarray(walk.u, float)
         # Off the plateaus: where the input stands still, a model may have a corner.
-        shaken = np.random.default_rng(100 + number).uniform(-1, 1, SAMPLES)
+        shaken = np.random.default_rng(100 + number).uniform(-1, 1, walk.u.shape)
         u = u + jnp.asarray(1e-3 * np.ptp(walk.u) * shaken, u.dtype)
         by_values, by_input = slopes(free, t, u)
         for name, vector in (*free.items(), ("input", u)):

@@ -9,6 +9,7 @@ from .._model import AbstractModel
 from ..preisach import GridDensity, Preisach
 from ..preisach._initial import staircase
 from ._compose import Scaled, Series, Sum
+from ._conditioned import Conditioned
 from ._curves import AbstractCurve
 
 
@@ -22,8 +23,8 @@ def extended(model: Any, low: float, high: float) -> Any:
     for them: outputs in the old range are the same, and continuous where it ends. R goes on with its
     outermost slopes.
 
-    Parts of a `Sum`, a `Scaled` and stages behind curves are widened in their places; other models, and
-    grids with a fitted first state, are given back as they are.
+    Parts of a `Sum`, a `Scaled`, a `Conditioned` and stages behind curves are widened in their places.
+    Other models, and grids with a fitted first state, are given back as they are.
 
     **Example:**
 
@@ -33,6 +34,8 @@ def extended(model: Any, low: float, high: float) -> Any:
     """
     if isinstance(model, Sum):
         return Sum([extended(part, low, high) for part in model.parts])
+    if isinstance(model, Conditioned):
+        return replace(model, models=tuple(extended(one, low, high) for one in model.models))
     if isinstance(model, Scaled):
         return replace(model, inner=extended(model.inner, low, high))
     if isinstance(model, Series):

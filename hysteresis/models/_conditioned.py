@@ -1,0 +1,170 @@
+"""A model whose output also depends on a condition, such as a temperature or a pressure."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series
+from .._parameter import is_concrete, parameter
+from .._registry import register
+from ._compose import Scaled
+from ._compose import Series as Chain
+from ._curves import Values
+
+AXES = ("linear", "logarithmic", "reciprocal")
+"""On which axes of the condition the output may be interpolated."""
+
+
+class ConditionedInput(NamedTuple):
+    """The prepared input of every model, and the share of each model at every sample."""
+
+    models: tuple[Any, ...]
+    shares: Float[Array, "samples knots"]
+
+
+@register
+class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
+    """A model for each of a few values of a condition c, and between them the interpolation:
+
+        y = h_1(c) M_1[u] + ... + h_K(c) M_K[u]
+
+    All M_k are driven by the same input u and keep their own states. h_k are the hat functions of the
+    knots c_1 < ... < c_K: their sum is 1, and h_k(c_k) = 1. So y is M_k[u] at c = c_k, straight in c
+    between two knots, and that of the nearer knot beyond the first and the last. The condition may be
+    constant in a record or change with time; it drives no memory. Where every M_k rises with u, so does
+    y, whatever c is.
+
+    It takes two inputs: u and c are the columns of an array (samples, 2) in `simulate`, and `step` takes
+    the pair (u, c).
+
+    **Arguments:**
+
+    - `models`: M_1 ... M_K, one for each knot, of one type.
+    - `knots`: (K,) values of the condition, increasing, in `unit`.
+    - `condition`, `unit`: name and unit of the condition.
+    - `axis`: "linear", or "logarithmic" or "reciprocal" to interpolate over log(c) or 1 / c, for knots
+      above 0. A reciprocal absolute temperature is the axis of thermally activated processes.
+
+    **Raises:** `InputError` `bad-parts`, `length-mismatch`, `parameter-out-of-bounds`, `bad-option`.
+
+    **Example:**
+
+        >>> cold, warm = (hysteresis.LinearSponge(K=K, b=0.0) for K in (1.0, 2.0))
+        >>> sponge = hysteresis.Conditioned((cold, warm), [10.0, 30.0], "temperature", "degC")
+        >>> sponge.simulate(None, np.array([[4.0, 10.0], [4.0, 20.0], [4.0, 50.0]])).tolist()
+        [4.0, 6.0, 8.0]
+    """
+
+    models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
+    knots: Values = parameter(unit="condition", fixed=True, meaning="condition of each model")
+    condition: str = eqx.field(default="condition", static=True)
+    unit: str = eqx.field(default="1", static=True)
+    axis: str = eqx.field(default="linear", static=True)
+
+    def __check_init__(self) -> None:
+        kinds = {type(model) for model in self.models}
+        if len(kinds) != 1 or not issubclass(min(kinds, key=str), AbstractModel):
+            raise InputError(
+                "bad-parts",
+                f"{len(self.models)} parts of {len(kinds)} types.",
+                fix="give one model or more, all of one type.",
+            )
+        if self.axis not in AXES:
+            raise InputError("bad-option", f"axis={self.axis!r}.", fix=f"one of {', '.join(AXES)}.")
+        if self.knots.shape[-1:] != (len(self.models),):
+            raise InputError(
+                "length-mismatch",
+                f"{len(self.models)} models and knots of shape {self.knots.shape}.",
+                fix="give one knot for each model.",
+            )
+        if not is_concrete(self.knots):
+            return
+        knots = np.asarray(self.knots)
+        above = self.axis == "linear" or np.all(knots > 0)
+        if not (np.isfinite(knots).all() and np.all(np.diff(knots) > 0) and above):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"knots = {knots}.",
+                fix="keep them finite and increasing"
+                + (f"; the {self.axis} axis needs them above 0." if not above else "."),
+            )
+
+    def shares(self, c: Float[Array, "*samples"] | Any) -> Float[Array, "*samples knots"]:
+        """h_1(c) ... h_K(c), see the class."""
+        at, knots = self._on_axis(jnp.asarray(c, float)), self._on_axis(self.knots)
+        if len(self.models) == 1:
+            return jnp.ones((*at.shape, 1))
+        k = jnp.clip(jnp.searchsorted(knots, at, side="right") - 1, 0, len(self.models) - 2)
+        upper = jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0)[..., None]
+        each = jnp.eye(len(self.models), dtype=upper.dtype)
+        return (1 - upper) * each[k] + upper * each[k + 1]
+
+    def _on_axis(self, c: Array) -> Array:
+        """The condition on the axis of interpolation, rising with it; beyond the knots their ends."""
+        c = jnp.clip(c, self.knots[0], self.knots[-1])
+        if self.axis == "logarithmic":
+            return jnp.log(c)
+        return -1 / c if self.axis == "reciprocal" else c
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
+        first = None if u0 is None else jnp.asarray(u0)[0]
+        return tuple(model.init(t0, first) for model in self.models)
+
+    def step(
+        self, state: tuple[Any, ...], t: Any, u: Any
+    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
+        u, c = u
+        pairs = zip(self.models, state, strict=True)
+        after = [model.step(own, t, u) for model, own in pairs]
+        y = jnp.stack([each for _, each in after]) @ self.shares(c)
+        return tuple(own for own, _ in after), y
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: tuple[Any, ...] | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> ConditionedInput:
+        """See `AbstractModel.prepare`; `u`: (samples, 2), the input and the condition.
+
+        Raises `InputError` `wrong-shape` for another shape.
+        """
+        if np.ndim(u) != 2 or np.shape(u)[1] != 2:
+            raise InputError(
+                "wrong-shape",
+                f"inputs of shape {np.shape(u)} for a model of an input and {self.condition!r}.",
+                fix="give both as the columns of an array (samples, 2).",
+            )
+        u = u if is_concrete(u) else jnp.asarray(u)
+        states = (None,) * len(self.models) if state is None else state
+        pairs = zip(self.models, states, strict=True)
+        prepared = tuple(model.prepare(t, u[:, 0], own, starts=starts) for model, own in pairs)
+        return ConditionedInput(prepared, self.shares(u[:, 1]))
+
+    def evaluate(self, prepared: ConditionedInput) -> Float[Array, " samples"]:
+        pairs = zip(self.models, prepared.models, strict=True)
+        outputs = jnp.stack([model.evaluate(own) for model, own in pairs], 1)
+        return (outputs * prepared.shares).sum(1)
+
+
+def condition_of(model: Any) -> Conditioned | None:
+    """The part of a model that takes a condition beside the input; None where there is none.
+
+    **Example:**
+
+        >>> line = hysteresis.LinearSponge(K=1.0, b=0.0)
+        >>> whole = hysteresis.Scaled(hysteresis.Conditioned([line], [20.0], "temperature"), -1.0)
+        >>> hysteresis.condition_of(whole).condition, hysteresis.condition_of(line)
+        ('temperature', None)
+    """
+    if isinstance(model, Conditioned):
+        return model
+    if isinstance(model, Scaled):
+        return condition_of(model.inner)
+    return condition_of(model.parts[0]) if isinstance(model, Chain) else None

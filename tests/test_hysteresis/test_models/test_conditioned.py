@@ -1,0 +1,144 @@
+"""Conditioned: a model at each of a few conditions, straight in the condition between them."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from hysteresis import (
+    Burgers,
+    Conditioned,
+    InputError,
+    LinearSponge,
+    MonotoneCurve,
+    PrandtlIshlinskii,
+    Preisach,
+    Series,
+    Sum,
+    condition_of,
+    extended,
+)
+from hysteresis.curves import Clip
+from hysteresis.preisach import GridDensity
+from hysteresis.testing import check_model
+
+KNOTS = [1.0, 2.0, 5.0]
+
+
+def with_loops(gain: float, relays: float) -> Sum:
+    """A curve and relays on [-1, 2]."""
+    density = GridDensity(-1.0, 2.0, relays * np.tril(np.ones((4, 4))))
+    return Sum(MonotoneCurve.even(-1.0, 2.0, gain * np.array([1.0, 2.0])), Preisach(density))
+
+
+def three(axis: str = "linear") -> Conditioned:
+    """Loops that narrow as the condition rises."""
+    models = [with_loops(1.0, 0.5), with_loops(2.0, 0.3), with_loops(1.5, 0.1)]
+    return Conditioned(tuple(models), KNOTS, "temperature", "K", axis)
+
+
+def walk(condition: Any, samples: int = 60, seed: int = 0) -> np.ndarray:
+    """Inputs between turning points, beside a condition."""
+    random = np.random.default_rng(seed)
+    u = np.interp(np.linspace(0, 9, samples), np.arange(10), random.uniform(-1.0, 2.0, 10))
+    return np.column_stack([u, np.broadcast_to(condition, samples)])
+
+
+def plays(slope: float, weight: float) -> PrandtlIshlinskii:
+    return PrandtlIshlinskii([0.2, 0.7], [weight, 2 * weight], slope)
+
+
+def test_it_keeps_the_laws_of_every_model():
+    parts = (plays(1.0, 0.5), plays(2.0, 0.3))
+    check_model(Conditioned(parts, [1.0, 3.0], axis="reciprocal"), -1.0, 2.0)
+
+
+def test_models_that_depend_on_the_rate_stream_as_they_simulate():
+    fast, slow = Burgers(2.0, 40.0, 1.0, 5.0), Burgers(3.0, 60.0, 2.0, 4.0)
+    model, t = Conditioned((fast, slow), [10.0, 30.0]), np.cumsum(np.linspace(0.1, 2.0, 60))
+    rows = walk(np.linspace(5.0, 35.0, 60))
+    whole = model.simulate(t, rows)
+    np.testing.assert_allclose(model.stream(t, rows)[1], whole, rtol=1e-12)
+    state, _ = model.stream(t[:20], rows[:20])
+    np.testing.assert_allclose(model.simulate(t[20:], rows[20:], state), whole[20:], rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["linear", "logarithmic", "reciprocal"])
+def test_at_a_knot_it_is_the_model_of_the_knot_and_beyond_them_the_nearest(axis: str):
+    model = three(axis)
+    for k, c in enumerate(KNOTS):
+        rows = walk(c)
+        alone = model.models[k].simulate(None, rows[:, 0])
+        np.testing.assert_allclose(model.simulate(None, rows), alone, atol=1e-14)
+    for outside, inside in ((0.1, 1.0), (90.0, 5.0)):
+        got, wanted = (model.simulate(None, walk(c)) for c in (outside, inside))
+        np.testing.assert_array_equal(got, wanted)
+
+
+@pytest.mark.parametrize(
+    ("axis", "c", "share"),
+    [("linear", 3.0, 1 / 3), ("logarithmic", np.sqrt(10.0), 0.5), ("reciprocal", 20 / 7, 0.5)],
+)
+def test_between_two_knots_it_is_straight_on_its_axis(axis: str, c: float, share: float):
+    model = three(axis)
+    low, high = (model.simulate(None, walk(at)) for at in (2.0, 5.0))
+    np.testing.assert_allclose(
+        model.simulate(None, walk(c)), (1 - share) * low + share * high, atol=1e-13
+    )
+
+
+def test_the_shares_are_a_partition_of_unity():
+    shares = np.asarray(three().shares(np.linspace(-3.0, 9.0, 101)))
+    np.testing.assert_allclose(shares.sum(1), 1.0, atol=1e-15)
+    assert (shares >= 0).all()
+
+
+def test_the_condition_drives_no_memory():
+    """A changing condition leaves the relays where the input put them."""
+    model, rows = three(), walk(np.linspace(1.0, 5.0, 60))
+    state, _ = model.stream(None, rows[:40])
+    other, _ = model.stream(None, walk(1.0)[:40])
+    for ours, theirs in zip(model.models, zip(state, other, strict=True), strict=True):
+        after = [ours.step(own, 0.0, 0.3)[1] for own in theirs]
+        assert after[0] == after[1]
+
+
+def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():
+    model, rows = three(), walk(np.linspace(0.0, 6.0, 60))
+    y = model.simulate(None, rows)
+    np.testing.assert_allclose(
+        extended(model, -2.0, 3.0).simulate(None, rows), y, atol=1e-12 * float(jnp.abs(y).max())
+    )
+    clipped = Series(model, Clip(low=0.0))
+    np.testing.assert_array_equal(clipped.simulate(None, rows), np.maximum(y, 0.0))
+    found = condition_of(clipped)
+    assert found is not None
+    assert found.condition == "temperature"
+
+
+def test_its_parameters_have_the_unit_of_the_condition():
+    words = three().unit_words("N", "mm", "s")
+    assert (words["condition"], words["input"]) == ("K", "N")
+
+
+def test_what_is_no_conditioned_model_is_refused():
+    line = LinearSponge(1.0, 0.0)
+    for parts, knots, code in (
+        ((), [], "bad-parts"),
+        ((line, Burgers(2.0, 40.0, 1.0, 5.0)), [0.0, 1.0], "bad-parts"),
+        ((line,), [0.0, 1.0], "length-mismatch"),
+        ((line, line), [1.0, 1.0], "parameter-out-of-bounds"),
+    ):
+        with pytest.raises(InputError) as error:
+            Conditioned(parts, knots)
+        assert error.value.code == code
+    with pytest.raises(InputError, match="above 0"):
+        Conditioned((line, line), [-1.0, 1.0], axis="logarithmic")
+    with pytest.raises(InputError) as error:
+        replace(three(), axis="cubic")
+    assert error.value.code == "bad-option"
+    with pytest.raises(InputError) as error:
+        three().simulate(None, np.zeros(5))
+    assert error.value.code == "wrong-shape"
