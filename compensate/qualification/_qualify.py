@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, InputError, Record
+from hysteresis import AbstractModel, InputError, Note, Record
 from hysteresis._format import plain, quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.numerics._normal import NORMAL_95
@@ -23,6 +23,10 @@ from ._loop_widths import Loop, loop_widths
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
 part of the output's range by which the model's answer to an estimate misses the output."""
+WORSE = 1.05
+"""A compensator whose rms error is above this times that of a straight line fails. An exact inverse of a
+noisy straight line errs by 1 + noise^2 / (2 signal^2) times the regression's error, below 1.05 up to noise
+of 30 %."""
 
 
 class Errors(NamedTuple):
@@ -65,6 +69,8 @@ class Qualification:
     - `errors`: over all counted rows; `nrmse_percent`: 100 rmse / range of the input there.
     - `by_branch`, `by_rate`, `by_level`: of rising and falling inputs, of thirds of the rows by |du/dt|
       (empty without a clock), and by input.
+    - `line_rmse`: rms error of the straight line from output to input that fits these very rows best, in
+      the input's unit; None where the output is constant.
     - `loop`: `loop_widths`. `statuses`: share of the rows by `Status`.
     - `output_range`: outputs whose estimates were OK, None where none was.
     - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
@@ -75,6 +81,7 @@ class Qualification:
     verdict: Verdict
     errors: Errors
     nrmse_percent: float
+    line_rmse: float | None
     by_branch: dict[str, Errors]
     by_rate: dict[str, Errors]
     by_level: dict[str, Errors]
@@ -103,9 +110,10 @@ class Qualification:
     def document(self) -> dict[str, Any]:
         """Plain data for JSON: NaN is None."""
         found = asdict(self)
-        for name in ("verdict", "errors", "loop", "latency", "doubt"):
+        for name in ("errors", "loop", "latency", "doubt"):
             if (value := getattr(self, name)) is not None:
                 found[name] = value._asdict()
+        found["verdict"] = self.verdict.document
         for name in ("by_branch", "by_rate", "by_level"):
             found[name] = {k: errors._asdict() for k, errors in getattr(self, name).items()}
         found["loop"]["ratio"] = self.loop.ratio
@@ -159,7 +167,8 @@ def qualify(
 ) -> Qualification:
     """A verdict on a compensator from a record it has not seen, each sequence from the virgin state.
 
-    FAIL: an estimate that is not finite, an error above `max_error`, a median step longer than 1 / `rate`.
+    FAIL: an estimate that is not finite, an error above `max_error`, an rms error more than 5 % above that
+    of the straight line that fits these rows best, a median step longer than 1 / `rate`.
     CAUTION: one step in a thousand longer than that; more than 1 % of the rows not OK; more than half of
     the loop's width left, or no loop to tell by; an NRMSE above 5 %; a round trip that misses by more
     than a millionth; draws of the ensemble with errors above `max_error`.
@@ -196,6 +205,7 @@ def qualify(
     found: dict[str, Any] = {
         "errors": errors,
         "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
+        "line_rmse": line_error(record),
         "by_branch": {
             name: _errors(error[rows])
             for name, sign in (("rising", 1), ("falling", -1))
@@ -217,7 +227,21 @@ def qualify(
             "output": record.output_name, "output_unit": record.output_unit,
         },
     }  # fmt: skip
-    return Qualification(verdict=_judge(found, float(np.ptp(y[used]))), **found)
+    return Qualification(verdict=_judge(found, span, float(np.ptp(y[used]))), **found)
+
+
+def line_error(record: Record) -> float | None:
+    """Rms error of the straight line from output to input that fits a record's counted rows best.
+
+    No line does better on these rows, so a compensator that is worse than this one is worse than every
+    line. None where the output is constant.
+    """
+    u, y = record.input[record.mask], record.output[record.mask]
+    if not np.ptp(y) > 0:
+        return None
+    rising = y - y.mean()
+    slope = float(rising @ (u - u.mean()) / (rising @ rising))
+    return float(np.sqrt(np.mean((u - u.mean() - slope * rising) ** 2)))
 
 
 def latency(
@@ -321,64 +345,86 @@ def _doubt(ensemble: Simulates[UncertainEstimate], record: Record) -> Doubt:
     return Doubt(float(worst[..., used].max()), float(inside[used].mean()))
 
 
-def _judge(found: dict[str, Any], output_span: float) -> Verdict:
+def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verdict:
     """The level, and sentences: how far off, then what is gravest."""
-    fails, cautions, facts = [], [], []
+    fails: list[Note] = []
+    cautions: list[Note] = []
+    facts: list[Note] = []
     names, errors, need = found["names"], found["errors"], found["max_error"]
     unit = names["input_unit"]
-    said = (
+    said = Note(
+        "error",
         f"Estimates are off by {quantity(errors.rmse, unit, 3)} rms ({found['nrmse_percent']:.2g} % of the"
-        f" range), by {quantity(errors.max_abs, unit, 3)} at most."
+        f" range), by {quantity(errors.max_abs, unit, 3)} at most.",
     )
     if not np.isfinite(errors.max_abs):
-        fails.append("Some estimates are not finite.")
+        fails.append(Note("not-finite", "Some estimates are not finite."))
     elif need is not None and errors.max_abs > need:
-        fails.append(
-            f"The largest error is above the {quantity(need, unit, 3)} asked for;"
-            f" 95 % of the rows stay within {quantity(errors.q95, unit, 3)}."
-        )
+        text = f"The largest error is above the {quantity(need, unit, 3)} asked for;"
+        text += f" 95 % of the rows stay within {quantity(errors.q95, unit, 3)}."
+        fails.append(Note("above-max-error", text))
     elif need is not None:
-        facts.append(f"No error is above the {quantity(need, unit, 3)} asked for.")
-    if (rate := found["rate"]) is not None:
-        median, tail = found["latency"][:2]
-        if median > 1 / rate:
-            fails.append(f"A step takes {1e6 * median:.3g} µs: too long for {rate:g} Hz.")
-        elif tail > 1 / rate:
-            cautions.append(
-                f"One step in a thousand takes {1e6 * tail:.3g} µs: too long for {rate:g} Hz."
-            )
-        else:
-            facts.append(f"A step takes {1e6 * median:.3g} µs: {rate:g} Hz can be kept up.")
-    if found["nrmse_percent"] > ERROR:
-        cautions.append(f"The error is above {ERROR:g} % of the range.")
-    if 1 - found["statuses"].get("OK", 0.0) > NOT_OK:
-        cautions.append(f"Not every estimate is OK: {_shares(found['statuses'])}.")
-    if flat := found["flat_width"]:
-        facts.append(
-            f"Where the model is flat the nearest input is held: up to {quantity(flat, unit, 3)} are open."
+        text = f"No error is above the {quantity(need, unit, 3)} asked for."
+        facts.append(Note("below-max-error", text))
+    line = found["line_rmse"]
+    if line is not None and errors.rmse > WORSE * line + ROUND_TRIP * input_span:
+        text = (
+            f"The best straight line through these rows errs by {quantity(line, unit, 3)} rms only."
         )
+        fails.append(Note("worse-than-line", text))
+    fails, cautions, facts = (
+        [*some, *more] for some, more in zip((fails, cautions, facts), _speed(found), strict=True)
+    )
+    if found["nrmse_percent"] > ERROR:
+        text = f"The error is {found['nrmse_percent']:.2g} % of the range, above {ERROR:g} %."
+        cautions.append(Note("large-error", text))
+    if 1 - found["statuses"].get("OK", 0.0) > NOT_OK:
+        cautions.append(Note("not-ok", f"Not every estimate is OK: {_shares(found['statuses'])}."))
+    if flat := found["flat_width"]:
+        text = "Where the model is flat the nearest input is held:"
+        text += f" up to {quantity(flat, unit, 3)} are open."
+        facts.append(Note("flat", text))
     ratio = found["loop"].ratio
     if not np.isfinite(ratio):
-        cautions.append("No whole cycle has a loop, so how much of one is removed is not known.")
+        text = "No whole cycle has a loop, so how much of one is removed is not known."
+        cautions.append(Note("no-loop", text))
     elif ratio > LEFT:
-        cautions.append(f"Of the loop's width {ratio:.2g} is left: little hysteresis is removed.")
+        text = f"Of the loop's width {ratio:.2g} is left: little hysteresis is removed."
+        cautions.append(Note("loop-left", text))
     else:
-        facts.append(f"Of the loop's width {ratio:.2g} is left.")
+        facts.append(Note("loop-removed", f"Of the loop's width {ratio:.2g} is left."))
     if (back := found["round_trip"]) is not None and back > ROUND_TRIP * output_span:
-        cautions.append(
-            f"Run forward, the estimates miss the output by up to"
-            f" {quantity(back, names['output_unit'], 3)}: this is not the model's inverse."
-        )
+        text = "Run forward, the estimates miss the output by up to"
+        text += f" {quantity(back, names['output_unit'], 3)}: this is not the model's inverse."
+        cautions.append(Note("round-trip", text))
     if (doubt := found["doubt"]) is not None:
         if need is not None and doubt.worst > need and not fails:
-            cautions.append(
-                f"Within the posterior errors reach {quantity(doubt.worst, unit, 3)}, above what is asked."
+            text = (
+                f"Within the posterior errors reach {quantity(doubt.worst, unit, 3)}, above what is"
             )
-        facts.append(
-            f"The posterior's 90 % band holds {100 * doubt.coverage:.2g} % of the true inputs."
-        )
+            cautions.append(Note("posterior-error", f"{text} asked."))
+        text = f"The posterior's 90 % band holds {100 * doubt.coverage:.2g} % of the true inputs."
+        facts.append(Note("coverage", text))
     level = "FAIL" if fails else "CAUTION" if cautions else "PASS"
     return Verdict(level, (said, *fails, *cautions, *facts))
+
+
+def _speed(found: dict[str, Any]) -> tuple[list[Note], list[Note], list[Note]]:
+    """What stands against the rate that is needed, makes for care, and is good to know."""
+    if (rate := found["rate"]) is None:
+        return [], [], []
+    median, tail = (1e6 * seconds for seconds in found["latency"][:2])
+    if median > 1e6 / rate:
+        return (
+            [Note("too-slow", f"A step takes {median:.3g} µs: too long for {rate:g} Hz.")],
+            [],
+            [],
+        )
+    if tail > 1e6 / rate:
+        text = f"One step in a thousand takes {tail:.3g} µs: too long for {rate:g} Hz."
+        return [], [Note("sometimes-slow", text)], []
+    text = f"A step takes {median:.3g} µs: {rate:g} Hz can be kept up."
+    return [], [], [Note("fast-enough", text)]
 
 
 def _shares(statuses: dict[str, float]) -> str:

@@ -70,7 +70,7 @@ def log(line: str) -> None:
 def verdict_lines(document: dict[str, Any]) -> list[str]:
     """The level, the model, and the reasons."""
     lines = [f"{document['verdict']['level']}: {document['model']}"]
-    return lines + [f"  {reason}" for reason in document["verdict"]["reasons"]]
+    return lines + [f"  {reason['text']}" for reason in document["verdict"]["reasons"]]
 
 
 def warnings(sentences: Iterable[str], word: str = "Warning") -> list[str]:

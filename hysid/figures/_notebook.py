@@ -69,7 +69,7 @@ def _record(record: Record) -> str:
 
 
 def _fit(fit: FitResult) -> str:
-    badge, reasons = fit.verdict
+    badge, reasons = fit.verdict.level, fit.verdict.reasons
     rows = [
         (p.name, number(p.value, p.stderr), "" if p.stderr is None else f"± {number(p.stderr)}",
          pretty(p.unit), p.status)

@@ -10,8 +10,8 @@ import numpy as np
 import identify
 from compensate import EnsembleCompensator, Qualification, invert
 from compensate import qualify as qualified
-from hysteresis import InputError, Record
-from hysteresis._verdict import worst_of
+from hysteresis import InputError, Note, Record
+from hysteresis._verdict import Verdict, worst_of
 
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
@@ -88,12 +88,14 @@ def _of_one(
     ensemble, facts = None, []
     if lag := fitted.clocks.lag:
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
-        facts.append(f"Estimates are of the input {when}, because the fit removed that lag.")
+        said = f"Estimates are of the input {when}, because the fit removed that lag."
+        facts.append(Note("lag", said))
     if (posterior := identify.load_posterior(place)) is not None:
         try:
             ensemble = EnsembleCompensator(_some_of(posterior, len(record)))
         except InputError as error:
-            facts.append(f"The posterior of this fit cannot be inverted: {error}")
+            said = f"The posterior of this fit cannot be inverted: {error}"
+            facts.append(Note("no-posterior", said))
     found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
 
@@ -108,17 +110,20 @@ def _some_of(posterior: identify.Posterior, rows: int) -> Any:
 
 def _seen(found: Qualification) -> Qualification:
     why = "The model was fitted to these rows, so the error on new data is not known."
-    return replace(found, verdict=found.verdict.at_most("CAUTION", why))
+    return replace(found, verdict=found.verdict.at_most("CAUTION", Note("rows-seen", why)))
 
 
 def _together(found: dict[str, Qualification]) -> dict[str, Any]:
     """The one document, or of several the gravest verdict, the mean error, and `each`."""
     if "" in found:
         return found[""].document
-    reasons = [f"{value}: {one.level}. {one.reasons[0]}" for value, one in found.items()]
+    reasons = tuple(
+        Note(one.verdict.codes[0], f"{value}: {one.level}. {one.reasons[0]}")
+        for value, one in found.items()
+    )
     level = worst_of(one.level for one in found.values())
     return {
-        "verdict": {"level": level, "reasons": reasons},
+        "verdict": Verdict(level, reasons).document,
         "nrmse_percent": float(np.mean([one.nrmse_percent for one in found.values()])),
         "each": {value: one.document for value, one in found.items()},
     }

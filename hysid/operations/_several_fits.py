@@ -21,9 +21,12 @@ def together(documents: dict[str, dict[str, Any]], failed: dict[str, str]) -> di
         )
     if failed:
         level = worst_of((whole["verdict"]["level"], "CAUTION"))
-        reasons = [f"{v}: not fitted. {why}" for v, why in failed.items()]
-        verdict = {"level": level, "reasons": whole["verdict"]["reasons"] + reasons}
-        whole |= {"success": False, "trusted": False, "verdict": verdict}
+        reasons = [
+            {"code": "not-fitted", "text": f"{v}: not fitted. {why}"} for v, why in failed.items()
+        ]
+        reasons = whole["verdict"]["reasons"] + reasons
+        whole |= {"success": False, "trusted": False}
+        whole["verdict"] |= {"level": level, "reasons": reasons}
     counts = ("rows", "rows_train", "rows_test", "sequences")
     return {
         "schema": first["schema"],
@@ -50,7 +53,12 @@ def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
         "trusted": all(d["trusted"] for d in each),
         "verdict": {
             "level": worst_of(d["verdict"]["level"] for d in each),
-            "reasons": [f"{value}: {d['verdict']['reasons'][0]}" for value, d in documents.items()],
+            "reasons": [
+                said | {"text": f"{value}: {said['text']}"}
+                for value, d in documents.items()
+                for said in d["verdict"]["reasons"][:1]
+            ],
+            "best_baseline": None,
         },
     }
 

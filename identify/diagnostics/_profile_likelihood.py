@@ -11,7 +11,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from hysteresis import InputError
+from hysteresis import InputError, Note
+from hysteresis._note import warning
 
 from ..posterior._log_posterior import Target, target
 from ..posterior._mode import Maximum, likeliest_near
@@ -114,8 +115,8 @@ def profiles(
     )
 
 
-def another_minimum(fit: FitResult) -> tuple[str, bool] | None:
-    """A sentence where the starts of a fit came to other parameters that are as good by chance, and whether
+def another_minimum(fit: FitResult) -> tuple[Note, bool] | None:
+    """A note where the starts of a fit came to other parameters that are as good by chance, and whether
     these are but its branches in other places; None where they did not.
 
     They have to differ by more than six standard errors in one that has an error, with a worse fit on the
@@ -141,11 +142,10 @@ def another_minimum(fit: FitResult) -> tuple[str, bool] | None:
     )
     if np.allclose(np.sort(other), np.sort(values[0]), rtol=0.05):
         said = "Two minima are one with its branches exchanged"
-        return f"{said} ({listed}): each is known, not which is which. [second-minimum]", True
-    return (
-        f"Two minima fit equally well: {listed}. The data do not tell which. [second-minimum]",
-        False,
-    )
+        said += f" ({listed}): each is known, not which is which."
+        return warning("second-minimum", said), True
+    said = f"Two minima fit equally well: {listed}. The data do not tell which."
+    return warning("second-minimum", said), False
 
 
 def solve(aim: Target, begin: np.ndarray, moves: np.ndarray) -> Maximum:

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, ParameterInfo, parameters
+from hysteresis import AbstractModel, Note, ParameterInfo, parameters
+from hysteresis._note import warning
 
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target
@@ -107,8 +108,8 @@ def sloppiness(fit: FitResult) -> Sloppiness:
     return Sloppiness(names, values, vectors, condition, tuple(directions))
 
 
-def without_effect(fit: FitResult, names: list[str]) -> list[str]:
-    """A sentence for each of these parameters whose doubling changes the output by less than a millionth of
+def without_effect(fit: FitResult, names: list[str]) -> list[Note]:
+    """A note for each of these parameters whose doubling changes the output by less than a millionth of
     its range."""
     model, used = fit.model, fit.used
     bounds = transform_for(model, fit.train, fit.settings)
@@ -123,10 +124,8 @@ def without_effect(fit: FitResult, names: list[str]) -> list[str]:
         values[bounds.names.index(name)] *= 2
         doubled = predict(bounds.insert(model, jnp.asarray(values)), fit.train)[used]
         if np.abs(doubled - output).max() < NOTHING * (np.ptp(output) or 1.0):
-            said.append(
-                f"{name} changes the fit by < {NOTHING:g} of its range when doubled: fix it, or {mend}."
-                " [without-effect]"
-            )
+            change = f"{name} changes the fit by < {NOTHING:g} of its range when doubled"
+            said.append(warning("without-effect", f"{change}: fix it, or {mend}."))
     return said
 
 

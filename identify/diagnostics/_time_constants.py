@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from hysteresis import AbstractModel, AbstractViscoelastic, Record
+from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
+from hysteresis._note import warning
 
 
-def unseen_time_constants(model: AbstractModel, record: Record) -> list[str]:
-    """A sentence for every branch whose time constant lies outside the record's span of times.
+def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
+    """A note for every branch whose time constant lies outside the record's span of times.
 
     An element that creeps flows like a dashpot for much less than its time constant, and gives way
     like a spring after much more; one that relaxes the other way round. Of the two parameters of such
@@ -30,8 +31,7 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[str]:
             than = f"shorter than a sampling step ({step:.3g} {unit})"
             mend = "sample faster"
         seen = "dashpot" if slow == model.creeps else "spring"
-        found.append(
-            f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"
-            f" identifiable only as a {seen}; {mend}, or fit a model without it. [unseen-time-constant]"
-        )
+        said = f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"
+        said += f" identifiable only as a {seen}; {mend}, or fit a model without it."
+        found.append(warning("unseen-time-constant", said))
     return found

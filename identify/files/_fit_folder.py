@@ -221,7 +221,7 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
         "noise_model": _noise_model(saved.get("noise_model")),
         "noise_evidence": saved.get("noise_evidence", {}),
         "notes": tuple(saved["notes"]),
-        "verdict": Verdict(saved["verdict"]["level"], tuple(saved["verdict"]["reasons"])),
+        "verdict": Verdict.of(saved["verdict"]),
         "seconds": saved["seconds"],
     }
 
@@ -290,7 +290,7 @@ def summary(fit: FitResult | Candidate) -> dict[str, Any]:
         "noise_model": _noise_words(fit.noise_model),
         "noise_evidence": fit.noise_evidence,
         "notes": list(fit.notes),
-        "verdict": {"level": fit.verdict.level, "reasons": list(fit.verdict.reasons)},
+        "verdict": fit.verdict.document,
         "seconds": round(fit.seconds, 3),
     }
 

@@ -119,11 +119,26 @@ def test_only_counted_rows_of_whole_cycles_make_a_loop():
 
 
 def test_a_line_that_stands_for_the_loop_is_doubtful():
-    line = invert(LinearSponge(K=2.0, b=0.0))
-    found = qualify(line, record(), LinearSponge(K=2.0, b=0.0))
+    whole = record()
+    slope, level = np.polyfit(whole.output, whole.input, 1)
+    best = LinearSponge(K=1 / slope, b=-level / slope)
+    found = qualify(invert(best), whole, best)
     assert found.level == "CAUTION"
+    assert found.errors.rmse == pytest.approx(found.line_rmse, rel=1e-12)
     assert found.loop.ratio == pytest.approx(1, abs=0.1)
     assert any("little hysteresis is removed" in reason for reason in found.reasons)
+
+
+def test_what_is_worse_than_a_line_fails():
+    whole = record()
+    found = qualify(invert(LinearSponge(K=3.0, b=0.0)), whole)
+    slope, level = np.polyfit(whole.output, whole.input, 1)
+    line = np.sqrt(np.mean((slope * whole.output + level - whole.input) ** 2))
+    assert found.line_rmse == pytest.approx(line, rel=1e-9)
+    assert (found.level, found.verdict.codes[:2]) == ("FAIL", ("error", "worse-than-line"))
+    assert f"errs by {line:.3g} N rms only" in found.reasons[1]
+    flat = replace(whole, output=np.ones(len(whole)))
+    assert qualify(invert(LinearSponge(K=1.0, b=0.0)), flat).line_rmse is None
 
 
 def test_parts_add_up_to_the_whole():
@@ -140,10 +155,10 @@ def test_parts_add_up_to_the_whole():
 @pytest.mark.parametrize(
     ("compensator", "needs", "level", "words"),
     [
-        (Off(invert(model()), 0.5), {}, "PASS", "0.5 N rms"),
-        (Off(invert(model()), 0.5), {"max_error": 0.4}, "FAIL", "above the 0.4 N asked for"),
-        (Off(invert(model()), 0.5), {"max_error": 0.6}, "PASS", "No error is above the 0.6 N"),
-        (Off(invert(model()), 3.0), {}, "CAUTION", "above 5 % of the range"),
+        (Off(invert(model()), 0.4), {}, "PASS", "0.4 N rms"),
+        (Off(invert(model()), 0.4), {"max_error": 0.3}, "FAIL", "above the 0.3 N asked for"),
+        (Off(invert(model()), 0.4), {"max_error": 0.5}, "PASS", "No error is above the 0.5 N"),
+        (Off(invert(model()), 3.0), {}, "FAIL", "of the range, above 5 %"),
         (Off(invert(model()), np.nan), {}, "FAIL", "not finite"),
         (Off(invert(model()), 0.0, int(Status.FLAT)), {}, "CAUTION", "% FLAT"),
         (invert(model()), {"rate": 1e9}, "FAIL", "too long for 1e+09 Hz"),
@@ -231,7 +246,7 @@ def test_nan_is_null_in_json():
     found = qualify(invert(Scaled(model(), 1.0, 0.0)), rising)
     assert found.document["loop"]["ratio"] is None
     assert "loop width" not in found.text
-    assert found.level == "CAUTION"
+    assert found.level == "FAIL"  # the line is exact here
     json.dumps(found.document, allow_nan=False)
 
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+from hysteresis import Note
 from hysteresis._format import plain, quantity
 from hysteresis._verdict import LEVELS, Verdict, worst_of
 from hysteresis.numerics._normal import NORMAL_95
@@ -32,6 +33,18 @@ def test_a_demoted_verdict_keeps_its_reasons(level, most, reasons):
     after = before.at_most(most, *reasons)
     assert after.level == worst_of([level, most])
     assert after.reasons == ("The error is 1 %.", *reasons)
+
+
+@given(levels, st.lists(st.tuples(st.text(), st.text()), max_size=3), st.text())
+def test_a_verdict_comes_back_from_its_document(level, said, best):
+    before = Verdict(level, tuple(Note(code, text) for code, text in said), best)
+    after = Verdict.of(json.loads(json.dumps(before.document)))
+    assert after == before
+    assert after.codes == before.codes == tuple(code for code, _ in said)
+
+
+def test_a_document_of_an_earlier_version_holds_sentences():
+    assert Verdict.of({"level": "PASS", "reasons": ["so"]}).codes == ("remark",)
 
 
 def test_packages_share_one_verdict():

@@ -310,7 +310,7 @@ def test_what_may_be_meant_is_said_and_fitted(content, words):
     said = run("check", "run.csv", *COLUMNS)
     assert (fitted.code, said.code) == (0, 0), fitted.err + said.err
     for word in words:
-        assert any(word in reason for reason in fitted.json()["verdict"]["reasons"])
+        assert any(word in reason["text"] for reason in fitted.json()["verdict"]["reasons"])
         assert word in said.out
 
 
@@ -339,7 +339,8 @@ def test_one_bad_specimen_is_named_and_the_others_are_fitted():
     found = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT, "--json").json()
     assert list(found["each"]) == ["A"]
     assert "line 108" in found["failed"]["B"]
-    assert any("B: not fitted" in reason for reason in found["verdict"]["reasons"])
+    reasons = {reason["code"]: reason["text"] for reason in found["verdict"]["reasons"]}
+    assert "B: not fitted" in reasons["not-fitted"]
     assert "B cannot be used" in run("check", "run.csv", *COLUMNS, "--each", "block").out
 
 

@@ -174,6 +174,6 @@ def test_an_element_beyond_the_record_is_a_spring_or_a_dashpot(tmp_path: Path):
     file = write(tmp_path / "a.csv", ("t", t), ("y", np.asarray(G.relaxation_modulus(t)) * noise))
     options = ("--step", 1, "--output", "y", "--time", "t", "--out", tmp_path / "out")
     found = run("fit", file, *options, "--json").json()
-    assert any("identifiable only as a spring" in said for said in found["verdict"]["reasons"])
+    assert any("identifiable only as a spring" in x["text"] for x in found["verdict"]["reasons"])
     late = next(p for p in found["parameters"] if p["name"] == "tau2")
     assert (late["status"], late["stderr"]) == ("unidentified", None)
