@@ -20,6 +20,7 @@ def fit(
     output: str | None = None,
     time: Any = None,
     group: str | None = None,
+    condition: str | Sequence[str] = (),
     model: Any = None,
     **options: Any,
 ) -> identify.FitResult:
@@ -32,6 +33,7 @@ def fit(
     - `data`: a `Record`; or the inputs (n,), with the outputs (n,) as second argument; or a pandas or
       polars data frame or a mapping of columns, with the names of `input`, `output`, `time` and `group`.
     - `other`: the model beside a record, or the outputs (n,) beside an array.
+    - `condition`: columns of a data frame, such as a temperature, on which the output depends too.
     - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
     - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
@@ -47,17 +49,17 @@ def fit(
         'LinearSponge'
     """
     if isinstance(data, Record):
-        if (input, output, time, group) != (None,) * 4:
+        if (input, output, time, group) != (None,) * 4 or condition:
             raise InputError(
                 "bad-option",
                 "A record has its input, output and time already.",
-                fix="leave input=, output=, time= and group= out.",
+                fix="leave input=, output=, time=, group= and condition= out.",
             )
         chosen = model if other is None else other
         return identify.fit(data, "auto" if chosen is None else chosen, **options)
     own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
     if output is not None and input is not None:
-        record = Record.from_columns(data, input, output, time, group, **own)
+        record = Record.from_columns(data, input, output, time, group, condition, **own)
         model = other if model is None else model
     elif other is not None and not isinstance(other, str):
         record = Record.from_arrays(data, other, time, **own)

@@ -83,7 +83,6 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         return {
             "input": input_unit, "output": output_unit, "time": time_unit,
             "force": force, "displacement": displacement,
-            "condition": getattr(self, "unit", "condition"),
         }  # fmt: skip
 
     def __str__(self) -> str:

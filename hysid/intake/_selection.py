@@ -93,8 +93,15 @@ class Selection(SelectionOptions):
     def check_columns(self) -> None:
         """Raise `InputError` where one column is to be both the input and the output."""
         inputs = self.input if isinstance(self.input, tuple) else (self.input,)
-        if self.output in (*inputs, self.time):
-            role = "input" if self.output in inputs else "time"
+        if twice := [name for name in self.condition if name in (*inputs, self.time)]:
+            raise InputError(
+                "given-twice",
+                f"{twice[0]!r} is given as condition and as input or time.",
+                fix="Name another column (--condition COL).",
+            )
+        if self.output in (*inputs, *self.condition, self.time):
+            role = "input" if self.output in inputs else "condition"
+            role = "time" if self.output == self.time else role
             raise InputError(
                 "given-twice",
                 f"{self.output!r} is given as {role} and as output.",

@@ -53,6 +53,12 @@ class SelectionOptions:
         joined=True,
         metavar="COL[,COL]",
     )
+    condition: tuple[str, ...] = _option(
+        "The output depends on this column too: a temperature, a pressure, ...",
+        (),
+        joined=True,
+        metavar="COL[,COL]",
+    )
     each: str | None = _option("Fit one model for each value of this column.", None, metavar="COL")
     where: tuple[str, ...] = _option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"

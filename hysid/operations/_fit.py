@@ -1,12 +1,13 @@
 """`hysid fit`: records from a file, a fit of each, and its folder."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import identify
-from hysteresis import InputError
+from hysteresis import InputError, Record
 
 from ..intake._constant_input import step_options
 from ..intake._folders import check_writable, folder_names
@@ -32,7 +33,7 @@ def fit(
     check_writable(out)
     found: dict[str, dict[str, Any]] = {}
     written: dict[str, Any] = {}
-    extra = {"selection": selection.as_json()}
+    extra = {"selection": _as_read(selection, [train for train, _ in records.values()]).as_json()}
     run = partial(identify.fit, **options)
     if selection.is_step:
         run = partial(identify.fit_step, **step_options(options))
@@ -59,6 +60,17 @@ def fit(
     document = identify.internal.plain(document)
     identify.internal.write_json(out / "fit.json", document)
     return document
+
+
+def _as_read(selection: Selection, records: list[Record]) -> Selection:
+    """The selection with a condition that was given as an input: a new file may hold one value of it."""
+    found = {(record.input_name, *record.conditions) for record in records}
+    if len(found) > 1 or not isinstance(selection.input, tuple):
+        return selection
+    ((name, *conditions),) = found
+    if not conditions or name not in selection.input:
+        return selection
+    return replace(selection, input=name, condition=tuple(conditions))
 
 
 def _in_short(result: identify.FitResult) -> str:

@@ -41,6 +41,7 @@ class AbstractRecord:
     sha256: str = ""
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
     channels: Mapping[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
@@ -65,6 +66,7 @@ class AbstractRecord:
     def _check_finite(self):
         wanted: list[tuple[str, str, np.ndarray, Any]]
         wanted = [("input", name, self.columns[name], True) for name in self.channels]
+        wanted += [("condition", name, self.columns[name], True) for name in self.conditions]
         wanted.append(("input", self.input_name, self.input, True))
         wanted.append(("output", self.output_name, self.output, self.mask))
         for role, name, x, where in wanted:
@@ -73,8 +75,8 @@ class AbstractRecord:
             if not (bad := np.isnan(x) & where).any():
                 continue
             fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
-            if role == "input":
-                fill = f"hysteresis needs complete input; {fill}"
+            if role != "output":
+                fill = f"hysteresis needs complete {role}; {fill}"
             else:
                 fill = f'nan="omit" (--nan omit) masks them, history still runs; {fill}'
             raise self._fault(f"nan-{role}", f"{bad.sum()} NaN in {role} {name!r}", bad, fix=fill)
@@ -152,7 +154,7 @@ class AbstractRecord:
     def digest(self) -> str:
         """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
         code = hashlib.sha256("\0".join(self.labels).encode())
-        channels = [self.columns[name] for name in sorted(self.channels)]
-        for x in (self.input, self.output, self.time, self.starts, self.mask, *channels):
+        more = [self.columns[name] for name in (*sorted(self.channels), *sorted(self.conditions))]
+        for x in (self.input, self.output, self.time, self.starts, self.mask, *more):
             code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
         return code.hexdigest()

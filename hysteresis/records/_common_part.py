@@ -1,7 +1,12 @@
 """What several input channels have in common, before any map of them is known."""
 
+from collections.abc import Mapping
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
+
+STILL = 0.02
+"""Part of its range over all sequences within which a condition stays in each."""
 
 
 def common_part(
@@ -20,3 +25,16 @@ def common_part(
     s = x @ direction
     both = whole & np.isfinite(output)
     return -s if both.sum() > 1 and np.cov(s[both], output[both])[0, 1] < 0 else s
+
+
+def constant_within(
+    channels: Mapping[str, Float[np.ndarray, " samples"]], starts: Int[np.ndarray, " sequences"]
+) -> str | None:
+    """The one channel that stays in every sequence and differs between them; None without one."""
+    found = []
+    for name, x in channels.items():
+        if len(x) and np.isfinite(x).all():
+            within = np.maximum.reduceat(x, starts) - np.minimum.reduceat(x, starts)
+            if np.ptp(x) > 0 and within.max() <= STILL * np.ptp(x):
+                found.append(name)
+    return found[0] if len(found) == 1 else None

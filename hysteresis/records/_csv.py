@@ -15,6 +15,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._cells import floats, missing, parsed
+from ._dialect import header_of, headless, made_square, separator_of, trimmed
 from ._record import Record
 from ._two_clocks import on_one_clock
 from ._units import are_units, bare_unit, column_unit
@@ -159,14 +160,14 @@ def read_table(
     if sheet := None if plain else arranged(numbered, decimal):
         return _table(path, data, sheet, *read_with, notes)
     lines = [s for _, s in numbered]
-    sep = separator or _sniff(lines[:30])
+    sep = separator or separator_of(lines[:30])
     rows, line, start = [], [], 0
     reader = csv.reader((f"{s}\n" for s in lines), delimiter=sep, skipinitialspace=True)
     for row in reader:  # a quoted cell may run over several lines
         rows.append(row)
         line.append(numbered[start][0])
         start = reader.line_num
-    header = _header(path, rows[0])
+    header = header_of(path, rows[0])
     units, body, at = {}, rows[1:], (line[1:2] or [2])[0]
     if units_row and units_row != at:
         problem = f"Line {units_row} is not the row under the header."
@@ -182,14 +183,14 @@ def read_table(
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
         said = f"Row {at} is units ({', '.join(cells)}); using them.{confirm}"
         notes.append(Note("units-row", said))
-    full = next((k for k in range(len(body), 0, -1) if _trimmed(body[k - 1])), 0)
+    full = next((k for k in range(len(body), 0, -1) if trimmed(body[k - 1])), 0)
     if blank := len(body) - full:
         body, line = body[:full], line[: full + 1]
         notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
     if not body:
         raise fault("no-rows", path, "a header and no rows.")
     line = np.array(line[1:])
-    _square(path, body, line, len(header), sep)
+    made_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
     return _table(path, data, Sheet(columns, line, units, tuple(notes), decimal), *read_with)
 
@@ -231,6 +232,7 @@ def read_csv(
     keep: Sequence[str] = (),
     segments: Literal["auto"] | None = None,
     input_time: str | None = None,
+    condition: Sequence[str] = (),
 ) -> Record:
     """A `Record` from a CSV file, or from a `Table` already read.
 
@@ -248,6 +250,7 @@ def read_csv(
     - `segments`: "auto" starts a new sequence wherever time goes back.
     - `input_time`: the clock of the input(s), where it is another than that of the output, which is
         then `time`: the input is interpolated linearly to the output's times.
+    - `condition`: columns such as a temperature or a pressure, on which the output depends too.
     - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
 
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
@@ -281,6 +284,7 @@ def read_csv(
     given = [("input", name, input_unit) for name in inputs] + [("output", output, output_unit)]
     if time is not None:
         given.append(("time", time, time_unit))
+    given += [("condition", name, None) for name in condition]
     for role, name, unit in given:
         _column(table, name)
         units[role, name], note = column_unit(name, role, unit, table.units.get(name), table.path)
@@ -304,7 +308,7 @@ def read_csv(
         parts = [table.text[name][rows] for name in names]
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
     t = None if time is None else table.number(time, rows)
-    moved = {name: table.number(name, rows) for name in inputs}
+    moved = {name: table.number(name, rows) for name in (*inputs, *condition)}
     if input_time is not None:
         if t is None:
             problem = f"The input's clock is {input_time!r}, and the output's is not given."
@@ -323,8 +327,9 @@ def read_csv(
         nan=nan,
         history=(Note("read", f"Read {rows.sum()} rows: {said} -> {output!r}."), *notes),
         columns={name: table.columns[name][rows] for name in keep}
-        | {name: moved[name] for name in channels},
+        | {name: moved[name] for name in (*channels, *condition)},
         channels=channels,
+        conditions={name: units["condition", name] for name in condition},
         output_name=output,
         time_name=time or "time",
         output_unit=units["output", output],
@@ -378,56 +383,6 @@ def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.nda
     return found[inverse]
 
 
-def _sniff(lines: list[str]) -> str:
-    """The separator that gives most of the first rows as many cells as the header."""
-
-    def score(sep: str) -> tuple[float, int]:
-        counts = [len(_trimmed(row)) for row in csv.reader(lines, delimiter=sep)]
-        if counts[0] < 2:
-            return 0.0, 0
-        agree = sum(1 for n in counts[1:] if n == counts[0])
-        return (agree + 1) / len(counts), counts[0]
-
-    return max(",;\t|", key=score)
-
-
-def _trimmed(row: list[str]) -> list[str]:
-    while row and not row[-1].strip():
-        row = row[:-1]
-    return row
-
-
-def _header(path: Path, cells: list[str]) -> list[str]:
-    names = [" ".join(c.split()) if "\n" in c else c.strip() for c in _trimmed(cells)]
-    names = [name or f"column {k}" for k, name in enumerate(names, 1)]
-    for k, name in enumerate(names):
-        if (first := names.index(name)) < k:
-            problem = f"Column {name!r} is there twice, as column {first + 1} and {k + 1}."
-            cause, code, fix = _headless(names), "duplicate-column", "rename one."
-            if cause:
-                code, fix = "no-header", "write a line above it that names each column."
-            raise InputError(code, problem, place=str(path), cause=cause, fix=fix)
-    return names
-
-
-def _square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep: str) -> None:
-    """Makes every row `width` cells long by dropping empty cells at its end, or names the line."""
-    lengths = np.fromiter(map(len, rows), int, len(rows))
-    for k in np.flatnonzero(lengths != width):
-        row = rows[k]
-        if lengths[k] > width and not any(c.strip() for c in row[width:]):
-            del row[width:]
-            continue
-        problem = f"{lengths[k]} cells, the header has {width}."
-        cause = f"a line cut short, another separator than {sep!r}, a stray one, or an open quote."
-        code, fix = "ragged-line", "mend that line, or start it with # to leave it out."
-        longer = sum(len(_trimmed(r)) > width for r in rows)
-        if sep == "," and (lengths[k] == 2 * width or 2 * longer > len(rows)):
-            code, cause = "decimal-comma", "numbers written with a decimal comma."
-            fix = 'separate the cells by ";" and give decimal="," (--decimal ,).'
-        raise InputError(code, problem, place=f"{path}, line {line[k]}", cause=cause, fix=fix)
-
-
 def _column(table: Table | Record, name: str) -> np.ndarray:
     if name in table.columns:
         return table.columns[name]
@@ -438,11 +393,6 @@ def _column(table: Table | Record, name: str) -> np.ndarray:
         "no-column",
         f"No column {name!r}; have {', '.join(map(repr, have))}.",
         place=getattr(table, "path", ""),
-        cause=_headless(names),
+        cause=headless(names),
         fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
     )
-
-
-def _headless(names: Sequence[str]) -> str:
-    numeric = bool(names) and not np.isnan(floats(names)).any()
-    return "the file has no header: its first line is numbers." if numeric else ""

@@ -93,6 +93,11 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
         "cycles": record.n_cycles,
         "input": _spread(record, "input"),
         "output": _spread(record, "output") | {"saturated": _saturated(record)},
+        "conditions": [
+            {"name": name, "unit": unit, "min": float(x.min()), "max": float(x.max())}
+            for name, unit in record.conditions.items()
+            if (x := record.columns[name]).size
+        ],
         "dt": clock,
         "loop_direction": loop_direction(record),
     }
@@ -115,6 +120,8 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
             f"{role:6} {x['name']}: {x['min']:.4g} to {quantity(x['max'], unit)}, "
             f"noise {quantity(x['noise'], unit)}"
         )
+    for x in s["conditions"]:
+        lines.append(f"condition {x['name']}: {x['min']:.4g} to {quantity(x['max'], x['unit'])}")
     if s["dt"]:
         low, mid, high = (f"{s['dt'][k]:.4g}" for k in ("min", "median", "max"))
         lines.append(f"dt     {low} to {high}, median {mid} {record.time_unit}")

@@ -18,7 +18,7 @@ from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
 from ._arrays import fill, numbers, same_length
-from ._common_part import common_part
+from ._common_part import common_part, constant_within
 from ._excitation import describe, summary
 from ._units import named_unit
 
@@ -42,6 +42,8 @@ class Record(AbstractRecord):
     - `columns`: further columns (n,) by name, for splitting.
     - `channels`: names and units of those `columns` that a fit combines into the input. Until then the
         input is what they have in common, see `common_part`.
+    - `conditions`: names and units of those `columns`, such as a temperature or a pressure, on which the
+        output depends too.
 
     Every method returns a new record.
 
@@ -75,6 +77,7 @@ class Record(AbstractRecord):
         output: str,
         time: str | None = None,
         group: str | None = None,
+        condition: str | Sequence[str] = (),
         **options: Any,
     ) -> "Record":
         """A record from the columns of a data frame or a mapping.
@@ -85,6 +88,7 @@ class Record(AbstractRecord):
         - `input`, `output`, `time`: names of columns. Several inputs are channels that `fit` combines.
           Units are read from names such as "force (N)" or "force_N", unless `options` give them.
         - `group`: the column whose values name independent sequences.
+        - `condition`: columns such as a temperature or a pressure, on which the output depends too.
         - `options`: further arguments of `from_arrays`, such as `dt`, `nan` or `input_unit`.
 
         **Returns:** the record.
@@ -99,7 +103,8 @@ class Record(AbstractRecord):
         """
         names = [*(columns if isinstance(columns, Mapping) else columns.columns)]
         inputs = [input] if isinstance(input, str) else list(input)
-        asked = [*inputs, output, *(name for name in (time, group) if name is not None)]
+        given = [condition] if isinstance(condition, str) else list(condition)
+        asked = [*inputs, output, *given, *(name for name in (time, group) if name is not None)]
         for name in asked:
             if name not in names:
                 near = get_close_matches(name, map(str, names), 5, 0.0)
@@ -107,9 +112,11 @@ class Record(AbstractRecord):
         found = {name: np.asarray(columns[name]) for name in asked}
         units = {name: named_unit(name, None, None) or "1" for name in asked}
         own: dict[str, Any] = {"output_name": output, "output_unit": units[output]}
+        own["columns"] = {name: found[name] for name in given}
+        own["conditions"] = {name: units[name] for name in given}
         if len(inputs) > 1:
             own["channels"] = {name: units[name] for name in inputs}
-            own["columns"] = {name: found[name] for name in inputs}
+            own["columns"] |= {name: found[name] for name in inputs}
         else:
             own |= {"input_name": input, "input_unit": units[inputs[0]]}
         if time is not None:
@@ -139,6 +146,7 @@ class Record(AbstractRecord):
         history: Sequence[str] = (),
         columns: Mapping[str, np.ndarray] | None = None,
         channels: Mapping[str, str] | None = None,
+        conditions: Mapping[str, str] | None = None,
         **names: str,
     ) -> "Record":
         """A record from (n,) arrays.
@@ -151,7 +159,9 @@ class Record(AbstractRecord):
         - `segments`: "auto" starts a new sequence wherever time goes back.
         - `nan`: "raise"; "omit" masks rows without output; "interpolate" fills input and output
             linearly over time (or rows), and by the nearest value at the ends of a sequence.
-        - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`.
+        - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`. The
+            second of two that is constant in every sequence and differs between them is a condition.
+        - `conditions`: {name: unit} of the `columns` on which the output depends too.
         - `names`: the other fields of `Record`.
 
         **Raises:** `InputError` as `Record` does, and `not-numbers`, `bad-option`.
@@ -161,7 +171,8 @@ class Record(AbstractRecord):
         if dt is not None and not 0 < dt < np.inf:
             raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
         y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
-        kept |= {name: numbers(name, kept[name]) for name in channels or ()}
+        more = (*(channels or ()), *(conditions or ()))
+        kept |= {name: numbers(name, kept[name]) for name in more}
         n = y.size
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
         t = None if time is None else numbers("time", time)
@@ -169,7 +180,7 @@ class Record(AbstractRecord):
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
         same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
-        same_length(output=y, **{name: kept[name] for name in channels or ()})
+        same_length(output=y, **{name: kept[name] for name in more})
         if segments not in (None, "auto"):
             raise InputError(
                 "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
@@ -201,12 +212,20 @@ class Record(AbstractRecord):
         if nan == "omit" and np.any(gap := np.isnan(y) & used):
             used &= ~gap
             done.append(Note("masked", f"Masked {gap.sum()} rows without output."))
-        for name, x in (inputs | {"output": y}).items() if nan == "interpolate" else ():
+        held = {name: kept[name] for name in conditions or ()}
+        for name, x in (inputs | held | {"output": y}).items() if nan == "interpolate" else ():
             if missing := int(np.isnan(x).sum()):
                 for a, b in pairwise([*starts, n]):
                     fill(x[a:b], np.arange(b - a) if t is None else t[a:b])
                 said = f"Filled {missing} NaN of the {name} by linear interpolation."
                 done.append(Note("filled", said))
+        channels, conditions = dict(channels or {}), dict(conditions or {})
+        if len(channels) == 2 and (still := constant_within(inputs, starts)):
+            conditions |= {still: channels.pop(still)}
+            ((alone, own),) = channels.items()
+            u, channels, names = kept[alone], {}, {"input_name": alone, "input_unit": own} | names
+            said = f"{still!r} is constant in every sequence and differs between them: a condition."
+            done.append(Note("condition", said))
         if channels:
             u = common_part(np.column_stack([*inputs.values()]), y)
             names.setdefault("input_name", f"common part of {len(channels)} channels")
@@ -222,7 +241,8 @@ class Record(AbstractRecord):
             time_unit=unit,
             history=tuple(done),
             columns=kept,
-            channels=dict(channels or {}),
+            channels=channels,
+            conditions=conditions,
             **names,  # pyright: ignore[reportArgumentType]
         )
 
@@ -356,7 +376,8 @@ class Record(AbstractRecord):
             why = "there is no time column" if self.time is None else f"the step is {dt:g}"
             raise InputError("no-time", f"Cannot resample: {why}.", fix="give time= or dt=.")
         y, clock, rows = [], [], []
-        inputs = {"": self.input} | {name: self.columns[name] for name in self.channels}
+        inputs = {"": self.input}
+        inputs |= {name: self.columns[name] for name in (*self.channels, *self.conditions)}
         moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}
         for _, s in self.sequences():
             t, out = self.time[s], self.output[s]

@@ -90,8 +90,7 @@ def write_fit(
         {
             f"{part}_{name}": value
             for part, record in records.items()
-            for name in _RECORD_ARRAYS
-            if (value := getattr(record, name)) is not None
+            for name, value in _record_arrays(record).items()
         },
     )
     _write_arrays(folder / "fit.npz", _fit_arrays(fit))
@@ -176,13 +175,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
                 fix="fit again.",
             )
     data, extra = (_read_arrays(folder / name) for name in ("data.npz", "fit.npz"))
-    records = {
-        part: Record(
-            **{n: data.get(f"{part}_{n}") for n in _RECORD_ARRAYS},  # type: ignore[arg-type]
-            **words | {"labels": tuple(words["labels"]), "history": _notes(words["history"])},
-        )
-        for part, words in document["records"].items()
-    }
+    records = {part: _record(part, words, data) for part, words in document["records"].items()}
     arrays = _read_arrays(folder / "model.npz")
     model = rebuilt(document["structure"], arrays)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
@@ -322,7 +315,24 @@ def _noise_model(words: dict[str, Any] | None) -> NoiseModel | None:
 def _record_words(record: Record) -> dict[str, Any]:
     names = [f"{role}_{what}" for role in ("input", "output", "time") for what in ("name", "unit")]
     words = {n: getattr(record, n) for n in (*names, "labels", "source", "sha256")}
+    if record.conditions:
+        words["conditions"] = dict(record.conditions)
     return words | {"history": [(note.code, note.text) for note in record.history]}
+
+
+def _record_arrays(record: Record) -> dict[str, np.ndarray]:
+    arrays = {name: getattr(record, name) for name in _RECORD_ARRAYS}
+    held = {f"condition_{k}": record.columns[name] for k, name in enumerate(record.conditions)}
+    return {name: x for name, x in (arrays | held).items() if x is not None}
+
+
+def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Record:
+    """The inverse of `_record_words` and `_record_arrays`."""
+    arrays: Any = {name: data.get(f"{part}_{name}") for name in _RECORD_ARRAYS}
+    conditions = enumerate(words.get("conditions", {}))
+    columns = {name: data[f"{part}_condition_{k}"] for k, name in conditions}
+    changed = {"labels": tuple(words["labels"]), "history": _notes(words["history"])}
+    return Record(**arrays, **words | changed, columns=columns)
 
 
 def _notes(said: list[Any]) -> tuple[Note, ...]:

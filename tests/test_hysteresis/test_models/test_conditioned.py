@@ -118,11 +118,6 @@ def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():
     assert found.condition == "temperature"
 
 
-def test_its_parameters_have_the_unit_of_the_condition():
-    words = three().unit_words("N", "mm", "s")
-    assert (words["condition"], words["input"]) == ("K", "N")
-
-
 def test_what_is_no_conditioned_model_is_refused():
     line = LinearSponge(1.0, 0.0)
     for parts, knots, code in (
