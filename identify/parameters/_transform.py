@@ -158,7 +158,9 @@ def transform(
     of_words = {"input": input_scale, "output": scale, "time": time_scale}
     if isinstance(model, AbstractModel):
         words = model.unit_words("input", "output", "time")
-        of_words = {word: of_words[meaning] for word, meaning in words.items()}
+        known = {word: of_words.get(meaning) for word, meaning in words.items()}
+        # A condition has no size: its values are given, not fitted.
+        of_words = {word: size for word, size in known.items() if size is not None}
     said, entries, ties = settings or {}, [], []
     for name, info, value in parameters(model):
         if value is None or not _moves(info, value):
