@@ -147,7 +147,7 @@ class Case:
     def predicted(self) -> dict[str, np.ndarray]:
         """The model's output on each record, all rows; both are as the model saw them."""
         records = {"train": self.fit.train, "test": self.fit.test}
-        return {k: identify.predict(self.fit.model, r) for k, r in records.items() if r is not None}
+        return {k: self.fit.predict(r) for k, r in records.items() if r is not None}
 
     @cached_property
     def round_trip(self) -> RoundTrip | InputError:

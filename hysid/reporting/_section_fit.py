@@ -194,7 +194,7 @@ def candidates(case: Case) -> Section:
     )
     said = "Errors in per cent of the measured range."
     if (case.fit.train.mask & ~case.fit.used).any():
-        said += " The training error includes the first cycle, which the fit excludes."
+        said += " The training error leaves out the first cycle, as the fit does."
     section = Section("Candidates", [
         "Models are ranked by their score, the cross-validation error within the training rows."
         " The held-out rows play no part in the choice."

@@ -65,7 +65,7 @@ def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
         if _over_time(one):
             assert record.time is not None
             x = record.time
-        predicted = np.asarray(identify.predict(one.fit.model, record))
+        predicted = one.fit.predict(record)
         curves = [f.trace(x, y, record.mask, record.starts, POINTS)
                   for y in (record.output, predicted)]  # fmt: skip
         drawn.append(curves)

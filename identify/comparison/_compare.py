@@ -10,12 +10,11 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from hysteresis import InputError, Record, extended
+from hysteresis import InputError, Record
 
 from ..files._fit_folder import read_document, summary
 from ..posterior._posterior import Posterior
 from ..records._folds import block_errors
-from ..records._run_model import predict
 from ..results._fit_result import FitResult
 from ._gaussian_estimate import Fitted, opened
 from ._information_criteria import criteria, is_coloured, leave_one_out, log_evidence
@@ -321,8 +320,7 @@ def _test_blocks(fit: FitResult) -> np.ndarray:
     """Squared errors on the test record, which is kept as the model saw it, in ten blocks."""
     record = fit.test
     assert record is not None
-    model = extended(fit.model, float(np.nanmin(record.input)), float(np.nanmax(record.input)))
-    error = (predict(model, record) - record.output)[record.mask]
+    error = (fit.predict(record) - record.output)[record.mask]
     span = float(np.ptp(record.output[record.mask])) or 1.0
     return 1e4 * np.array(block_errors(error)) / span**2
 

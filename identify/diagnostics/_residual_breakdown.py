@@ -11,7 +11,6 @@ from jaxtyping import Float
 from hysteresis import Record
 
 from ..noise._residual_statistics import estimate_noise
-from ..records._run_model import predict
 from ..results._fit_result import FitResult
 from ._whiteness import has_one_speed, speed
 
@@ -78,7 +77,7 @@ def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
         residuals = fit.residuals
     else:
         used = record.mask
-        residuals = predict(fit.model, record) - record.output
+        residuals = fit.predict(record) - record.output
     r = residuals[used]
     sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
     time = estimate_noise(sequences).correlation_time

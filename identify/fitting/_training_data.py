@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from hysteresis import ChannelMap, Note, Record, check_identifiable
 
 from ..linear._channel_map_fit import fit_channel_map
@@ -41,7 +43,14 @@ class TrainingData:
     warnings: tuple[Note, ...]
 
     def tested(self, fit: FitResult) -> FitResult:
-        """The fit with its figures on the test record, if there is one."""
+        """The fit with its figures on the test record, if there is one, all of `FitResult.predict`."""
+        if fit.beyond(fit.train).any():
+            # Rows that do not count drive the model beyond the inputs it was fitted to, where the model
+            # alone saturates and a prediction goes on.
+            predicted = fit.predict(fit.train)
+            residuals = np.where(fit.train.mask, predicted - fit.train.output, np.nan)
+            figures = {**fit.metrics, "train": metrics(fit.train.output, predicted, fit.used)}
+            fit = replace(fit, residuals=residuals, metrics=figures)
         if self.test is None:
             return fit
         judged = replace(fit, test=fit.clocks.applied(self.test))

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
 
-from hysteresis import AbstractModel, Record
+from hysteresis import AbstractModel, Record, extended
 
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
@@ -87,7 +87,7 @@ def predictive(
     counted = np.flatnonzero(record.mask)
     rows = counted[:: -(-len(counted) // ROWS)]
     # All draws of a model prepare an input alike.
-    one: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
+    models, one = _widened(models, record)
     prepared = prepare(one, record)
     of_rows = rows_of(record, record.mask, np.zeros(len(record)))
     y, scale = (np.asarray(a) for a in _evaluate(models, noise, prepared, of_rows, rows))
@@ -124,6 +124,20 @@ def _drawn(fit: FitResult) -> tuple[Any, NoiseModel]:
     away = random / np.sqrt(np.maximum(values, 1.0)) @ vectors.T
     points = jnp.asarray(np.asarray(top.point) + away)
     return jax.vmap(aim.model)(points), jax.vmap(aim.noise)(points)
+
+
+def _widened(models: Any, record: Record) -> tuple[Any, AbstractModel]:
+    """All draws, each continued beyond the inputs of the fit as `FitResult.predict` does, and the first."""
+    low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
+    drawn = len(jax.tree.leaves(models)[0])
+    first: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
+    wide = extended(first, low, high)
+    if [*map(jnp.shape, jax.tree.leaves(wide))] == [*map(jnp.shape, jax.tree.leaves(first))]:
+        return models, first
+    each = [
+        extended(jax.tree.map(lambda leaf, k=k: leaf[k], models), low, high) for k in range(drawn)
+    ]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *each), wide
 
 
 def _chosen(posterior: Posterior) -> tuple[Any, NoiseModel]:

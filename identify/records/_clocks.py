@@ -24,13 +24,20 @@ class Clocks(NamedTuple):
     interpolated: bool = False
 
     def applied(self, record: Record) -> Record:
-        """The record as the model sees it."""
-        return shifted(interpolated(record) if self.interpolated else record, self.lag)
+        """The record as the model sees it; its history says what was done to it before, which is not done
+        twice."""
+        done = {note.code for note in record.history}
+        if self.interpolated and INTERPOLATED not in done:
+            record = interpolated(record)
+        return record if LAG in done else shifted(record, self.lag)
 
     def undone(self, record: Record, u: Float[np.ndarray, " samples"]) -> np.ndarray:
         """Inputs on the record's own clock, from those the model was found to answer to."""
         return shifted(replace(record, input=u), -self.lag).input
 
+
+LAG, INTERPOLATED = "lag", "interpolated"
+"""Codes of the notes that say what was done to an input."""
 
 HELD = 3
 """Rows an input repeats, in the middle, from which on it is taken for held between its updates."""
@@ -48,7 +55,7 @@ def shifted(record: Record, lag: float) -> Record:
     for _, rows in record.sequences():
         t = record.time[rows]
         u[rows] = np.interp(t - lag, t, record.input[rows])
-    return record.noted("lag", f"input moved by a lag of {lag:.4g}", input=u)
+    return record.noted(LAG, f"input moved by a lag of {lag:.4g}", input=u)
 
 
 def is_held(record: Record) -> bool:
@@ -72,7 +79,7 @@ def interpolated(record: Record) -> Record:
         rests = [b - usual for a, b in pairwise(change) if b - a > 5 * usual]
         knots = np.union1d(change, rests).astype(int)
         u[rows] = np.interp(t, t[knots], v[knots])
-    return record.noted("interpolated", "input made linear between its updates", input=u)
+    return record.noted(INTERPOLATED, "input made linear between its updates", input=u)
 
 
 def _runs(record: Record) -> list[np.ndarray]:

@@ -147,10 +147,10 @@ class FitResult:
         return sum(p.status in ("free", "at bound", "unidentified") for p in self.parameters)
 
     def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
-        """The model's output on a record, every sequence from the virgin state.
+        """The model's output on a record, every sequence from the virgin state; also on `train` and `test`.
 
-        Beyond the inputs of the fit, relays continue as play operators, see `extended`; `beyond` marks
-        those rows.
+        Every error, table and picture of a fit is of this prediction. Beyond the inputs of the fit, relays
+        continue as play operators, see `extended`; `beyond` marks those rows.
 
         Raises `InputError` `wrong-unit` where the record's input has another unit than the fit's.
         """
