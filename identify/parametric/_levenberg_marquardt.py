@@ -44,8 +44,8 @@ def levenberg_marquardt(
         (J' J + 1 / size) d = -J' r,  solved by the QR decomposition of [J; 1 / sqrt(size)]
 
     It converged where neither z nor any residual changes by more than `tolerance`, absolute and relative.
-    It takes the same steps as optimistix's `LevenbergMarquardt`. That one traces the residuals several times
-    over, and is traced and compiled in twice the time: the wait before a first fit.
+    It takes the same steps as optimistix's `LevenbergMarquardt`, which traces the residuals several times
+    and needs twice the time to trace and compile: the wait before a first fit.
 
     **Source:** Gould, Orban, Sartenaer and Toint, "Sensitivity of trust-region algorithms to their
     parameters", 4OR 3, 2005.
