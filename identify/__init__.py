@@ -41,6 +41,7 @@ from .records._run_model import predict
 from .results._detail import Composition, DiscreteSpectrum, GridWeights, Parametric
 from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
+from .results._trained_condition import TrainedCondition
 from .spectra._spectrum import Spectrum, spectrum
 from .training._gaussian_process import fit_kernel
 from .training._train import Trained, train
@@ -88,6 +89,7 @@ __all__ = [
     "Starts",
     "Target",
     "Trained",
+    "TrainedCondition",
     "Verdict",
     "Whiteness",
     "breakdown",

@@ -11,6 +11,7 @@ import numpy as np
 import identify
 from compensate import Status, estimate, invert
 from hysteresis import InputError, Record
+from hysteresis._format import quantity
 
 from ..intake._constant_input import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
@@ -18,6 +19,7 @@ from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit
 
 FLAGGED_BEYOND = "beyond the trained inputs"
+CONDITION_BEYOND = "beyond the trained conditions"
 
 
 def predict(
@@ -60,6 +62,7 @@ def predict(
         else:
             values = fitted.predict(record)
             words = (later if asked.is_step else _outside)(fitted, record)
+            said += _between(fitted, record)
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
@@ -91,7 +94,23 @@ def predict(
 
 def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
     """What to say about each row of a record: is it beyond the inputs that were fitted?"""
-    return [FLAGGED_BEYOND if o else "OK" for o in fitted.beyond(record)]
+    words = np.where(fitted.beyond(record), FLAGGED_BEYOND, "OK").astype(object)
+    if (condition := fitted.condition) is not None:
+        words[condition.beyond(fitted.combined(record))] = CONDITION_BEYOND
+    return words.tolist()
+
+
+def _between(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to mind of rows at conditions between the trained ones."""
+    condition = fitted.condition
+    count = 0 if condition is None else int(condition.between(fitted.combined(record)).sum())
+    if condition is None or not count:
+        return []
+    said = f"{count} rows are at a {condition.name} between the trained values"
+    if condition.error is None:
+        return [f"{said}, where the error is not known."]
+    error = quantity(condition.error, fitted.train.output_unit, 3)
+    return [f"{said}. At such values, held out in the fit, the model errs by {error} rms."]
 
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:

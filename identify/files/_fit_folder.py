@@ -244,7 +244,9 @@ def read_document(folder: str | Path) -> dict[str, Any]:
 def to_json(fit: FitResult) -> dict[str, Any]:
     """What fit.json says about a fit, as plain data."""
     record = fit.train
+    condition = fit.condition
     document = summary(fit) | {
+        **({} if condition is None else {"condition": condition._asdict()}),
         "schema": SCHEMA,
         "candidates": [summary(candidate) for candidate in fit.candidates],
         "skipped": fit.skipped,

@@ -7,15 +7,18 @@ from typing import Any
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Preisach, Record
+from hysteresis._format import quantity
 from hysteresis.preisach import AbstractGridDensity
 
 from ..linear._composition_fit import fit_compositions, fit_lagging
+from ..linear._conditioned_fit import fit_conditioned
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_fit import GRIDS, fit_preisach
 from ..records._run_model import predict
 from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
+from ..results._trained_condition import trained_condition
 from ._training_data import TrainingData
 
 DRAWS = 64
@@ -56,7 +59,11 @@ def fit_composition(
     if data.falls:
         raise _falls(data.record)
     state = "negative" if initial in ("auto", "fit") else initial
-    path = fit_compositions(data.record, data.parts, data.leadings, state)
+    path: tuple[LinearFit, ...]
+    if data.condition is None:
+        path = fit_compositions(data.record, data.parts, data.leadings, state)
+    else:
+        path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
     if data.seeks_lag:
         say(f"{path[-1].meaning.name}; is there a lag between the clocks?")
         if (lagging := fit_lagging(path, data.record, data.parts, state)) is not None:
@@ -67,6 +74,7 @@ def fit_composition(
         notes = [f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."]
         if data.clocks.lag:
             notes.append(_lag_in_words(data))
+        notes += _condition_in_words(linear, data)
         detail, name = Composition(linear), linear.meaning.name
         results.append(_result(name, linear, detail, data, tuple(notes), seed))
     return results
@@ -107,6 +115,18 @@ def _result(
         channels=data.channels,
         seed=seed,
     )
+
+
+def _condition_in_words(linear: LinearFit, data: TrainingData) -> list[str]:
+    blocks, unit = linear.blocks * linear.meaning.scale**2, data.record.output_unit
+    found = trained_condition(linear.model, data.record, blocks)
+    if found is None:
+        return []
+    if found.error is None:
+        least = "Fewer than three values were trained, so the error between them is not known."
+        return [str(found), least] if found.values is not None else [str(found)]
+    said = f"At trained values that were held out it errs by {quantity(found.error, unit, 3)} rms."
+    return [str(found), said]
 
 
 def _lag_in_words(data: TrainingData) -> str:

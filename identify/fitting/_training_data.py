@@ -10,6 +10,7 @@ from hysteresis import ChannelMap, Note, Record, check_identifiable
 from ..linear._channel_map_fit import fit_channel_map
 from ..records._channel_map import combine
 from ..records._clocks import Clocks, is_held
+from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, parts
 from ..records._orientation import initial_states, orientations, output_falls
 from ..results._fit_result import FitResult
@@ -29,6 +30,7 @@ class TrainingData:
     - `clocks`: what was done to the input. `channels`: what combined several channels into it.
     - `seeks_lag`: whether a constant lag between the clocks may be looked for.
     - `warnings`: what is wrong with the data though a fit is possible.
+    - `condition`: the name of the condition that the output depends on; None without one.
     """
 
     record: Record
@@ -41,6 +43,7 @@ class TrainingData:
     channels: ChannelMap | None
     seeks_lag: bool
     warnings: tuple[Note, ...]
+    condition: str | None = None
 
     def tested(self, fit: FitResult) -> FitResult:
         """The fit with its figures on the test record, if there is one, all of `FitResult.predict`."""
@@ -79,21 +82,32 @@ def training_data(
         test = None if test is None else combine(test, channels)
         say(record.history[-1])
     warnings = tuple(check_identifiable(record))
+    condition = name_of_condition(record)
+    if condition is not None and not np.ptp(record.columns[condition][record.mask]):
+        said = f"{condition!r} is constant in the training rows, so its effect is not fitted."
+        record, condition = record.noted("constant-condition", said, conditions={}), None
     updates_late = not keep_clocks and record.time is not None and is_held(record)
     clocks = Clocks(interpolated=updates_late)
     record = clocks.applied(record)
     # The cycles that settling masks are like the ones it keeps, so what follows holds for both.
     falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
-    if not (keep_conditioning or falls) and (later := settled(record, leadings)) is not record:
+    if (
+        not (keep_conditioning or falls or condition)
+        and (later := settled(record, leadings)) is not record
+    ):
         record = later
         say(record.history[-1])
-    cut = parts(record, keep_conditioning=keep_conditioning)
+    cut = (
+        parts(record, keep_conditioning=keep_conditioning)
+        if condition is None
+        else condition_parts(record, condition)
+    )
     if clocks.interpolated:
         say(f"{record.input_name} is updated less often than read: linear between its updates")
     say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
     return TrainingData(
         record, test, cut, falls, leadings, initials, clocks, channels,
         # The channels' curves have taken up a lag between the clocks, if there is one.
-        seeks_lag=not keep_clocks and channels is None and record.time is not None,
-        warnings=warnings,
+        seeks_lag=not keep_clocks and channels is None and record.time is not None and not condition,
+        warnings=warnings, condition=condition,
     )  # fmt: skip

@@ -147,7 +147,7 @@ class Problem:
         times = relaxation_times(record)
         some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
         low, high = float(u.min()), float(u.max())
-        self.record, self.parts = record, parts
+        self.record, self.parts, self.rows = record, parts, rows
         self.whole = CompositionUnknowns(
             some, low, high, scale, times, leading, initial, floor, first
         )

@@ -10,10 +10,11 @@ from hysteresis import AbstractModel
 
 from ..noise._residual_statistics import Noise
 from ._composition import CompositionUnknowns
+from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import GridUnknowns
 from ._projected_draws import Tell, projected_draws, variance_of_unknowns
 
-Unknowns = TypeVar("Unknowns", GridUnknowns, CompositionUnknowns)
+Unknowns = TypeVar("Unknowns", GridUnknowns, CompositionUnknowns, ConditionedUnknowns)
 """What the unknowns of a linear model stand for.
 
 `model` makes the model of them, `minimum` finds them among the possible models, `scale` is their unit of

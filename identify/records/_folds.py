@@ -77,9 +77,14 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
 
 
+BLOCKS_OF_FOLD = 10
+"""Blocks of consecutive rows into which the errors of a fold are cut."""
+
+
 def block_errors(error: Float[np.ndarray, " rows"]) -> list[float]:
     """Mean squares of ten blocks of consecutive rows, so that choices can be compared in pairs."""
-    return [float(np.mean(block**2)) for block in np.array_split(error, 10) if len(block)]
+    blocks = np.array_split(error, BLOCKS_OF_FOLD)
+    return [float(np.mean(block**2)) for block in blocks if len(block)]
 
 
 def held_out_errors(

@@ -24,6 +24,14 @@ def initial_states(record: Record) -> tuple[str, ...]:
 
 
 def output_falls(record: Record) -> bool:
-    """Whether the output falls, on the whole, as the input rises."""
+    """Whether the output falls, on the whole, as the input rises.
+
+    Where a condition sets its level, within the sequences: their levels say nothing of the input.
+    """
     u, y = record.input[record.mask], record.output[record.mask]
+    if record.conditions:
+        sequence = np.repeat(np.arange(len(record.starts)), np.diff([*record.starts, len(record)]))
+        of = sequence[record.mask]
+        rows = np.maximum(np.bincount(of), 1)
+        u, y = (x - (np.bincount(of, x) / rows)[of] for x in (u, y))
     return bool(np.cov(u, y)[0, 1] < 0)

@@ -7,10 +7,21 @@ from jaxtyping import Float
 
 from hysteresis import AbstractModel, Record
 
+from ._conditions import values_for
+
 
 def prepare(model: AbstractModel, record: Record) -> Any:
     """The record's input prepared for the model; every sequence starts from the virgin state."""
-    return model.prepare(record.time, record.input, starts=starts_of(record))
+    return model.prepare(record.time, driving(model, record), starts=starts_of(record))
+
+
+def driving(model: Any, record: Record) -> Float[np.ndarray, "samples *inputs"]:
+    """What a model takes from a record: the input, beside the condition where the model depends on one.
+
+    Raises `InputError` `no-condition` where the record does not have it.
+    """
+    c = values_for(model, record)
+    return record.input if c is None else np.column_stack([record.input, c])
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
@@ -21,7 +32,8 @@ def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples
         >>> float(np.abs(identify.predict(fit.model, record) - fit.predict(record)).max())
         0.0
     """
-    return np.asarray(model.simulate(record.time, record.input, starts=starts_of(record)))
+    u = driving(model, record)
+    return np.asarray(model.simulate(record.time, u, starts=starts_of(record)))
 
 
 def starts_of(record: Record) -> tuple[int, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from hysteresis import AbstractModel
 
 from ..linear._composition import CompositionUnknowns
+from ..linear._conditioned_unknowns import ConditionedUnknowns
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_unknowns import GridUnknowns
 from ..noise._residual_statistics import Noise
@@ -91,14 +92,16 @@ class Composition:
         True
     """
 
-    linear: LinearFit[CompositionUnknowns]
+    linear: LinearFit[CompositionUnknowns] | LinearFit[ConditionedUnknowns]
     kind: ClassVar[str] = "composition"
     is_linear: ClassVar[bool] = True
     least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "composition"
 
     def words(self) -> Words:
-        return {self.key: self.linear.meaning._asdict()}
+        meaning = self.linear.meaning
+        plain = meaning.words() if isinstance(meaning, ConditionedUnknowns) else meaning._asdict()
+        return {self.key: plain}
 
     def arrays(self) -> dict[str, Any]:
         return _linear_arrays(self.linear) | {"rows": self.linear.rows}
@@ -106,6 +109,8 @@ class Composition:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "Composition":
         """The inverse of `words` and `arrays`."""
+        if "knots" in words:
+            return cls(_linear_fit(ConditionedUnknowns.rebuilt(words), arrays))
         words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
         return cls(_linear_fit(CompositionUnknowns(**words), arrays))
 

@@ -1,6 +1,6 @@
 """What a fit gives back."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..records._clocks import Clocks
 from ..records._run_model import predict
 from ._detail import Detail, Parametric
 from ._metrics import Metrics
+from ._trained_condition import TrainedCondition, trained_condition
 
 Status = Literal["free", "fixed", "at bound", "unidentified"]
 
@@ -156,23 +157,43 @@ class FitResult:
         """
         if not record.channels:
             check_unit(record.input_name, record.input_unit, self.train.input_unit)
+        for name, unit in record.conditions.items():
+            check_unit(name, unit, self.train.conditions.get(name, "1"))
         record = self.clocks.applied(self.combined(record))
         low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
         return predict(extended(self.model, low, high), record)
 
+    @property
+    def condition(self) -> TrainedCondition | None:
+        """The condition that the model depends on beside its input; None where it depends on none."""
+        return trained_condition(self.model, self.train, self.blocks)
+
     def combined(self, record: Record) -> Record:
         """The record with its channels combined as in the fit; as it is where it has one input.
 
+        A channel that was a condition in the fit is one again.
+
         Raises `InputError` `wrong-channels` where its inputs are not those of the fit.
         """
+        own = {
+            name: unit for name, unit in record.channels.items() if name in self.train.conditions
+        }
+        alone = self.train.input_name
+        if own and {*record.channels} == {alone, *own}:
+            record = replace(
+                record, input=record.columns[alone], input_name=alone,
+                input_unit=record.channels[alone], channels={}, conditions=own,
+            )  # fmt: skip
         return combine(record, self.channels)
 
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
-        """Rows with an input, or a channel of it, outside those that counted in the fit."""
+        """Rows with an input, a channel of it, or a condition outside those that counted in the fit."""
         u, seen = self.combined(record).input, self.train.input[self.train.mask]
         outside = (u < seen.min()) | (u > seen.max())
         if self.channels is not None and record.channels:
             outside |= beyond(record, self.channels)
+        if (condition := self.condition) is not None:
+            outside |= condition.beyond(record)
         return outside
 
     def summary(self) -> str:

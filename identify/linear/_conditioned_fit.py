@@ -1,0 +1,194 @@
+"""Fitting a composition that depends on a condition: which parts, how many knots, on which axis."""
+
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import Record
+from hysteresis.models._conditioned import AXES
+from hysteresis.preisach import Initial
+
+from ..records._conditions import inner_folds, trained_values
+from ..records._folds import BLOCKS_OF_FOLD, Fold, Parts, best_of, held_out_errors, simplest
+from ._composition import CURVE
+from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path
+from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
+from ._cross_validation import Choice, jittered, total
+from ._linear_fit import LinearFit
+
+COUNTS = (1, 2, 3, 5)
+"""Numbers of knots tried; with one the condition does not matter. With more values trained, the values next
+to even steps on the axis are knots."""
+
+WIDE = 1.5
+"""The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
+straight one by enough to be tried."""
+
+GROWN_WITH = 3
+"""Knots at most while parts join: how many there are at last is chosen with all parts."""
+
+
+def fit_conditioned(
+    record: Record,
+    parts: Parts,
+    name: str,
+    leadings: tuple[bool, ...],
+    initial: Initial = "negative",
+) -> tuple[LinearFit, ...]:
+    """Compositions from a curve alone to the best one, each of whose unknowns depend on a condition.
+
+    `parts` hold one value of the condition each, see `condition_parts`. A curve with every number of
+    knots on every axis is tried first; with the best of them parts join one by one as in
+    `fit_compositions`; with those the number of knots is chosen again: the fewest that are as good as the
+    best. Where two choices are the same on all held-out parts, more knots are taken: each trained value is
+    then met by a knot of its own.
+    """
+    found = []
+    for leading in leadings:
+        base = ConditionedProblem(record, parts, name, leading, initial)
+        first = _chosen(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes)
+        problem = first.problem
+        path = _path(problem.of(problem.axis, min(problem.knot_count, GROWN_WITH)))
+        last = path[-1]
+        strengths, axes = (last.strength,), (problem.axis,)
+        found.append((path[:-1], _chosen(problem, last.parts, strengths, axes)))
+    before, best = min(found, key=lambda one: one[1].blocks.mean())
+    without = best.problem.of("linear", 1).tried(best.parts, best.strength)
+    path = [*before, *([without] if best.problem.knot_count > 1 else []), best]
+    return tuple(choice.problem.fitted(choice) for choice in path)
+
+
+class ConditionedProblem(Problem):
+    """The problem of a composition, seen with some knots on an axis of the condition.
+
+    Each part of the record has one value of the condition, so that its normal equations serve for any
+    knots: those of the whole are the sum of (h h') x H over the parts, with h the hat functions there. The
+    fit itself takes every row's own value.
+    """
+
+    def __init__(
+        self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial
+    ) -> None:
+        super().__init__(record, parts, leading, initial, None)
+        c = record.columns[name]
+        self.condition, self.c = name, c[self.rows]
+        self.value = np.array([c[parts.label == p].mean() for p in parts.all])
+        used = c[record.mask]
+        self.ends = float(used.min()), float(used.max())
+        trained = trained_values(record, name)
+        if trained is not None:  # a measured one scatters from part to part
+            self.value = trained[np.abs(self.value[:, None] - trained).argmin(1)]
+        most = COUNTS[-1] if trained is None else min(COUNTS[-1], len(trained))
+        self.counts = (*(count for count in COUNTS if count < most), most)
+        wide = self.ends[0] > 0 and self.ends[1] > WIDE * self.ends[0]
+        self.axes = AXES if wide else AXES[:1]
+        self.axis, self.knot_count = "linear", 2
+        self.inner_folds = inner_folds(trained)
+
+    def of(self, axis: str, knots: int) -> "ConditionedProblem":
+        """The same columns with other knots."""
+        other = copy(self)
+        other.axis, other.knot_count = axis, knots
+        return other
+
+    def knots(self, which: tuple[int, ...]) -> Float[np.ndarray, " knots"]:
+        """Knots from the values of some parts: the ends, and those next to even steps between."""
+        values = np.unique(self.value[list(which)])
+        if len(values) < 2 or self.knot_count < 2:
+            return values[:1]
+        at = on_axis(self.axis, values)
+        even = np.linspace(at[0], at[-1], self.knot_count)
+        knots = values[np.unique(np.abs(at[:, None] - even).argmin(0))]
+        if len(which) == len(self.value):
+            knots[[0, -1]] = self.ends
+        return knots
+
+    def objective(
+        self, which: tuple[int, ...], some: tuple[str, ...], strength: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        knots = self.knots(which)
+        shares = shares_of(knots, self.axis, self.value)
+        columns = self.whole.where(some)
+        H, b = 0.0, 0.0
+        for p in which:
+            h, normal = shares[p], self.normal[p]
+            H = H + np.kron(np.outer(h, h), normal.H[np.ix_(columns, columns)])
+            b = b + np.kron(h, normal.b[columns])
+        rows = total(self.normal[p] for p in which).rows
+        prior = self.whole.of(*some).prior(strength)
+        return jittered(H / rows + np.kron(np.eye(len(knots)), prior)), np.asarray(b / rows)
+
+    def meaning(self, which: tuple[int, ...], some: tuple[str, ...]) -> ConditionedUnknowns:
+        """What the unknowns of a solution stand for."""
+        knots = tuple(self.knots(which).tolist())
+        unit = self.record.conditions[self.condition]
+        return ConditionedUnknowns(self.whole.of(*some), knots, self.condition, unit, self.axis)
+
+    def solution(
+        self, which: tuple[int, ...], some: tuple[str, ...], strength: float
+    ) -> Float[np.ndarray, " unknowns"]:
+        return self.meaning(which, some).minimum(*self.objective(which, some, strength))
+
+    def tried(self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()) -> Tried:
+        columns = self.whole.where(some)
+
+        def solve(train: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+            return self.knots(train), self.solution(train, some, strength)
+
+        def error(solved: tuple[np.ndarray, np.ndarray], test: tuple[int, ...]) -> np.ndarray:
+            knots, x = solved
+            rows = np.isin(self.label, test)
+            each = self.A[np.ix_(rows, columns)] @ x.reshape(len(knots), -1).T
+            return (each * shares_of(knots, self.axis, self.c[rows])).sum(1) - self.y[rows]
+
+        return Choice(
+            self, strength, held_out_errors(folds or self.parts.folds, solve, error), some
+        )
+
+    def fitted(self, choice: Tried) -> LinearFit:
+        """A choice, fitted to all the training parts; a plain composition where it has one knot."""
+        if self.knot_count < 2:
+            return super().fitted(choice)
+        meaning = self.meaning(self.parts.all, choice.parts)
+        knots = np.array(meaning.knots)
+        A = self.A[:, self.whole.where(choice.parts)]
+        A = (shares_of(knots, self.axis, self.c)[:, :, None] * A[:, None]).reshape(len(A), -1)
+        prior = np.kron(np.eye(len(knots)), meaning.base.prior(choice.strength))
+        H, b = jittered(A.T @ A / len(A) + prior), A.T @ self.y / len(A)
+        return LinearFit(
+            meaning.minimum(H, b), meaning, H, b, len(A), choice.strength, choice.blocks
+        )
+
+
+def _chosen(
+    problem: ConditionedProblem,
+    some: tuple[str, ...],
+    strengths: tuple[float, ...],
+    axes: tuple[str, ...],
+) -> Tried:
+    """The axis of the best choice, and on it the fewest knots that are as good.
+
+    Where whole conditions are held out, only those judge: what knots and axis are for is between them.
+    """
+    judged = slice(BLOCKS_OF_FOLD * problem.inner_folds or None)
+    by_axis: list[list[_Judged]] = []
+    for axis in axes:
+        each: list[_Judged] = []
+        for count in problem.counts:
+            tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
+            new = simplest(_Judged(one, one.blocks[judged]) for one in tries)
+            if count > 2 and np.array_equal(new.blocks, each[-1].blocks):
+                each.pop()
+            each.append(new)
+        by_axis.append(each)
+    best = min(by_axis, key=lambda each: best_of(each).blocks.mean())
+    return simplest(best).choice
+
+
+class _Judged(NamedTuple):
+    """A choice, and the errors by which it is compared here."""
+
+    choice: Tried
+    blocks: Float[np.ndarray, " blocks"]

@@ -1,0 +1,109 @@
+"""What the unknowns of a composition that depends on a condition stand for."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from hysteresis import AbstractModel, Conditioned
+
+from ._composition import CompositionUnknowns
+from ._nnls import nonnegative_least_squares
+
+
+class ConditionedUnknowns(NamedTuple):
+    """A composition at each of a few knots of a condition, and straight lines between them:
+
+        y = h_1(c) (columns x_1) + ... + h_K(c) (columns x_K)
+
+    with the hat functions h_k of the knots, see `Conditioned`. It is linear in the unknowns x_1 ... x_K,
+    which stand one behind the other, each as in `base`. A composition that rises with its input at every
+    knot rises for every c.
+
+    - `base`: what each x_k stands for.
+    - `knots`: (K,) values of the condition. `axis`: see `Conditioned`.
+    - `condition`, `unit`: its name and unit.
+    """
+
+    base: CompositionUnknowns
+    knots: tuple[float, ...]
+    condition: str
+    unit: str
+    axis: str
+
+    @property
+    def scale(self) -> float:
+        """The unknowns are in this unit of the output."""
+        return self.base.scale
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of the composition."""
+        return self.base.parts
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return f"{self.base.name}, by {self.condition}"
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return len(self.knots) * self.base.count
+
+    def words(self) -> dict[str, Any]:
+        """Plain data, as `rebuilt` takes it."""
+        return self._asdict() | {"base": self.base._asdict()}
+
+    @classmethod
+    def rebuilt(cls, words: dict[str, Any]) -> "ConditionedUnknowns":
+        """The inverse of `words`, also when lists stand for tuples."""
+        plain = {key: tuple(x) if isinstance(x, list) else x for key, x in words.items()}
+        base = {key: tuple(x) if isinstance(x, list) else x for key, x in words["base"].items()}
+        return cls(**plain | {"base": CompositionUnknowns(**base)})
+
+    def minimum(
+        self,
+        H: Float[np.ndarray, "n n"],
+        b: Float[np.ndarray, " n"],
+        start: Bool[np.ndarray, " n"] | None = None,
+    ) -> Float[np.ndarray, " n"]:
+        """The minimum of x'Hx/2 - b'x with all unknowns but the offsets not negative."""
+        offsets = np.arange(len(b)) % (len(b) // len(self.knots)) == 0
+        return nonnegative_least_squares(H, b, offsets, start)
+
+    def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> AbstractModel:
+        """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""
+        if unknowns.ndim > 1:
+            return jax.vmap(self.model)(jnp.asarray(unknowns))
+        each = jnp.split(jnp.asarray(unknowns), len(self.knots))
+        models = tuple(self.base.model(x) for x in each)
+        return Conditioned(models, self.knots, self.condition, self.unit, self.axis)
+
+    @property
+    def total_names(self) -> tuple[str, ...]:
+        """Names of the sums that tell a person what the parts do, at every knot."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        names = self.base.total_names
+        return tuple(f"{name} at {knot:.4g}{unit}" for knot in self.knots for name in names)
+
+    @property
+    def totals(self) -> Float[np.ndarray, "sums unknowns"]:
+        """The sums as rows, at every knot."""
+        return np.kron(np.eye(len(self.knots)), self.base.totals)
+
+
+def shares_of(
+    knots: Float[np.ndarray, " knots"], axis: str, c: Float[np.ndarray, " samples"]
+) -> Float[np.ndarray, "samples knots"]:
+    """The hat functions of `Conditioned`, for many small sets of knots: nothing is compiled."""
+    c = np.clip(c, knots[0], knots[-1])
+    at, nodes = on_axis(axis, c), on_axis(axis, knots)
+    return np.stack([np.interp(at, nodes, row) for row in np.eye(len(knots))], -1)
+
+
+def on_axis(axis: str, c: Float[np.ndarray, " values"]) -> Float[np.ndarray, " values"]:
+    """The condition on the axis of interpolation."""
+    return np.log(c) if axis == "logarithmic" else -1 / c if axis == "reciprocal" else c
