@@ -14,9 +14,13 @@ if TYPE_CHECKING:
     from ._estimate import estimate as estimate
     from ._invert import invert as invert
     from .export._export import Exported as Exported
+    from .export._export import Origin as Origin
     from .export._export import Quantity as Quantity
     from .export._export import export_c as export_c
     from .export._export import export_runtime as export_runtime
+    from .guards._guarded import GuardedCompensator as GuardedCompensator
+    from .guards._run_in import RunIn as RunIn
+    from .guards._run_in import run_in as run_in
     from .inverses import BracketedCompensator as BracketedCompensator
     from .inverses import inverse_of as inverse_of
     from .qualification._loop_widths import Loop as Loop
@@ -37,6 +41,8 @@ _HOME = {
     "_estimate": ("estimate",),
     "_invert": ("invert",),
     "inverses": ("BracketedCompensator", "inverse_of"),
+    "guards._guarded": ("GuardedCompensator",),
+    "guards._run_in": ("RunIn", "run_in"),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),
     "uncertainty._calibrated": ("CalibratedCompensator", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),
@@ -44,7 +50,7 @@ _HOME = {
     "uncertainty._flat_intervals": ("FlatInterval", "flat_intervals"),
     "qualification._loop_widths": ("Loop", "loop_widths"),
     "qualification._qualify": ("Qualification", "qualify"),
-    "export._export": ("Exported", "Quantity", "export_c", "export_runtime"),
+    "export._export": ("Exported", "Origin", "Quantity", "export_c", "export_runtime"),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 __all__ = sorted([*_MODULE, "Status"])

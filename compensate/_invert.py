@@ -1,36 +1,80 @@
 """`invert`: the inverse of a fitted model, or of many draws of one."""
 
+from typing import Any
+
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, parameters
 
 from ._contract import AbstractCompensator
+from .guards._guarded import GuardedCompensator
+from .guards._run_in import run_in
 from .inverses import inverse_of
 from .uncertainty._ensemble import EnsembleCompensator
 
 
 def invert(
-    model: AbstractModel, output_sigma: ArrayLike | None = None, seed: int = 0
+    model: AbstractModel,
+    output_sigma: ArrayLike | None = None,
+    seed: int = 0,
+    *,
+    trained: tuple[float, float] | None = None,
+    beyond: str = "limit",
+    start: str = "known",
 ) -> AbstractCompensator:
-    """The exact inverse of a fitted model, as a compensator.
+    """The exact inverse of a fitted model, as a compensator, with a guard where `trained` is given.
 
-    Of many models, such as `Posterior.model`, an `EnsembleCompensator`, which tells how far their
-    estimates lie apart; `output_sigma` and `seed` are its own.
+    **Arguments:**
 
-    Raises `InputError` where the model has no inverse: a decreasing stage, a signed density, no slope.
+    - `model`: of many models, such as `Posterior.model`, an `EnsembleCompensator` is made, which tells how
+      far their estimates lie apart; `output_sigma` and `seed` are its own.
+    - `trained`: (low, high), the least and the greatest input of the training rows, in the input's unit.
+      None: no guard; then estimates beyond are as far out as the model continues.
+
+    **Other arguments:** see `GuardedCompensator`.
+
+    - `beyond`: what becomes of estimates beyond `trained`: "limit" (held at the nearer end), "nan", or
+      "free" (as they are). Their status is EXTRAPOLATED.
+    - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
+      RUN_IN until the readings have replaced what is unknown, see `run_in`.
+
+    **Returns:** a compensator.
+
+    **Raises:** `InputError` where the model has no inverse (a decreasing stage, a signed density, no
+    slope), and `bad-option` or `zero-range` for options that do not fit.
 
     **Example:**
 
         >>> y = model.simulate(t, u)
         >>> compensate.invert(model).simulate(t, y).value.round(6).tolist() == u.tolist()
         True
+        >>> float(compensate.invert(model, trained=(0.0, 4.0)).simulate(t, y).value.max())
+        4.0
     """
+    if start not in ("known", "unknown"):
+        raise InputError(
+            "bad-option", f"start={start!r} is unknown.", fix='give "known" or "unknown".'
+        )
+    inverse: Any
     if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
-        return EnsembleCompensator(model, output_sigma, seed)
-    if output_sigma is not None:
+        inverse = EnsembleCompensator(model, output_sigma, seed)
+    elif output_sigma is not None:
         raise InputError(
             "not-invertible",
             "one model's inverse has no spread for a reading's noise to add to.",
             fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
         )
-    return inverse_of(model)
+    else:
+        inverse = inverse_of(model)
+    if trained is None:
+        if start == "unknown":
+            raise InputError(
+                "bad-option",
+                "an unknown start needs the trained range, over which the memory is replaced.",
+                fix="give trained=(low, high), the inputs of the training rows.",
+            )
+        return inverse
+    low, high = trained
+    return GuardedCompensator(
+        inverse, low, high, beyond, run_in(model, low, high) if start == "unknown" else None
+    )

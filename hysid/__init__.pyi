@@ -1,7 +1,7 @@
 """The public names of hysid: type checkers read them here, and `__init__.py` loads each from here."""
 
-from compensate import invert as invert
 from hysid._fit import fit as fit
+from hysid._invert import invert as invert
 from hysid._precision import enable_x64 as enable_x64
 from hysid.armor._calibration import calibrate_armor as calibrate_armor
 from hysid.armor._calibration import choose_presses as choose_presses

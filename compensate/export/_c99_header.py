@@ -4,6 +4,7 @@ import ctypes
 from typing import Any, NamedTuple
 
 from ..runtime._status import Status
+from ._header_facts import facts, origin, trained
 from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
@@ -17,11 +18,11 @@ HEAD = """\
     int status = {stem}_step(&state, {dt}reading, &estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
-estimate: {estimate}.
+estimate: {estimate}.{trained}
 deviation: its standard deviation{unknown}; a null pointer for none.
 {time}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change nothing: the
 last estimate is held. {stem}_reset is the state before the first sample; {stem}_self_test replays what
-the file was made with. {predict}
+the file was made with. {predict}{origin}
 
 Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
 {operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
@@ -33,6 +34,7 @@ STATUSES = {
     Status.SATURATED: "beyond the outputs the model can have: the end of its range is held",
     Status.FLAT: "the model does not change here: the nearest input is held",
     Status.BELOW_THRESHOLD: "no contact yet",
+    Status.RUN_IN: "the memory before the first sample is not known yet",
     Status.INVALID: "the sample was not finite: nothing changed",
 }
 
@@ -64,6 +66,7 @@ class _Header:
         self.parts: list[_Part] = []
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
+        self.guard = document["guard"] and self._part(document["guard"])
         self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
 
     def text(self) -> str:
@@ -74,6 +77,7 @@ class _Header:
             f"#ifndef {upper}_H\n#define {upper}_H\n\n#include <math.h>",
             f"typedef {'float' if self.single else 'double'} {self.real};",
             f"enum {stem}_status {{\n{enum}\n}};",
+            facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.tree),
             self._state(),
@@ -97,7 +101,8 @@ class _Header:
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error) if p) + 60:,}",
+            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
+            trained=trained(d, self.stem), origin=origin(d),
         )  # fmt: skip
 
     # Elements and their constants
@@ -122,8 +127,9 @@ class _Header:
             return both | {"find": looked + both["move"] + 12}
         if inner:
             return {name: cost + 60 for name, cost in both.items()}
-        if tree["kind"] == "error":
-            return {"find": operations(home, "deviation", p)}
+        called = {"error": "deviation", "guard": "limited"}
+        if tree["kind"] in called:
+            return {"find": operations(home, called[tree["kind"]], p)}
         return {n: operations(home, n, p) + 12 for n in names if n in home.functions}
 
     def _element(self, kind: str) -> str:
@@ -159,11 +165,13 @@ class _Header:
         )
         return "\n".join(lines)
 
-    def _number(self, value: float, kind: str) -> str:
+    def _number(self, value: float | None, kind: str) -> str:
+        if value is None:
+            return f"({self.real})NAN"
         return str(int(value)) if kind == "int" else number(value, self.single)
 
-    def _list(self, values: list[float]) -> str:
-        words = [number(v, self.single) for v in values] or ["0"]
+    def _list(self, values: list[float] | list[float | None]) -> str:
+        words = [self._number(v, "real") for v in values] or ["0"]
         rows = [", ".join(words[k : k + 6]) for k in range(0, len(words), 6)]
         if len(rows) == 1:
             return f"{{{rows[0]}}}"
@@ -332,13 +340,11 @@ static inline int {stem}_step(
         if (seen > {high}) {{
             seen = {high};
         }}
-        s->estimate = {stem}_{k}_find(s, s->begun ? s->waited : {zero}, seen);
+        {real} passed = s->begun ? s->waited : {zero};
+        s->estimate = {stem}_{k}_find(s, passed, seen);
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
-        status = s->n{k}.status;
-        if (status == {upper}_OK && seen != reading) {{
-            status = {upper}_EXTRAPOLATED;
-        }}
+{self._guarded()}
     }}
     *estimate = s->estimate;
     if (deviation) {{
@@ -360,6 +366,27 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input)
     return reading;
 }}"""
 
+    def _guarded(self) -> str:
+        """The status, and the estimate as it is given out."""
+        stem, upper, k = self.stem, self.stem.upper(), self.root.number
+        if not self.guard:
+            return f"""\
+        status = s->n{k}.status;
+        if (status == {upper}_OK && seen != reading) {{
+            status = {upper}_EXTRAPOLATED;
+        }}"""
+        g = self.guard.number
+        text = f"""\
+        s->estimate = {stem}_guard_limited(
+            &{stem}_{g}, &s->n{g}, passed, s->estimate, s->n{k}.status, seen != reading);
+        status = s->n{g}.status;"""
+        if self.guard.tree["beyond"] != "nan":
+            return text
+        return f"""{text}
+        if (s->n{g}.beyond) {{
+            s->estimate = ({self.real})NAN;
+        }}"""
+
     def _self_test(self) -> str:
         stem, real, golden = self.stem, self.real, self.document["golden"]
         n, rates = len(golden["reading"]), self.document["rates"]
@@ -368,6 +395,9 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input)
             f"    static const {real} {k}[{n}] = {self._list(golden[k])};" for k in given
         )
         tolerance = number(golden["tolerance"] * (1e6 if self.single else 1.0), self.single)
+        wrong = f"!(fabs{'f' if self.single else ''}(estimate - value[k]) <= {tolerance})"
+        if None in golden["value"]:
+            wrong = f"isnan(value[k]) ? !isnan(estimate) : {wrong}"
         return f"""\
 /* How many of {n} readings give another estimate than where this file was made; the state is reset. */
 static inline int {stem}_self_test({stem}_state *s)
@@ -378,7 +408,7 @@ static inline int {stem}_self_test({stem}_state *s)
     for (int k = 0; k < {n}; ++k) {{
         {real} estimate;
         (void){stem}_step(s, {"dt[k], " if rates else ""}reading[k], &estimate, 0);
-        if (!(fabs{"f" if self.single else ""}(estimate - value[k]) <= {tolerance})) {{
+        if ({wrong}) {{
             ++wrong;
         }}
     }}

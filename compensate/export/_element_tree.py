@@ -26,6 +26,9 @@ from hysteresis import (
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import AbstractGridDensity, saturated_outputs
 
+from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
+from ..guards._guarded import GuardedCompensator
+from ..guards._run_in import RunIn
 from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._preisach import PreisachCompensator
@@ -63,6 +66,25 @@ def error_tree(found: CalibratedCompensator) -> Tree:
         },
         {"begun": 0, "follower": 0.0, "up": 1},
     )  # fmt: skip
+
+
+def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
+    """The guard of a compensator, as an element."""
+    low, high, run_in = float(guard.low), float(guard.high), guard.run_in
+    # In single precision an estimate just after a reversal is 1e-3 of the range off.
+    rounding = ROUNDING_OF_ENDS if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS
+    return {
+        "beyond": guard.beyond,
+        **_node(
+            "guard",
+            {
+                "low": low, "high": high, "rounding": rounding * (high - low),
+                "holds": guard.beyond == "limit", "unknown": run_in is not None,
+                **(run_in or RunIn(0.0, 0.0, 0.0))._asdict(),
+            },
+            {"beyond": 0, "seen_bottom": 0, "seen_top": 0, "elapsed": 0.0},
+        ),
+    }  # fmt: skip
 
 
 def _node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:

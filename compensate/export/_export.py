@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
 
-from ..inverses import inverse_of
+from .._invert import invert
+from ..guards._guarded import GuardedCompensator
 from ..runtime._compensator import KIND
-from ..runtime._file import SCHEMA, write
+from ..runtime._file import COMPENSATOR_SCHEMA, number, write
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._c99_header import header
-from ._element_tree import Tree, error_tree, tree_of
+from ._element_tree import Tree, error_tree, guard_tree, tree_of
 from ._precision import require_double
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
@@ -35,6 +36,18 @@ class Quantity(NamedTuple):
 
 
 OUTPUT, INPUT = Quantity("output"), Quantity("input")
+
+
+class Origin(NamedTuple):
+    """What a file says about the fit it comes from.
+
+    - `verdict`: its level, "PASS", "CAUTION" or "FAIL"; `codes`: of the verdict's reasons.
+    - `date`: of the data, ISO 8601 ("2024-05-03"). Each is "" or () where it is not known.
+    """
+
+    verdict: str = ""
+    codes: tuple[str, ...] = ()
+    date: str = ""
 
 
 class Exported(NamedTuple):
@@ -64,6 +77,10 @@ def export_runtime(
     - `limits`: readings beyond are taken for the nearer limit; by default half the readings' span on
       either side.
     - `depth`: reversals that a Preisach model remembers, 64 by default.
+    - `trained`: (low, high), the least and the greatest input of the training rows; `beyond` and `start`
+      as of `invert`. The file gives the values and statuses of
+      `GuardedCompensator(invert(model), low, high, beyond, run_in, readings=limits)`. None: no guard.
+    - `origin`: the verdict on the fit and the date of its data, for the file's readers.
 
     Raises `InputError` where the model has no inverse, cannot be exported, or needs times, and where JAX
     runs in single precision.
@@ -118,9 +135,13 @@ class Program:
         limits: tuple[float, float] | None = None,
         depth: int = 64,
         error: CalibratedCompensator | None = None,
+        trained: tuple[float, float] | None = None,
+        beyond: str = "limit",
+        start: str = "known",
+        origin: Origin | None = None,
     ):
         require_double()
-        compensator = inverse_of(model)
+        compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
         tree = tree_of(model, depth=depth)
         y = np.asarray(readings, float)
         finite = np.isfinite(y)
@@ -135,20 +156,23 @@ class Program:
                 fix="give the times of the readings.",
             )  # fmt: skip
         low, high = limits or wider(y)
+        self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
         value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
-        start = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
+        begin = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
+        span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
         self.model, self.depth, self._readings, self._times = model, depth, y, t
         self._trees: dict[type, Tree] = {np.float64: tree}
         self._rest = {
-            "schema": SCHEMA, "kind": KIND, "title": title or type(model).__name__,
+            "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates, "start": float(start),
+            "limits": [float(low), float(high)], "rates": rates, "start": number(begin),
+            "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error),
             "golden": {
                 "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
-                "value": value.tolist(), "tolerance": 1e-9 * max(float(np.ptp(value)), 1e-300),
+                "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
 
@@ -156,7 +180,8 @@ class Program:
         """What `compensate.runtime` loads, for numbers of a precision."""
         if precision not in self._trees:
             self._trees[precision] = tree_of(self.model, precision, self.depth)
-        return {**self._rest, "tree": self._trees[precision]}
+        guard = self._guard and guard_tree(self._guard, precision)
+        return {**self._rest, "tree": self._trees[precision], "guard": guard}
 
     @cached_property
     def notes(self) -> tuple[str, ...]:

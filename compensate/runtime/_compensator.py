@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ._file import replayed
 from ._status import Status
-from ._tree import error_of, node_of
+from ._tree import error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 
@@ -28,6 +28,10 @@ class Compensator:
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
     - `rates`: whether `step` needs the time since the last reading.
+    - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
+      "nan" or "free", what becomes of estimates beyond. Their status is EXTRAPOLATED.
+    - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
+      of the data, ISO 8601; None where they are not known.
 
     The JAX compensator that was exported gives the same to 1e-9 of the range.
 
@@ -46,6 +50,13 @@ class Compensator:
         self.rates: bool = document["rates"]
         self._tree, self._start = document["tree"], document["start"]
         self._error_tree = document["error"]
+        # Files of format 1 have neither guard nor origin.
+        self._guard_tree, self.origin = document.get("guard"), document.get("origin")
+        guard = self._guard_tree
+        self.trained: tuple[float, float] | None = (
+            (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
+        )
+        self.beyond: str = guard["beyond"] if guard else "free"
         self.reset()
 
     def reset(self) -> None:
@@ -53,7 +64,12 @@ class Compensator:
         self._node = node_of(self._tree)
         self._find, self._status = self._node.find, self._node.status
         self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
-        self._value, self._waited, self._begun = self._start, 0.0, False
+        self._guard = guard_of(self._guard_tree) if self._guard_tree else None
+        self._value, self._waited, self._begun = (
+            nan if self._start is None else self._start,
+            0.0,
+            False,
+        )
         self._deviation = nan
 
     def step(self, reading: float, dt: float | None = None) -> Estimate:
@@ -73,13 +89,17 @@ class Compensator:
             return Estimate(self._value, Status.INVALID, self._deviation)
         low, high = self.limits
         seen = low if reading < low else high if reading > high else reading
-        self._value = value = self._find(self._waited if self._begun else 0.0, seen)
+        dt = self._waited if self._begun else 0.0
+        value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
-        status = _STATUSES[self._status()]
-        if seen != reading and status is _OK:
-            status = _EXTRAPOLATED
+        status = self._status()
         self._deviation = deviation = self._error(value)
-        return Estimate(value, status, deviation)
+        if self._guard is not None:
+            value, status = self._guard.of(dt, value, status, seen != reading)
+        elif seen != reading and status == _OK:
+            status = _EXTRAPOLATED
+        self._value = value
+        return Estimate(value, _STATUSES[status], deviation)
 
 
 def load(path: str | Path) -> Compensator:
@@ -94,4 +114,11 @@ def load(path: str | Path) -> Compensator:
 def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
     compensator, golden = Compensator(document), document["golden"]
     rows = zip(golden["reading"], golden["dt"], golden["value"], strict=True)
-    return compensator, max(abs(compensator.step(y, dt).value - value) for y, dt, value in rows)
+    return compensator, max(_apart(compensator.step(y, dt).value, value) for y, dt, value in rows)
+
+
+def _apart(found: float, wanted: float | None) -> float:
+    """How far off an estimate is; None stands for NaN, which JSON does not have."""
+    if wanted is None or found != found:
+        return 0.0 if wanted is None and found != found else inf
+    return abs(found - wanted)

@@ -8,6 +8,11 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 SCHEMA = 1
+"""The format of force estimators and armors."""
+COMPENSATOR_SCHEMA = 2
+"""The format of compensators. Format 1 had neither a guard nor an origin; it is still read."""
+
+_NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
 _WRITTEN_BY = {
     "hysid compensator": "not a compensator. Write one with hysid export DIR --runtime FILE.",
@@ -82,9 +87,10 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
         raise FileError(f"{path}: not whole, or no JSON. Export it again.") from None
     if not isinstance(document, dict) or document.get("kind") != kind:
         raise FileError(f"{path}: {_WRITTEN_BY[kind]}")
-    if document.get("schema") != SCHEMA:
+    newest = _NEWEST.get(kind, SCHEMA)
+    if document.get("schema") not in range(1, newest + 1):
         raise FileError(
-            f"{path}: written in format {document.get('schema')}, this version reads {SCHEMA}."
+            f"{path}: written in format {document.get('schema')}, this version reads {newest}."
             " Update hysid, or export it again."
         )
     if document.get("checksum") != checksum(document):

@@ -8,7 +8,8 @@ class Status(IntEnum):
 
     OK = 0
     EXTRAPOLATED = 1
-    """The input is beyond those the model knows. The estimate continues along the memoryless part."""
+    """The input is beyond those the model knows. The estimate continues along the memoryless part; a guard
+    holds it at the nearer end of the trained inputs, or makes it NaN."""
     SATURATED = 2
     """The output is beyond those the model can have. The estimate is held at the end of its range."""
     FLAT = 3
@@ -17,3 +18,6 @@ class Status(IntEnum):
     """There is no contact yet. Any input below the threshold gives this output."""
     INVALID = 5
     """The sample was NaN or infinite. The last estimate is held, and the state does not change."""
+    RUN_IN = 6
+    """The memory before the first sample is not known, and the readings so far have not replaced it yet.
+    The estimate can be off by as much as the loop is wide."""

@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+from math import nan
 from typing import Any, NamedTuple
 
 from ._elements._codes import OK
@@ -22,6 +23,26 @@ def error_of(tree: Tree) -> Callable[[float], float]:
     element: Any = import_module("._elements.error", __package__)
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     return partial(element.deviation, p, s)
+
+
+class Guard(NamedTuple):
+    """The guard of a file, with a state of its own: (dt, value, status, clipped) to what is given out."""
+
+    limited: Callable[[float, float, int, bool], float]
+    state: Any
+    as_nan: bool
+
+    def of(self, dt: float, value: float, status: int, clipped: bool) -> tuple[float, int]:
+        """The estimate as it is given out, and its status."""
+        value = self.limited(dt, value, status, clipped)
+        return (nan if self.as_nan and self.state.beyond else value), self.state.status
+
+
+def guard_of(tree: Tree) -> Guard:
+    """The guard of a file, see `_elements/guard.py`."""
+    element: Any = import_module("._elements.guard", __package__)
+    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    return Guard(partial(element.limited, p, s), s, tree["beyond"] == "nan")
 
 
 class Node(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._console import AsJson, Folder, log, print_result, start_jax, warnings
+from ._console import AsJson, Folder, log, one_of, print_result, start_jax, warnings
 
 
 def export(
@@ -26,6 +26,26 @@ def export(
         tuple[float, float] | None,
         typer.Option(help="LOW HIGH: readings beyond these limits are clipped to them."),
     ] = None,
+    beyond: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("limit", "nan", "free"),
+            help="What becomes of estimates beyond the trained inputs: limit, nan or free. Their status is"
+            " EXTRAPOLATED in any case.",
+        ),
+    ] = "limit",
+    start: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("unknown", "known"),
+            help="What is known of the memory before the first reading: unknown (RUN_IN until the readings"
+            " have replaced it) or known (the model's virgin state).",
+        ),
+    ] = "unknown",
+    date: Annotated[
+        str,
+        typer.Option(metavar="YYYY-MM-DD", help="Date of the data (default: of the fitted file)."),
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Write a fit's compensator as C99 or for plain Python.
@@ -37,7 +57,10 @@ def export(
     start_jax()
     from ..operations import _export  # after JAX is set up
 
-    found = _export.export(folder, c, runtime, single=single, limits=limits, depth=depth)
+    found = _export.export(
+        folder, c, runtime, single=single, limits=limits, depth=depth, beyond=beyond,
+        start=start, date=date,
+    )  # fmt: skip
     for line in warnings(found["notes"]):
         log(line)
     print_result(found, as_json, found["files"].values())

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from compensate import AbstractCompensator, Status
-from hysteresis import InputError, Record
+from compensate import AbstractCompensator, GuardedCompensator, Status
+from hysteresis import AbstractModel, InputError, Record
 from identify import FitResult, Posterior
 
 from . import _base as f
@@ -77,9 +77,17 @@ def draw_compensator(compensator: AbstractCompensator) -> Figure:
 
 def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Readings that go up, down and half way up again, their estimates and statuses."""
-    part = getattr(compensator, "members", compensator)
+    part, guard = compensator, None
+    while hasattr(part, "inner"):
+        part, guard = part.inner, part if isinstance(part, GuardedCompensator) else guard
+    model, part = getattr(part, "model", None), getattr(part, "members", part)
     ends = (np.asarray(getattr(part, end, np.nan), float) for end in ("floor", "ceiling"))
     low, high = (float(np.mean(x)) for x in ends)
+    if guard is not None and isinstance(model, AbstractModel):
+        # The readings of the trained inputs, up and down again.
+        u = np.interp(np.linspace(0, 2, SWEEP), [0, 1, 2], [guard.low, guard.high, guard.low])
+        y = np.asarray(model.simulate(np.linspace(0, 2, SWEEP), u))
+        low, high = float(y.min()), float(y.max())
     if not (np.isfinite([low, high]).all() and low < high):
         low, high = 0.0, 1.0
     t = np.linspace(0, 3, SWEEP)

@@ -6,17 +6,24 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Quantity, calibrated, invert
+from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program, wider
 from hysteresis import InputError
 
 
 def export(
     folder: Path, c: Path | None, runtime: Path | None, *, single: bool = False,
-    limits: tuple[float, float] | None = None, depth: int = 64,
+    limits: tuple[float, float] | None = None, depth: int = 64, beyond: str = "limit",
+    start: str = "unknown", date: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit."""
+    """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit.
+
+    Estimates are guarded by the trained inputs. A robot is switched on at any time, so the first state is
+    unknown unless `start` says otherwise.
+    """
     fitted = identify.load(folder)
+    date = date or identify.internal.read_document(folder)["data"].get("date") or ""
+    verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
         raise InputError(
             "not-invertible",
@@ -37,6 +44,10 @@ def export(
         limits=limits,
         depth=depth,
         error=calibrated(invert(fitted.model), record),
+        trained=fitted.trained,
+        beyond=beyond,
+        start=start,
+        origin=Origin(verdict.level, verdict.codes, date),
     )
     files, notes = {}, [*program.notes]
     if c is not None:
@@ -45,4 +56,7 @@ def export(
         files["runtime"] = str(program.write_runtime(runtime).path)
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
-    return {"files": files, "notes": notes, "limits": [float(x) for x in limits]}
+    return {
+        "files": files, "notes": notes, "limits": [float(x) for x in limits],
+        "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
+    }  # fmt: skip

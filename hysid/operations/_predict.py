@@ -114,8 +114,8 @@ def _between(fitted: identify.FitResult, record: Record) -> list[str]:
 
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """The compensator over each sequence, from the virgin state."""
+    """The compensator over each sequence, from the virgin state, limited to the trained inputs."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    found = estimate(invert(fitted.model), record)
+    found = estimate(invert(fitted.model, trained=fitted.trained), record)
     value, status = np.asarray(found.value), np.asarray(found.status)
     return fitted.clocks.undone(record, value), status

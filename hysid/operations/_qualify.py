@@ -84,7 +84,7 @@ def _of_one(
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     # Estimates are of the input on the model's clock.
     record = fitted.clocks.applied(record)
-    compensator = invert(fitted.model)
+    compensator = invert(fitted.model, trained=fitted.trained)
     ensemble, facts = None, []
     if lag := fitted.clocks.lag:
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"

@@ -158,7 +158,9 @@ class Case:
                 "not-invertible", f"{count} inputs cannot be recovered from one output."
             )
         try:
-            return round_trip(self.fit.model, invert(self.fit.model), self.judged[1])
+            return round_trip(
+                self.fit.model, invert(self.fit.model, trained=self.fit.trained), self.judged[1]
+            )
         except InputError as error:
             return error
 

@@ -15,11 +15,12 @@ from ._case import Case, Link, Section, Table, picture
 
 MEANINGS = {
     Status.OK: "inside the model's range",
-    Status.EXTRAPOLATED: "beyond the trained inputs, extrapolated",
+    Status.EXTRAPOLATED: "beyond the trained inputs",
     Status.SATURATED: "beyond the outputs of the model, held at its limit",
     Status.FLAT: "where the model is flat, nearest input kept",
     Status.BELOW_THRESHOLD: "below the contact threshold",
     Status.INVALID: "not a number",
+    Status.RUN_IN: "before the memory of the model is known",
 }
 
 

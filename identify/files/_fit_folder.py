@@ -8,6 +8,7 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 import hashlib
 import math
 import zipfile
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -241,6 +242,17 @@ def read_document(folder: str | Path) -> dict[str, Any]:
     return document
 
 
+def _date_of(record: Record) -> str | None:
+    """The day, ISO 8601, on which the record's file was written; None where that file is not at hand."""
+    try:
+        file = Path(record.source)
+        if not record.sha256 or hashlib.sha256(file.read_bytes()).hexdigest() != record.sha256:
+            return None
+        return datetime.fromtimestamp(file.stat().st_mtime, UTC).date().isoformat()
+    except OSError:
+        return None
+
+
 def to_json(fit: FitResult) -> dict[str, Any]:
     """What fit.json says about a fit, as plain data."""
     record = fit.train
@@ -253,6 +265,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "data": {
             "source": record.source,
             "sha256": record.sha256 or record.digest(),
+            "date": _date_of(record),
             "rows": int((record.line > 0).sum()),  # a step's own row has no line
             "rows_train": int(record.mask.sum()),
             "rows_test": 0 if fit.test is None else int(fit.test.mask.sum()),

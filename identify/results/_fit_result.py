@@ -186,10 +186,16 @@ class FitResult:
             )  # fmt: skip
         return combine(record, self.channels)
 
+    @property
+    def trained(self) -> tuple[float, float]:
+        """The least and the greatest input of the rows that counted in the fit."""
+        seen = self.train.input[self.train.mask]
+        return float(seen.min()), float(seen.max())
+
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
         """Rows with an input, a channel of it, or a condition outside those that counted in the fit."""
-        u, seen = self.combined(record).input, self.train.input[self.train.mask]
-        outside = (u < seen.min()) | (u > seen.max())
+        u, (low, high) = self.combined(record).input, self.trained
+        outside = (u < low) | (u > high)
         if self.channels is not None and record.channels:
             outside |= beyond(record, self.channels)
         if (condition := self.condition) is not None:

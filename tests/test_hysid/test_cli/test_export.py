@@ -1,12 +1,14 @@
 """`hysid export`: files of a fit that run without JAX, and what is said where there can be none."""
 
+import os
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import identify
-from compensate import invert
+from compensate import Status, invert
 from compensate.runtime import load
 from tests.test_hysid.command import COLUMNS, refused, run, sponge, text
 
@@ -15,6 +17,8 @@ from tests.test_hysid.command import COLUMNS, refused, run, sponge, text
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("export")
     (place / "run.csv").write_text(text(sponge()))
+    written = datetime(2023, 5, 3, 12, tzinfo=UTC).timestamp()
+    os.utime(place / "run.csv", (written, written))
     done = run(
         "fit", place / "run.csv", *COLUMNS, "--model", "LinearSponge", "--out", place / "fit"
     )
@@ -34,6 +38,29 @@ def test_both_files_are_the_compensator(folder: Path):
     assert (compensator.reading["unit"], compensator.estimate["unit"]) == ("mm", "N")
     assert "foam_state *s, foam_real reading, foam_real *estimate" in c.read_text()
     assert compensator.step(10.0).deviation > 0
+
+
+def test_the_files_carry_the_fit(folder: Path):
+    """Trained range, verdict, codes, and the date of the file that was fitted; a guard of one's choice."""
+    c, runtime = folder / "foam.h", folder / "foam.json"
+    fit = identify.load(folder)
+    told = run("export", folder, "--runtime", runtime, "--c", c, "--json").json()
+    assert (told["beyond"], told["start"], told["date"]) == ("limit", "unknown", "2023-05-03")
+    compensator = load(runtime)
+    assert compensator.trained == fit.trained == tuple(told["trained"])
+    assert compensator.origin == {
+        "verdict": fit.verdict.level, "codes": list(fit.verdict.codes), "date": "2023-05-03",
+    }  # fmt: skip
+    assert fit.verdict.codes
+    assert f'#define FOAM_VERDICT "{fit.verdict.level}"' in c.read_text()
+    far = 1.4 * fit.train.output.max()
+    assert compensator.step(far).value == fit.trained[1]
+    assert compensator.step(far).status == Status.EXTRAPOLATED
+    options = ("--beyond", "nan", "--start", "known", "--date", "1999-12-31")
+    assert run("export", folder, "--runtime", runtime, *options).code == 0
+    assert load(runtime).origin["date"] == "1999-12-31"
+    assert np.isnan(load(runtime).step(far).value)
+    refused(run("export", folder, "--runtime", runtime, "--beyond", "clip"), "limit or nan or free")
 
 
 def test_limits_and_precision(folder: Path):

@@ -1,0 +1,254 @@
+"""Guards: estimates stay within the trained inputs, the same in JAX, Python and C; run-in is told."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import (
+    EnsembleCompensator,
+    GuardedCompensator,
+    Origin,
+    Status,
+    calibrated,
+    export_c,
+    export_runtime,
+    invert,
+    run_in,
+)
+from compensate.guards._run_in import LONGEST, TIMES
+from compensate.runtime import load
+from compensate.runtime._file import checksum
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    GeneralizedMaxwell,
+    InputError,
+    LinearSponge,
+    MonotoneCurve,
+    Preisach,
+    Record,
+    Sum,
+)
+from hysteresis.preisach import GridDensity
+from tests.c_harness import COMPILERS, Compiled
+from tests.problems import PROBLEMS, random_histories, weights
+
+MODES = ("limit", "nan", "free")
+ROWS = 120
+RELAYS = Preisach(GridDensity(0.0, 1.0, weights(np.random.default_rng(0))), initial="negative")
+CREEP = Burgers(E1=2.0, eta1=40.0, E2=1.0, eta2=5.0)
+MODELS: dict[str, AbstractModel] = {
+    "relays": RELAYS,
+    "creep": CREEP,
+    "sum": Sum([RELAYS, GeneralizedMaxwell(1.0, np.array([3.0]), np.array([0.5]))]),
+    "curve": MonotoneCurve(np.array([0.0, 0.5, 1.0]), np.array([1.0, 0.001]), 0.0),
+    "plays": next(p for p in PROBLEMS if p.name == "play-rates-bent").model(),
+}
+
+
+def history(model: AbstractModel, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, inputs from -0.2 to 1.2 and outputs; every twentieth reading is missing."""
+    random = np.random.default_rng(seed)
+    t = np.cumsum(random.uniform(0.1, 1.0, ROWS))
+    u = random_histories(random, -0.2, 1.2, (1, ROWS))[0]
+    y = np.asarray(model.simulate(t, u))
+    return t, u, np.where(np.arange(ROWS) % 20 == 7, np.nan, y)
+
+
+@pytest.mark.parametrize(
+    ("name", "beyond"),
+    [
+        *(("relays", mode) for mode in MODES),
+        ("creep", "limit"),
+        ("sum", "nan"),
+        ("curve", "limit"),
+        ("plays", "free"),
+    ],
+)
+def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
+    """Values and statuses, for inputs and readings that leave the range, from an unknown start."""
+    model = MODELS[name]
+    t, _, y = history(model)
+    low, high = 0.2, 0.8
+    readings = np.nanquantile(y, 0.05), np.nanquantile(y, 0.95)
+    compensator = GuardedCompensator(
+        invert(model), low, high, beyond, run_in(model, low, high), readings
+    )
+    wanted = compensator.simulate(t, y)
+    value, status = np.asarray(wanted.value), np.asarray(wanted.status)
+    assert (status == Status.EXTRAPOLATED).sum() > 5
+    options = {"times": t, "trained": (low, high), "beyond": beyond, "start": "unknown"}
+    path = tmp_path / "it.json"
+    export_runtime(model, path, y, limits=readings, depth=128, **options)
+    runtime, dt = load(path), np.diff(t, prepend=t[0])
+    found = [runtime.step(*now) for now in zip(y.tolist(), dt.tolist(), strict=True)]
+    scale = 1e-9 * np.nanmax(np.abs(value))
+    np.testing.assert_allclose([e.value for e in found], value, rtol=0, atol=scale)
+    np.testing.assert_array_equal([int(e.status) for e in found], status)
+    assert (runtime.trained, runtime.beyond) == ((low, high), beyond)
+    if COMPILERS:
+        export_c(model, tmp_path / "it.h", y, limits=readings, depth=128, **options)
+        it = Compiled(tmp_path / "it.h", COMPILERS[0], ("-O0",))
+        found_c, status_c = it.run(dt, y)
+        np.testing.assert_allclose(found_c, value, rtol=0, atol=scale)
+        np.testing.assert_array_equal(status_c, status)
+        assert it.wrong == 0
+        assert f"State: {it.size} bytes" in it.text
+
+
+def test_the_law_of_each_mode():
+    """limit is the clipped inverse, nan has no value there, free is the inverse; all tell the same rows."""
+    model = RELAYS
+    t, _, y = history(model)
+    free = invert(model).simulate(t, y)
+    inside = (np.asarray(free.value) >= 0.2) & (np.asarray(free.value) <= 0.8)
+    found = {m: invert(model, trained=(0.2, 0.8), beyond=m).simulate(t, y) for m in MODES}
+    np.testing.assert_array_equal(found["free"].value, free.value)
+    np.testing.assert_array_equal(found["limit"].value, np.clip(free.value, 0.2, 0.8))
+    np.testing.assert_array_equal(found["nan"].value, np.where(inside, free.value, np.nan))
+    sound = np.isin(free.status, (Status.OK, Status.FLAT))
+    expected = np.where(~inside & sound, Status.EXTRAPOLATED, free.status)
+    for estimate in found.values():
+        np.testing.assert_array_equal(estimate.status, expected)
+
+
+def test_a_stream_is_the_batch():
+    """The guard's own state is carried: what was seen, and since when."""
+    t, u, _ = history(CREEP)
+    t = 9 * t
+    y = np.where(np.arange(ROWS) % 20 == 7, np.nan, CREEP.simulate(t, u))
+    compensator = invert(CREEP, trained=(0.2, 0.8), start="unknown")
+    whole = compensator.simulate(t, y)
+    state, value, status = compensator.init(), [], []
+    step = eqx.filter_jit(compensator.step)
+    for now in zip(t, y, strict=True):
+        state, found = step(state, *now)
+        value.append(float(found.value))
+        status.append(int(found.status))
+    np.testing.assert_allclose(value, whole.value, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(status, whole.status)
+    assert {Status.RUN_IN, Status.OK} <= set(status)
+
+
+def test_a_nearly_flat_end_is_not_believed():
+    """A millivolt beyond what was trained is no reading of hundreds of times the range."""
+    model = MODELS["curve"]
+    y = np.array([0.5, 1.001, 1.5])
+    free = np.asarray(invert(model).simulate(None, y).value)
+    assert free[2] > 100
+    found = invert(model, trained=(0.0, 1.0)).simulate(None, y)
+    np.testing.assert_allclose(found.value, [0.25, 1.0, 1.0], atol=1e-6)
+    assert np.asarray(found.status).tolist() == [Status.OK, Status.OK, Status.EXTRAPOLATED]
+
+
+def test_run_in_of_relays_ends_when_the_past_no_longer_matters():
+    """The sample was pressed before the compensator is switched on: OK estimates are right."""
+    before = np.array([1.0, 0.1, 0.7, 0.3, 0.55])
+    u = np.interp(
+        np.arange(400) / 40, np.arange(11), [0.5, 0.3, 0.6, 0.2, 0.8, 0, 0.9, 0.04, 0.97, 0.2, 0.6]
+    )
+    y = np.asarray(RELAYS.simulate(None, np.concatenate([before, u])))[len(before) :]
+    found = invert(RELAYS, trained=(0.0, 1.0), start="unknown").simulate(None, y)
+    error, status = np.abs(np.asarray(found.value) - u), np.asarray(found.status)
+    early = status == Status.RUN_IN
+    assert error[early].max() > 0.1
+    assert error[~early].max() < 0.06
+    first = int(np.argmin(early))
+    assert not early[first:].any()
+    assert 200 < first < 400
+
+
+@pytest.mark.parametrize(
+    ("model", "tau"),
+    [
+        # Displacement to force relaxes with the two times of Burgers, which never depend on its flow.
+        (CREEP, None),
+        # Force to displacement of a Maxwell chain creeps for ever without a spring, and slower with one.
+        (GeneralizedMaxwell(0.5, np.array([2.0]), np.array([4.0])), 4.0 * 2.5 / 0.5),
+        (GeneralizedMaxwell(0.0, np.array([2.0]), np.array([4.0])), np.inf),
+    ],
+    ids=["burgers", "standard-solid", "fluid"],
+)
+def test_run_in_of_branches_is_that_of_the_inverse(model: AbstractModel, tau: float | None):
+    """After the wait a strained first state is forgotten to 1 %."""
+    found = run_in(model, 0.0, 1.0)
+    assert found is not None
+    if tau is not None:
+        assert found.time == pytest.approx(min(TIMES * tau, LONGEST), rel=1e-6)
+    if found.time == LONGEST:
+        return
+    t = np.linspace(0.0, 2 * found.time, 400)
+    u = 0.5 + 0.3 * np.sin(t)
+    past = model.simulate(np.append(t - 2 * found.time - 1, t), np.append(np.full(400, 0.9), u))
+    estimate = invert(model, trained=(-9.0, 9.0), start="unknown").simulate(t, past[400:])
+    error, known = np.abs(np.asarray(estimate.value) - u), np.asarray(estimate.status) == Status.OK
+    assert known.any()
+    assert error[known].max() < 0.01 * error.max()
+
+
+def test_the_slowest_time_of_a_sum_is_that_of_its_inverse():
+    """A spring of 1 beside a branch of 0.5 that relaxes in 3 s: the inverse forgets in 4.5 s."""
+    branch = GeneralizedMaxwell(0.0, np.array([0.5]), np.array([3.0]))
+    found = run_in(Sum([LinearSponge(1.0, 0.0, -10.0), branch]), 0.0, 1.0)
+    assert found is not None
+    assert found.time == pytest.approx(TIMES * 4.5, rel=1e-3)
+
+
+def test_a_model_without_memory_has_no_run_in():
+    assert run_in(MODELS["curve"], 0.0, 1.0) is None
+    found = invert(MODELS["curve"], trained=(0.0, 1.0), start="unknown").simulate(None, [0.5])
+    assert np.asarray(found.status).tolist() == [Status.OK]
+
+
+def test_draws_and_deviations_are_guarded():
+    draws = jax.tree.map(lambda x: jnp.stack([jnp.asarray(x), 1.1 * jnp.asarray(x)]), CREEP)
+    t, u, y = history(CREEP)
+    found = invert(draws, trained=(0.2, 0.8)).simulate(t, y)
+    assert isinstance(invert(draws), EnsembleCompensator)
+    assert (np.asarray(found.draws) <= 0.8).all()
+    record = Record.from_arrays(u, np.nan_to_num(y), t)
+    band = calibrated(invert(CREEP, trained=(0.2, 0.8)), record)
+    assert float(np.asarray(band.simulate(t, y).value).max()) <= 0.8
+
+
+def test_files_say_what_they_know(tmp_path: Path):
+    """Verdict, codes and date, in JSON and as macros in C; files of format 1 are still read."""
+    _, _, y = history(RELAYS)
+    origin = Origin("CAUTION", ("no-test", "flat"), "2024-05-03")
+    given = {"trained": (0.0, 1.0), "origin": origin, "start": "unknown"}
+    path = export_runtime(RELAYS, tmp_path / "it.json", y, **given).path
+    assert load(path).origin == {
+        "verdict": "CAUTION", "codes": ["no-test", "flat"], "date": "2024-05-03",
+    }  # fmt: skip
+    text = export_c(RELAYS, tmp_path / "it.h", y, real="float", **given).path.read_text()
+    for macro in (
+        "IT_TRAINED_LOW 0.0f", "IT_TRAINED_HIGH 1.0f", 'IT_VERDICT "CAUTION"',
+        'IT_CODES "no-test flat"', 'IT_DATA_DATE "2024-05-03"',
+    ):  # fmt: skip
+        assert f"#define {macro}\n" in text
+    assert "IT_RUN_IN until an estimate was at most 0.05, another at least 0.95." in text
+    document = json.loads(path.read_text())
+    assert document["schema"] == 2
+    old = {k: v for k, v in document.items() if k not in ("guard", "origin")} | {"schema": 1}
+    old["golden"]["value"] = np.asarray(
+        invert(RELAYS).simulate(None, old["golden"]["reading"]).value
+    ).tolist()
+    path.write_text(json.dumps(old | {"checksum": checksum(old)}))
+    assert (load(path).trained, load(path).origin) == (None, None)
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(InputError, match="bad-option"):
+        invert(RELAYS, trained=(0.0, 1.0), beyond="clip")
+    with pytest.raises(InputError, match="bad-option"):
+        invert(RELAYS, start="unknown")
+    with pytest.raises(InputError, match="bad-option"):
+        invert(RELAYS, trained=(0.0, 1.0), start="cold")
+    with pytest.raises(InputError, match="zero-range"):
+        invert(RELAYS, trained=(1.0, 1.0))
