@@ -73,6 +73,27 @@ def verdict_lines(document: dict[str, Any]) -> list[str]:
     return lines + [f"  {reason['text']}" for reason in document["verdict"]["reasons"]]
 
 
+def candidate_lines(document: dict[str, Any]) -> list[str]:
+    """Models and baselines with their errors: on held-out parts of the training rows, on the test rows."""
+    unit = document["data"]["output"]["unit"]
+    rows = [(c["model"], c["score_percent"], c["metrics"]["test"]) for c in document["candidates"]]
+    baselines = document["baselines"]
+    rows += [(f"({b['name']})", b["score_percent"], b["metrics"]["test"]) for b in baselines]
+    width = max(len(name) for name, _, _ in rows)
+    lines = [f"  {'model, or (baseline)':{width}}  folds, %  held out, %  rms{_in(unit)}"]
+    for name, score, test in rows:
+        cells = [score, *((test["nrmse_percent"], test["rmse"]) if test else (None, None))]
+        shown = ["-" if x is None else f"{x:.3g}" for x in cells]
+        lines.append(
+            f"  {name:{width}}  {shown[0]:>8}  {shown[1]:>11}  {shown[2]:>{3 + len(_in(unit))}}"
+        )
+    return lines
+
+
+def _in(unit: str) -> str:
+    return "" if unit == "1" else f", {unit}"
+
+
 def warnings(sentences: Iterable[str], word: str = "Warning") -> list[str]:
     """Each on a line of its own, with the word before it that says what it is."""
     return [f"{word}: {sentence}" for sentence in sentences]

@@ -11,6 +11,7 @@ from ._console import (
     Out,
     Overwrite,
     Seed,
+    candidate_lines,
     log,
     one_of,
     print_result,
@@ -96,4 +97,7 @@ def fit(
         conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
         allow_float32=allow_float32, parameters=parameters_said(config, parameter),
     )  # fmt: skip
-    print_result(document, as_json, [*verdict_lines(document), f"Results: {out}"])
+    lines = verdict_lines(document)
+    if "each" not in document:
+        lines += candidate_lines(document)
+    print_result(document, as_json, [*lines, f"Results: {out}"])

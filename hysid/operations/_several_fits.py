@@ -34,6 +34,7 @@ def together(documents: dict[str, dict[str, Any]], failed: dict[str, str]) -> di
         "parameters": _mean_parameters([d for d in each if d["model"] == model]),
         **whole,
         "candidates": candidates,
+        "baselines": _mean_baselines(each),
         "data": first["data"] | {k: sum(d["data"][k] for d in each) for k in counts},
         "seed": first["seed"],
         "seconds": sum(d["seconds"] for d in each),
@@ -71,6 +72,17 @@ def _mean_parameters(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
     columns = zip(*(d["parameters"] for d in documents), strict=True)
     return [
         column[0] | {"value": _mean([p["value"] for p in column])} | status for column in columns
+    ]
+
+
+def _mean_baselines(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Mean figures of those baselines that every fit has."""
+    listed = [{one["name"]: one for one in d["baselines"]} for d in documents]
+    keys = ("nrmse_percent", "rmse", "score_percent")
+    return [
+        {"name": name, **{key: _mean([found[name][key] for found in listed]) for key in keys}}
+        for name in listed[0]
+        if all(name in found for found in listed)
     ]
 
 

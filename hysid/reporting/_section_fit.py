@@ -183,6 +183,18 @@ def candidates(case: Case) -> Section:
             c["verdict"]["level"],
             quantity(c["seconds"], "s"),
         ))  # fmt: skip
+    for b in case.fit.baselines:
+        train, test = b.metrics["train"], b.metrics["test"]
+        assert train is not None
+        rows.append((
+            b.name,
+            quantity(b.score, "%"),
+            quantity(train.nrmse_percent, "%"),
+            "none" if test is None else quantity(test.nrmse_percent, "%"),
+            "none" if test is None else quantity(test.rmse, unit),
+            "baseline",
+            "",
+        ))  # fmt: skip
     columns = (
         "Model",
         "Score",
@@ -197,7 +209,7 @@ def candidates(case: Case) -> Section:
         said += " The training error leaves out the first cycle, as the fit does."
     section = Section("Candidates", [
         "Models are ranked by their score, the cross-validation error within the training rows."
-        " The held-out rows play no part in the choice."
+        " The held-out rows play no part in the choice. Baselines are scored on the same rows."
     ], tables=[Table(said, columns, rows, strong=0)])  # fmt: skip
     tests = {
         c["model"]: t["nrmse_percent"]

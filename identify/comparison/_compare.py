@@ -14,7 +14,7 @@ from hysteresis import InputError, Record
 
 from ..files._fit_folder import read_document, summary
 from ..posterior._posterior import Posterior
-from ..records._folds import block_errors
+from ..records._folds import block_errors, root_difference
 from ..results._fit_result import FitResult
 from ._gaussian_estimate import Fitted, opened
 from ._information_criteria import criteria, is_coloured, leave_one_out, log_evidence
@@ -308,12 +308,9 @@ def _ranked(models: list[Compared], same_test: bool) -> tuple[list[Compared], st
 
 def _paired(one: np.ndarray | None, other: np.ndarray | None) -> Difference | None:
     """Of the roots of two means of paired blocks; its error to first order."""
-    if one is None or other is None or len(one) != len(other) or len(one) < 2:
+    if one is None or other is None or (found := root_difference(one, other)) is None:
         return None
-    roots = [max(float(np.sqrt(blocks.mean())), 1e-300) for blocks in (one, other)]
-    each = other / (2 * roots[1]) - one / (2 * roots[0])
-    error = float(each.std(ddof=1) / np.sqrt(len(each)))
-    return Difference(roots[1] - roots[0], error, len(each))
+    return Difference(*found, len(one))
 
 
 def _test_blocks(fit: FitResult) -> np.ndarray:

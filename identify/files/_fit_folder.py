@@ -24,6 +24,7 @@ from ..noise._reml import PARTS
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
+from ..results._baseline import Baseline
 from ..results._detail import detail_of
 from ..results._fit_result import Candidate, FitResult, Parameter, Starts
 from ..results._metrics import Metrics
@@ -195,6 +196,7 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
             Candidate(**_figures(candidate), parameter_count=candidate.get("numbers"))
             for candidate in document["candidates"]
         ),
+        baselines=tuple(map(Baseline.of, document.get("baselines", ()))),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
@@ -211,7 +213,8 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
         "success": saved["success"],
         "score": math.nan if (score := saved["score_percent"]) is None else score,
         "noise": Noise(**saved["noise"]),
-        "blocks": None if saved.get("blocks") is None else np.array(saved["blocks"]),
+        "blocks": _blocks(saved.get("blocks")),
+        "test_blocks": _blocks(saved.get("test_blocks")),
         "noise_model": _noise_model(saved.get("noise_model")),
         "noise_evidence": saved.get("noise_evidence", {}),
         "notes": tuple(saved["notes"]),
@@ -261,6 +264,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         **({} if condition is None else {"condition": condition._asdict()}),
         "schema": SCHEMA,
         "candidates": [summary(candidate) for candidate in fit.candidates],
+        "baselines": [baseline.document for baseline in fit.baselines],
         "skipped": fit.skipped,
         "data": {
             "source": record.source,
@@ -291,6 +295,7 @@ def summary(fit: FitResult | Candidate) -> dict[str, Any]:
         "metrics": {k: None if m is None else m._asdict() for k, m in fit.metrics.items()},
         "score_percent": fit.score,
         "blocks": fit.blocks,
+        "test_blocks": fit.test_blocks,
         "numbers": fit.parameter_count,
         "success": fit.success,
         "trusted": fit.trusted,
@@ -368,6 +373,10 @@ def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:
     # JSON knows no infinity: a threshold of -inf was written as null.
     read = [Parameter(**p) for p in listed]
     return tuple(p if p.value is not None else p._replace(value=float("nan")) for p in read)
+
+
+def _blocks(saved: list[float] | None) -> np.ndarray | None:
+    return None if saved is None else np.array(saved)
 
 
 def _metrics(saved: dict[str, Any]) -> dict[str, Metrics | None]:

@@ -12,12 +12,14 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import estimate_noise
 from ..parameters._precision import require_double
+from ..records._folds import block_errors, parts
 from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
 from ..spectra._prony_series import Input, Kind
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
+from ._baselines import baselines_of_hold
 from ._verdict import judge
 
 AT_ONCE = 10
@@ -185,13 +187,16 @@ def fit_step(
         _result(found, row, answer, record, test, seed)
         for row, answer in zip(found.table, found.answers, strict=True)
     ]
+    counted = replace(record, mask=rows)
+    judged_on = None if test is None else replace(test, mask=_counted(test))
+    baselines = baselines_of_hold(counted, parts(counted), judged_on)
     chosen = fits.pop(found.order)
     chosen = replace(chosen, notes=found.notes, detail=DiscreteSpectrum(found))
     verdict = judge(chosen, found.notes)
     if (covered := _coverage(found, test)) is not None:
         share, said = covered
         verdict = verdict.at_most("CAUTION" if share < CONFIDENCE else "PASS", said)
-    chosen = replace(chosen, verdict=verdict)
+    chosen = replace(chosen, verdict=verdict, baselines=baselines)
     others = [replace(fit, verdict=judge(fit)) for fit in sorted(fits, key=lambda fit: fit.score)]
     return replace(chosen, candidates=(chosen, *others), seconds=time.perf_counter() - begin)
 
@@ -203,8 +208,11 @@ def _result(
     rows, model = _counted(record), answer.model
     residuals = np.where(rows, _outputs(found, answer, record) - record.output, np.nan)
     figures = {"train": metrics(record.output, record.output + residuals, rows), "test": None}
+    test_blocks = None
     if test is not None:
-        figures["test"] = metrics(test.output, _outputs(found, answer, test), _counted(test))
+        predicted, counted = _outputs(found, answer, test), _counted(test)
+        figures["test"] = metrics(test.output, predicted, counted)
+        test_blocks = np.array(block_errors((predicted - test.output)[counted]))
     listed, covariance = _parameters(found, answer, record)
     return FitResult(
         name=f"{type(model).__name__} of order {row.order}",
@@ -218,6 +226,7 @@ def _result(
         noise=estimate_noise([residuals[rows]], row.parameters),
         train=record,
         test=test,
+        test_blocks=test_blocks,
         used=rows,
         seed=seed,
     )

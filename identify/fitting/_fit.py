@@ -117,10 +117,12 @@ def fit(
     tried, skipped = _tried(asked, data, options, say)
     chosen, *others = _ranked(tried)
     best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
+    baselines = data.baselines()
     fits = [best, *(one.fit for one in others)]
     ranked = [replace(one, verdict=judge(one, data.warnings)) for one in fits]
     return replace(
         ranked[0],
+        baselines=baselines,
         candidates=tuple(ranked),
         skipped=skipped,
         seconds=time.perf_counter() - begin,

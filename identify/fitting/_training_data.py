@@ -11,10 +11,12 @@ from ..linear._channel_map_fit import fit_channel_map
 from ..records._channel_map import combine
 from ..records._clocks import Clocks, is_held
 from ..records._conditions import condition_parts, name_of_condition
-from ..records._folds import Parts, parts
+from ..records._folds import Parts, block_errors, parts
 from ..records._orientation import initial_states, orientations, output_falls
+from ..results._baseline import Baseline
 from ..results._fit_result import FitResult
 from ..results._metrics import metrics
+from ._baselines import baselines_of
 from ._settling import settled
 
 
@@ -57,8 +59,17 @@ class TrainingData:
         if self.test is None:
             return fit
         judged = replace(fit, test=fit.clocks.applied(self.test))
-        held_out = metrics(self.test.output, judged.predict(self.test), self.test.mask)
-        return replace(judged, metrics={**fit.metrics, "test": held_out})
+        predicted, counted = judged.predict(self.test), self.test.mask
+        held_out = metrics(self.test.output, predicted, counted)
+        blocks = np.array(block_errors((predicted - self.test.output)[counted]))
+        return replace(judged, metrics={**fit.metrics, "test": held_out}, test_blocks=blocks)
+
+    def baselines(self) -> tuple[Baseline, ...]:
+        """Simple predictors on the same folds and rows as every candidate."""
+        columns = () if self.channels is None else self.channels.names
+        columns = (*columns, *self.record.conditions)
+        test = None if self.test is None else self.clocks.applied(self.test)
+        return baselines_of(self.record, self.parts, test, columns)
 
 
 def training_data(

@@ -87,6 +87,27 @@ def block_errors(error: Float[np.ndarray, " rows"]) -> list[float]:
     return [float(np.mean(block**2)) for block in blocks if len(block)]
 
 
+class RootDifference(NamedTuple):
+    """How much one rms error is above another, both over the same rows, and the standard error of that."""
+
+    value: float
+    error: float
+
+
+def root_difference(
+    one: Float[np.ndarray, " blocks"], other: Float[np.ndarray, " blocks"]
+) -> RootDifference | None:
+    """root(mean other) - root(mean one) of paired blocks of squared errors, its error to first order.
+
+    None where the blocks are not of the same rows, or fewer than two.
+    """
+    if len(one) != len(other) or len(one) < 2:
+        return None
+    roots = [max(float(np.sqrt(blocks.mean())), 1e-300) for blocks in (one, other)]
+    each = other / (2 * roots[1]) - one / (2 * roots[0])
+    return RootDifference(roots[1] - roots[0], float(each.std(ddof=1) / np.sqrt(len(each))))
+
+
 def held_out_errors(
     folds: Iterable[Fold],
     solve: Callable[[tuple[int, ...]], Any],

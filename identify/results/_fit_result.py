@@ -17,6 +17,7 @@ from ..parameters._settings import Settings
 from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
 from ..records._run_model import predict
+from ._baseline import Baseline
 from ._detail import Detail, Parametric
 from ._metrics import Metrics
 from ._trained_condition import TrainedCondition, trained_condition
@@ -69,6 +70,7 @@ class Candidate:
     verdict: Verdict
     seconds: float
     parameter_count: int | None
+    test_blocks: Float[np.ndarray, " test_blocks"] | None = None
 
     @property
     def trusted(self) -> bool:
@@ -86,7 +88,9 @@ class FitResult:
     - `metrics`: {"train": Metrics, "test": Metrics or None}.
     - `success`: the solver converged. `trusted`: the answer can be used; `verdict` says why not.
     - `score`: held-out NRMSE (%) inside the training part, by which candidates are ranked.
-    - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows.
+    - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows; `test_blocks`:
+      of the test rows.
+    - `baselines`: simple predictors on the same rows, see `Baseline`.
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
       -log evidence of every kind tried, over the best one's. `settings`: what the user gave for parameters.
@@ -121,6 +125,8 @@ class FitResult:
     test: Record | None = None
     notes: tuple[str, ...] = ()
     blocks: Float[np.ndarray, " blocks"] | None = None
+    test_blocks: Float[np.ndarray, " test_blocks"] | None = None
+    baselines: tuple[Baseline, ...] = ()
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)
     verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
@@ -219,6 +225,7 @@ class FitResult:
         ]  # fmt: skip
         rows = [_row(p) for p in self.parameters]
         ranked = [f"{fit.name} {fit.score:.3g} %" for fit in self.candidates]
+        beside = [f"{one.name} {one.score:.3g} %" for one in self.baselines]
         return "\n".join([
             f"{self.name}: {self.verdict.level}",
             *at_most([f"  {reason}" for reason in self.verdict.reasons], 9),
@@ -227,6 +234,7 @@ class FitResult:
             "Parameters",
             *at_most(aligned(rows), 14),
             *([f"Candidates by held-out error: {', '.join(ranked)}"] if len(ranked) > 1 else []),
+            *([f"Baselines by held-out error: {', '.join(beside)}"] if beside else []),
         ])  # fmt: skip
 
     def plot(self) -> Any:

@@ -206,6 +206,9 @@ def test_a_saved_fit_comes_back(sponge_fit: FitResult, tmp_path) -> None:
     np.testing.assert_array_equal(again.predict(again.train), sponge_fit.predict(sponge_fit.train))
     assert again.parameters == sponge_fit.parameters
     assert again.verdict == sponge_fit.verdict
+    assert again.test_blocks.tolist() == sponge_fit.test_blocks.tolist()
+    assert len(again.baselines) == 6
+    assert to_json(again)["baselines"] == to_json(sponge_fit)["baselines"]
     assert again.train.digest() == sponge_fit.train.digest()
     with pytest.raises(InputError, match="left as they are"):
         save(sponge_fit, tmp_path / "fit")

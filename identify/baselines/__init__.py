@@ -1,0 +1,1 @@
+"""Simple predictors that need no model: what a fit has to beat."""

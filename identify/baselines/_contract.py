@@ -1,0 +1,88 @@
+"""The contract of a baseline: what it reads of a record, how it is fitted, what it predicts."""
+
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from hysteresis import Record
+
+from ..records._folds import Parts, held_out_errors
+
+MOST = 20_000
+"""Rows that a baseline is fitted to, at most: evenly from all."""
+
+
+@runtime_checkable
+class AbstractBaseline(Protocol):
+    """A predictor in three steps, so that what depends on the input alone is computed once:
+
+        seen = prepared(record);  unknowns = fitted(seen, output, rows);  predicted(seen, unknowns)
+
+    It is causal: a prediction depends on the inputs up to its row, and never on an output there.
+    """
+
+    @property
+    def name(self) -> str:
+        """As tables show it."""
+        ...
+
+    def prepared(self, record: Record) -> Any:
+        """What it reads of the inputs of a record."""
+        ...
+
+    def fitted(self, seen: Any, output: Float[np.ndarray, " samples"], rows: np.ndarray) -> Any:
+        """Its unknowns, from these rows (their numbers)."""
+        ...
+
+    def predicted(self, seen: Any, unknowns: Any) -> Float[np.ndarray, " samples"]:
+        """Its output in every row."""
+        ...
+
+
+class Scored(NamedTuple):
+    """A baseline on the folds of a record, and fitted to all of it.
+
+    - `blocks`: mean squared errors of the held-out parts, in blocks of rows, as those of a fit.
+    - `used` (samples,): rows it was fitted to. `unknowns`, `output`: what came of that, in every row.
+    """
+
+    baseline: AbstractBaseline
+    blocks: Float[np.ndarray, " blocks"]
+    used: Bool[np.ndarray, " samples"]
+    unknowns: Any
+    output: Float[np.ndarray, " samples"]
+
+
+def thinned(rows: np.ndarray) -> np.ndarray:
+    """Every k-th row, at most `MOST` of them."""
+    return rows[:: -(-len(rows) // MOST)] if len(rows) else rows
+
+
+def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
+    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all parts.
+
+    As models do, it leaves out the conditioning cycle where that predicts the held-out one better.
+    """
+    seen, y = baseline.prepared(record), record.output
+
+    def rows_of(which: tuple[int, ...], drop: bool) -> np.ndarray:
+        return np.flatnonzero(np.isin(parts.label, parts.without_conditioning(which, drop)))
+
+    def blocks_of(drop: bool) -> np.ndarray:
+        def solve(train: tuple[int, ...]) -> np.ndarray:
+            return baseline.predicted(seen, baseline.fitted(seen, y, thinned(rows_of(train, drop))))
+
+        def error(predicted: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
+            rows = np.isin(parts.label, test)
+            return predicted[rows] - y[rows]
+
+        return held_out_errors(parts.folds, solve, error)
+
+    drops = (False,) if parts.conditioning is None else (False, True)
+    blocks = {drop: blocks_of(drop) for drop in drops}
+    drop = min(blocks, key=lambda drop: blocks[drop].mean() if len(blocks[drop]) else 0.0)
+    rows = rows_of(parts.all, drop)
+    unknowns = baseline.fitted(seen, y, thinned(rows))
+    used = np.isin(np.arange(len(record)), rows)
+    return Scored(baseline, blocks[drop], used, unknowns, baseline.predicted(seen, unknowns))

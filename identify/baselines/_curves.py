@@ -1,0 +1,147 @@
+"""Baselines that are curves of the input: one that is monotone, and the replay of a measured loop."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from hysteresis import Record
+
+from ._input_memory import dead_band, directions
+
+BINS = 64
+"""Equally filled parts of the input in which a curve is averaged."""
+
+
+class Curve(NamedTuple):
+    """A polygon through (x, y); its ends are held."""
+
+    x: Float[np.ndarray, " corners"]
+    y: Float[np.ndarray, " corners"]
+
+    def __call__(self, u: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
+        return np.interp(u, self.x, self.y)
+
+
+@dataclass(frozen=True)
+class MonotoneBaseline:
+    """The polygon that rises, or falls, with the input and fits the means of its parts best.
+
+    Means of equally filled parts of the input are pooled until none violates the order (isotonic
+    regression); the outermost segments go on to the ends of the trained input.
+
+    Source: Barlow et al., Statistical Inference under Order Restrictions (1972), section 1.2.
+    """
+
+    name: str = "monotone curve"
+
+    def prepared(self, record: Record) -> Float[np.ndarray, " samples"]:
+        return record.input
+
+    def fitted(self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray) -> Curve:
+        u, y = seen[rows], output[rows]
+        x, mean, count = binned(u, y)
+        sign = -1.0 if np.cov(u, y)[0, 1] < 0 else 1.0
+        values = sign * isotonic(sign * mean, count)
+        if len(x) > 1:
+            slope = np.diff(values[[0, 1, -2, -1]])[[0, 2]] / np.diff(x[[0, 1, -2, -1]])[[0, 2]]
+            ends = np.array([u.min(), u.max()])
+            beyond = values[[0, -1]] + slope * (ends - x[[0, -1]])
+            x, values = np.append(ends[0], x), np.append(beyond[0], values)
+            x, values = np.append(x, ends[1]), np.append(values, beyond[1])
+        return Curve(x, values)
+
+    def predicted(self, seen: np.ndarray, unknowns: Curve) -> Float[np.ndarray, " samples"]:
+        return unknowns(seen)
+
+
+class Branches(NamedTuple):
+    """The curve while the input rises, and the one while it falls."""
+
+    rising: Curve
+    falling: Curve
+
+
+@dataclass(frozen=True)
+class ReplayBaseline:
+    """The last whole cycle of a record, or the mean branches of several sequences, over the input.
+
+    - `cycle` (samples,): of the record it is fitted to, the cycle of each row; None for mean branches.
+    - `band`: how far the input has to come back to go the other way, see `directions`.
+    """
+
+    name: str
+    cycle: Int[np.ndarray, " samples"] | None
+    band: float
+
+    def prepared(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        return record.input, directions(record, self.band)
+
+    def fitted(
+        self, seen: tuple[np.ndarray, np.ndarray], output: np.ndarray, rows: np.ndarray
+    ) -> Branches:
+        if self.cycle is not None:
+            counts = np.bincount(self.cycle[rows])
+            whole = counts >= 0.9 * np.bincount(self.cycle)[: len(counts)]
+            numbers = np.flatnonzero(whole & (counts > 0))
+            if (numbers := numbers[numbers > 0]).size:
+                rows = rows[self.cycle[rows] == numbers[-1]]
+        u, direction = (x[rows] for x in seen)
+        legs = [np.flatnonzero(direction == sign) for sign in (1, -1)]
+        # Where the rows go one way only, the other way is as good as nothing known.
+        found = [_mean_curve(u[at], output[rows][at]) if len(at) else None for at in legs]
+        rising, falling = found[0] or found[1], found[1] or found[0]
+        assert rising is not None
+        assert falling is not None
+        return Branches(rising, falling)
+
+    def predicted(
+        self, seen: tuple[np.ndarray, np.ndarray], unknowns: Branches
+    ) -> Float[np.ndarray, " samples"]:
+        u, direction = seen
+        return np.where(direction > 0, unknowns.rising(u), unknowns.falling(u))
+
+
+def replay(train: Record) -> ReplayBaseline:
+    """The replay of a record: its last loop, or the mean branches of its sequences where it has several."""
+    several = sum(bool(train.mask[rows].any()) for _, rows in train.sequences()) > 1
+    if several or not (train.cycle[train.mask] > 0).any():
+        return ReplayBaseline("mean branches", None, dead_band(train))
+    return ReplayBaseline("replay of the last loop", train.cycle, dead_band(train))
+
+
+def binned(
+    u: Float[np.ndarray, " rows"], y: Float[np.ndarray, " rows"], most: int = BINS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means of the inputs and outputs of equally filled parts of the input, and how many rows each has.
+
+    As many parts as there are different inputs, at most `most`.
+    """
+    edges = np.unique(np.quantile(u, np.linspace(0, 1, most + 1)))
+    at = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, max(len(edges) - 2, 0))
+    count = np.bincount(at).astype(float)
+    have = count > 0
+    x, mean = (np.bincount(at, v)[have] / count[have] for v in (u, y))
+    return x, mean, count[have]
+
+
+def isotonic(
+    y: Float[np.ndarray, " parts"], weight: Float[np.ndarray, " parts"]
+) -> Float[np.ndarray, " parts"]:
+    """The rising values nearest to y by weighted least squares: neighbours out of order are pooled."""
+    pools: list[tuple[float, float, int]] = []
+    for value, mass in zip(y.tolist(), weight.tolist(), strict=True):
+        pools.append((value, mass, 1))
+        while len(pools) > 1 and pools[-2][0] >= pools[-1][0]:
+            (a, m, j), (b, n, k) = pools[-2:]
+            pools[-2:] = [((a * m + b * n) / (m + n), m + n, j + k)]
+    return np.repeat([value for value, _, _ in pools], [length for _, _, length in pools])
+
+
+def _mean_curve(u: np.ndarray, y: np.ndarray) -> Curve:
+    """Through every input once, its outputs averaged; of many rows through the means of parts."""
+    if len(u) > 8 * BINS:
+        return Curve(*binned(u, y, 2 * BINS)[:2])
+    at, which, count = np.unique(u, return_inverse=True, return_counts=True)
+    return Curve(at, np.bincount(which, y) / count)

@@ -1,0 +1,121 @@
+"""Baselines that are linear in their unknowns: constant, straight line, cubic per branch, ridge."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import Record
+
+from ._input_memory import dead_band, directions, lags, slow_states, stops
+
+Design = Callable[[Record], Float[np.ndarray, "samples columns"]]
+
+RADII = np.geomspace(0.01, 0.5, 10)
+"""Of stop operators, of the trained input's range."""
+
+LAGS = (1, 2, 4, 8, 16, 32)
+"""Rows back."""
+
+STATES = 4
+"""Exponential averages, over times from five steps to a third of the longest sequence."""
+
+PENALTIES = (1e-6, 1e-4, 1e-2)
+"""Of ridge regression, of the mean square of a standardised column; the best on the folds is taken."""
+
+
+class Weights(NamedTuple):
+    """Output = level + (columns - centre) weights."""
+
+    level: float
+    centre: Float[np.ndarray, " columns"]
+    weights: Float[np.ndarray, " columns"]
+
+
+@dataclass(frozen=True)
+class LinearBaseline:
+    """Least squares on some columns, with a penalty on standardised weights where one is given.
+
+        minimise  sum (y - level - X w)^2 + penalty n sum (w_k sd_k)^2
+
+    Source: Hastie, Tibshirani, Friedman, The Elements of Statistical Learning (2009), section 3.4.
+    """
+
+    name: str
+    design: Design
+    penalty: float = 0.0
+
+    def prepared(self, record: Record) -> Float[np.ndarray, "samples columns"]:
+        return self.design(record)
+
+    def fitted(self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray) -> Weights:
+        x, y = seen[rows], output[rows]
+        centre, level = x.mean(0), float(y.mean())
+        x = x - centre
+        size = x.std(0)
+        # A column that is constant here, up to rounding, says nothing: its weight is 0.
+        told = size > 1e-12 * np.maximum(np.abs(centre), np.abs(x).max(0, initial=0.0))
+        x = x[:, told] / size[told]
+        weights = np.zeros(len(centre))
+        if self.penalty:
+            normal = x.T @ x / len(y) + self.penalty * np.eye(x.shape[1])
+            found = np.linalg.solve(normal, x.T @ (y - level) / len(y))
+        else:
+            found = np.linalg.lstsq(x, y - level, rcond=None)[0]
+        weights[told] = found / size[told]
+        return Weights(level, centre, weights)
+
+    def predicted(self, seen: np.ndarray, unknowns: Weights) -> Float[np.ndarray, " samples"]:
+        return unknowns.level + (seen - unknowns.centre) @ unknowns.weights
+
+
+def constant() -> LinearBaseline:
+    """The mean output of the rows it is fitted to."""
+    return LinearBaseline("constant", lambda record: np.empty((len(record), 0)))
+
+
+def straight_line(columns: tuple[str, ...]) -> LinearBaseline:
+    """A line in the input, and in each of further columns."""
+    name = "straight line" if not columns else f"linear in {len(columns)} columns"
+
+    def design(record: Record) -> np.ndarray:
+        return np.column_stack([record.input, *(record.columns[c] for c in columns)])
+
+    return LinearBaseline(name, design)
+
+
+def cubic_per_branch(train: Record) -> LinearBaseline:
+    """A cubic of the input while it rises, and another one while it falls."""
+    u = train.input[train.mask]
+    middle, half, band = (u.max() + u.min()) / 2, (np.ptp(u) / 2) or 1.0, dead_band(train)
+
+    def design(record: Record) -> np.ndarray:
+        x = (record.input - middle) / half
+        rises = directions(record, band) > 0
+        powers = x[:, None] ** np.arange(4)
+        return np.hstack([powers[:, 1:], powers * rises[:, None]])
+
+    return LinearBaseline("cubic per branch", design)
+
+
+def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...]:
+    """Ridge regression on the input, its lags, stop operators and, with a clock, slow states, at several
+    penalties."""
+    radii = RADII * (float(np.ptp(train.input[train.mask])) or 1.0)
+    times = None
+    if train.time is not None:
+        steps = [np.diff(train.time[rows]) for _, rows in train.sequences()]
+        span = max(float(np.ptp(train.time[rows])) for _, rows in train.sequences())
+        step = float(np.median(np.concatenate(steps)))
+        times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
+
+    def design(record: Record) -> np.ndarray:
+        parts = [record.input[:, None], lags(record, LAGS), stops(record, radii)]
+        if times is not None and record.time is not None:
+            parts.append(slow_states(record, times))
+        return np.hstack([*parts, *(record.columns[c][:, None] for c in columns)])
+
+    memory = "lags and stops" if times is None else "lags, stops and slow states"
+    return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PENALTIES)
