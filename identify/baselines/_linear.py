@@ -22,6 +22,9 @@ LAGS = (1, 2, 4, 8, 16, 32)
 STATES = 4
 """Exponential averages, over times from five steps to a third of the longest sequence."""
 
+FEW = 2
+"""So many further columns also multiply all others."""
+
 PENALTIES = (1e-6, 1e-4, 1e-2)
 """Of ridge regression, of the mean square of a standardised column; the best on the folds is taken."""
 
@@ -115,7 +118,11 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         parts = [record.input[:, None], lags(record, LAGS), stops(record, radii)]
         if times is not None and record.time is not None:
             parts.append(slow_states(record, times))
-        return np.hstack([*parts, *(record.columns[c][:, None] for c in columns)])
+        parts += [record.columns[name][:, None] for name in columns]
+        if len(columns) <= FEW:
+            # A condition, such as a pressure, changes the size of an effect.
+            parts += [np.hstack(parts) * record.columns[name][:, None] for name in columns]
+        return np.hstack(parts)
 
     memory = "lags and stops" if times is None else "lags, stops and slow states"
     return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PENALTIES)

@@ -173,6 +173,17 @@ def test_further_columns_are_regressors():
     assert both < 1e-9 * alone
 
 
+def test_a_condition_may_change_the_size_of_an_effect():
+    u, heat = stroke(), np.repeat([1.0, 2.0, 1.5, 1.2, 1.8], 81)[:ROWS]
+    made = replace(record(heat * play(u, 2.0)), columns={"heat": heat})
+    cut = parts(made)
+    alone, both = (
+        min(scored(one, made, cut).blocks.mean() for one in ridges(made, c))
+        for c in ((), ("heat",))
+    )
+    assert both < 0.05 * alone
+
+
 def test_together_they_take_no_time():
     """A hundredth of a second each, 1,000 rows; a second for all is the promise, with room to spare."""
     import time
