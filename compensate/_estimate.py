@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record
 
+from ._readings import readings_of
+
 Found = TypeVar("Found", covariant=True)
 
 
@@ -29,13 +31,14 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
 
     **Arguments:**
 
-    - `compensator`: of a model whose output is the output of the record, in its unit.
+    - `compensator`: of a model whose output is the output of the record, in its unit. Where the model
+      depends on a condition, the record has it too.
     - `record`: its input is not looked at.
 
     **Returns:** what `compensator.simulate` returns, over the rows (..., samples): `value` in the unit of
     the model's input, `status`, and for compensators that know their error `deviation` and `draws`.
 
-    **Raises:** `InputError` `no-rows`, and what `compensator.simulate` raises.
+    **Raises:** `InputError` `no-rows`, `no-condition`, and what `compensator.simulate` raises.
 
     **Example:**
 
@@ -45,14 +48,15 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     """
     if not len(record):
         raise InputError("no-rows", "The record has no rows to estimate.", place=record.source)
-    found = []
+    found, readings = [], readings_of(compensator, record)
     for _, rows in record.sequences():
         n = rows.stop - rows.start
         # A program is compiled for each length, which takes longer than running it. So sequences are
         # lengthened to a power of two by samples without a reading, which change nothing before them.
         more = (0, (1 << (n - 1).bit_length()) - n)
         t = None if record.time is None else np.pad(record.time[rows], more, mode="edge")
-        y = np.pad(record.output[rows], more, constant_values=np.nan)
+        around = (more, (0, 0))[: readings.ndim]
+        y = np.pad(readings[rows], around, constant_values=np.nan)
         whole = compensator.simulate(t, y)
         found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
     return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts, axis=-1)), *found)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Found, Status
+from .._readings import reading_of, with_reading
 from ._run_in import RunIn
 
 BEYOND = ("limit", "nan", "free")
@@ -104,11 +105,12 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         self, state: GuardedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[GuardedState, Found]:
         y = jnp.asarray(y, float)
-        t = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
-        seen = self._clipped(y)
-        inner, found = self.inner.step(state.inner, t, seen)
+        reading = reading_of(y, 0)
+        t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
+        seen = self._clipped(reading)
+        inner, found = self.inner.step(state.inner, t, with_reading(y, 0, seen))
         (bottom, top, first), found = self._judged(
-            state, t[None], y[None], seen[None], _rows(found)
+            state, t[None], reading[None], seen[None], _rows(found)
         )
         after = GuardedState(inner, bottom[0], top[0], first)
         return after, jax.tree.map(lambda a: a[..., 0], found)
@@ -118,10 +120,11 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     ) -> Found:
         y = jnp.asarray(y, float)
         state = self.init() if state is None else state
-        seen = self._clipped(y)
-        found = self.inner.simulate(t, seen, state.inner)
-        t = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
-        return self._judged(state, t, y, seen, found)[1]
+        reading = reading_of(y, 1)
+        seen = self._clipped(reading)
+        found = self.inner.simulate(t, with_reading(y, 1, seen), state.inner)
+        t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
+        return self._judged(state, t, reading, seen, found)[1]
 
     def _clipped(self, y: Array) -> Array:
         if self.readings is None:

@@ -10,6 +10,7 @@ import numpy as np
 from hysteresis import (
     AbstractModel,
     AbstractViscoelastic,
+    Conditioned,
     MovingPreisach,
     NonlinearMaxwell,
     OutputDependentPreisach,
@@ -125,6 +126,11 @@ def _(model: Softening, middle: float, span: float) -> _Memory:
 @_memory.register(OutputDependentPreisach)
 def _(model: Any, middle: float, span: float) -> _Memory:
     return _memory(model.inner, middle, span)
+
+
+@_memory.register
+def _(model: Conditioned, middle: float, span: float) -> _Memory:
+    return _longest([_memory(one, middle, span) for one in model.models])
 
 
 @_memory.register

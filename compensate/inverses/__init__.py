@@ -2,6 +2,7 @@
 
 from . import _bouc_wen as _bouc_wen
 from . import _compose as _compose
+from . import _conditioned as _conditioned
 from . import _curves as _curves
 from . import _default as _default
 from . import _degrading_bouc_wen as _degrading_bouc_wen

@@ -85,20 +85,31 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
         self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[BracketedState, Estimate]:
         y = jnp.asarray(y, state.value.dtype)
-        outputs = jax.vmap(lambda u: self.model.step(state.model, t, u)[1])
-        ends = jnp.stack([jnp.full_like(y, self.low), jnp.full_like(y, self.high)])
-        least, greatest = outputs(ends)
-        eps = jnp.finfo(y.dtype).eps
-        margin = ROUNDING * eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
-        wanted = jnp.stack([y - margin, y + margin])
-        first, last = inputs_between(outputs, ends, wanted)
+        return bracketed(lambda own, u: self.model.step(own, t, u), state, y, self.low, self.high)
 
-        valid = jnp.isfinite(y)
-        value = jnp.where(valid, jnp.clip(state.value, first, last), state.value)
-        flat = last - first > FLAT_WIDTH * (self.high - self.low)
-        beyond = (wanted[0] > greatest) | (wanted[1] < least)
-        status = jnp.where(beyond, Status.SATURATED, jnp.where(flat, Status.FLAT, Status.OK))
-        after, _ = self.model.step(state.model, t, value)
-        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state.model)
-        status = jnp.where(valid, status, Status.INVALID)
-        return BracketedState(after, value), Estimate(value, status)
+
+def bracketed(
+    run: Callable[[Any, Array], tuple[Any, Array]],
+    state: BracketedState,
+    y: Float[Array, ""],
+    low: float,
+    high: float,
+) -> tuple[BracketedState, Estimate]:
+    """One reading of a `BracketedCompensator`; `run` is one step of its model: (state, u) to (state, y)."""
+    outputs = jax.vmap(lambda u: run(state.model, u)[1])
+    ends = jnp.stack([jnp.full_like(y, low), jnp.full_like(y, high)])
+    least, greatest = outputs(ends)
+    eps = jnp.finfo(y.dtype).eps
+    margin = ROUNDING * eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
+    wanted = jnp.stack([y - margin, y + margin])
+    first, last = inputs_between(outputs, ends, wanted)
+
+    valid = jnp.isfinite(y)
+    value = jnp.where(valid, jnp.clip(state.value, first, last), state.value)
+    flat = last - first > FLAT_WIDTH * (high - low)
+    beyond = (wanted[0] > greatest) | (wanted[1] < least)
+    status = jnp.where(beyond, Status.SATURATED, jnp.where(flat, Status.FLAT, Status.OK))
+    after, _ = run(state.model, value)
+    after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state.model)
+    status = jnp.where(valid, status, Status.INVALID)
+    return BracketedState(after, value), Estimate(value, status)

@@ -21,6 +21,7 @@ from hysteresis import (
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Estimate, State, Status
+from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 
@@ -28,6 +29,8 @@ from ._inverse_of import inverse_of
 @register
 class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
     """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
+
+    A condition beside the reading goes to the first stage, which is the one that may depend on it.
 
     - `inverses`: of the stages, last to first.
     """
@@ -40,9 +43,12 @@ class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
     def step(
         self, state: tuple[PyTree, ...], t: ArrayLike | None, y: ArrayLike
     ) -> tuple[tuple[PyTree, ...], Estimate]:
-        after, estimate = [], Estimate(jnp.asarray(y), jnp.asarray(Status.OK, int))
-        for inverse, own in zip(self.inverses, state, strict=True):
-            own, found = inverse.step(own, t, _passed_on(estimate))
+        y = jnp.asarray(y, float)
+        after, estimate = [], Estimate(reading_of(y, 0), jnp.asarray(Status.OK, int))
+        for k, (inverse, own) in enumerate(zip(self.inverses, state, strict=True), 1):
+            seen = _passed_on(estimate)
+            last = k == len(self.inverses)
+            own, found = inverse.step(own, t, with_reading(y, 0, seen) if last else seen)
             after.append(own)
             estimate = _first_said(estimate, found)
         return tuple(after), estimate
@@ -51,10 +57,13 @@ class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
         self, t: ArrayLike | None, y: ArrayLike, state: tuple[PyTree, ...] | None = None
     ) -> Estimate:
         y = jnp.asarray(y, float)
-        estimate = Estimate(y, jnp.zeros(y.shape, int))
+        estimate = Estimate(reading_of(y, 1), jnp.zeros(y.shape[:1], int))
         states = (None,) * len(self.inverses) if state is None else state
-        for inverse, own in zip(self.inverses, states, strict=True):
-            estimate = _first_said(estimate, inverse.simulate(t, _passed_on(estimate), own))
+        for k, (inverse, own) in enumerate(zip(self.inverses, states, strict=True), 1):
+            seen = _passed_on(estimate)
+            last = k == len(self.inverses)
+            found = inverse.simulate(t, with_reading(y, 1, seen) if last else seen, own)
+            estimate = _first_said(estimate, found)
         return estimate
 
 
@@ -70,10 +79,13 @@ class ScaledCompensator(AbstractCompensator[State, Estimate]):
         return self.inner.init()
 
     def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Estimate]:
-        return self.inner.step(state, t, (jnp.asarray(y, float) - self.offset) / self.factor)
+        return self.inner.step(state, t, self._inner_reading(jnp.asarray(y, float), 0))
 
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Estimate:
-        return self.inner.simulate(t, (jnp.asarray(y, float) - self.offset) / self.factor, state)
+        return self.inner.simulate(t, self._inner_reading(jnp.asarray(y, float), 1), state)
+
+    def _inner_reading(self, y: Array, dimensions: int) -> Array:
+        return with_reading(y, dimensions, (reading_of(y, dimensions) - self.offset) / self.factor)
 
 
 def _passed_on(estimate: Estimate) -> Array:

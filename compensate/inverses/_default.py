@@ -46,7 +46,7 @@ def _(model: AbstractModel) -> BracketedCompensator:
             fix="give the inverse: EnsembleCompensator(..., inverse=lambda m: BracketedCompensator(m, low,"
             " high)).",
         )
-    low, high = range_of(model) or (-REACH * _size(model), REACH * _size(model))
+    low, high = range_of(model) or (-REACH * size_of_inputs(model), REACH * size_of_inputs(model))
     fall = _largest_fall(model, *_histories(low, high))
     if not fall.finite or fall.size > 0:
         problem = (
@@ -65,7 +65,7 @@ def _(model: AbstractModel) -> BracketedCompensator:
     return BracketedCompensator(model, low, high)
 
 
-def _size(model: AbstractModel) -> float:
+def size_of_inputs(model: AbstractModel) -> float:
     """The largest size that a parameter gives to inputs; 1 where none has their unit."""
     sizes = [1e-300]
     for _, info, value in parameters(model):

@@ -9,13 +9,14 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, InputError, Note, Record
+from hysteresis import AbstractModel, InputError, Note, Record, with_condition
 from hysteresis._format import plain, quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import Simulates, estimate
+from .._readings import readings_of
 from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
 from ._loop_widths import Loop, loop_widths
@@ -199,7 +200,8 @@ def qualify(
     shares = Counter(status[used].tolist())
     back = flat_width = None
     if model is not None:
-        again = model.simulate(record.time, value, starts=tuple(record.starts.tolist()))
+        driven = with_condition(model, record, value)
+        again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
         back = float(np.abs(again - y)[fine].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     found: dict[str, Any] = {
@@ -250,15 +252,16 @@ def latency(
     """Time one compiled step after the other on a record's first rows, for so many steps or seconds."""
     step = jax.jit(lambda state, t, y: compensator.step(state, t, y))
     clock = np.zeros(len(record)) if record.time is None else record.time
+    readings = readings_of(compensator, record)
     rows = np.arange(min(steps, int(np.append(record.starts[1:], len(record))[0])))
     state = compensator.init()
     for k in rows[[0, 0, 0]]:  # compiled twice: a first state may be weakly typed
-        state, _ = jax.block_until_ready(step(state, clock[k], record.output[k]))
+        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
     state, taken = compensator.init(), []
     end = time.perf_counter() + seconds
     for k in np.resize(rows, steps):
         begin = time.perf_counter()
-        state, _ = jax.block_until_ready(step(state, clock[k], record.output[k]))
+        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
         taken.append(time.perf_counter() - begin)
         if begin > end:
             break
@@ -289,7 +292,8 @@ def _flat_width(
     for _, rows in record.sequences():
         if flat[rows].any():
             t = None if record.time is None else record.time[rows]
-            open_ = flat_intervals(model, t, value[rows], low, high, flat[rows])
+            driven = with_condition(model, record, value)[rows]
+            open_ = flat_intervals(model, t, driven, low, high, flat[rows])
             widest = max(widest, float(open_.width.max()))
     return widest
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Scalar, is_concrete
 
 from .._contract import AbstractCompensator, Found
+from .._readings import reading_of, with_reading
 
 
 class DeadBandState(NamedTuple):
@@ -58,16 +59,17 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
     def step(
         self, state: DeadBandState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[DeadBandState, Found]:
-        held, seen = self._play(state.held, jnp.asarray(y, float))
-        inner, estimate = self.inner.step(state.inner, t, seen)
+        y = jnp.asarray(y, float)
+        held, seen = self._play(state.held, reading_of(y, 0))
+        inner, estimate = self.inner.step(state.inner, t, with_reading(y, 0, seen))
         return DeadBandState(inner, held), estimate
 
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: DeadBandState | None = None
     ) -> Found:
         state, y = self.init() if state is None else state, jnp.asarray(y, float)
-        _, seen = jax.lax.scan(lambda held, y: self._play(held, y), state.held, y)
-        return self.inner.simulate(t, seen, state.inner)
+        _, seen = jax.lax.scan(lambda own, now: self._play(own, now), state.held, reading_of(y, 1))
+        return self.inner.simulate(t, with_reading(y, 1, seen), state.inner)
 
     def _play(
         self, held: Float[Array, ""], y: Float[Array, ""]

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Status
+from .._readings import reading_of, with_reading
 from ..inverses import inverse_of
 
 
@@ -114,7 +115,7 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
         run = eqx.filter_vmap(lambda member, own, reading: member.step(own, t, reading))
         readings = self._readings(y, state.count)
         members, found = run(self.members, state.members, readings)
-        count = state.count + jnp.isfinite(y).astype(state.count.dtype)
+        count = state.count + jnp.isfinite(reading_of(y, 0)).astype(state.count.dtype)
         return EnsembleState(members, count), _together(found)
 
     def simulate(
@@ -122,15 +123,18 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
     ) -> UncertainEstimate:
         y = jnp.asarray(y, float)
         state = self.init() if state is None else state
-        valid = jnp.isfinite(y).astype(state.count.dtype)
-        readings = jax.vmap(self._readings)(y, state.count + jnp.cumsum(valid) - valid).T
+        valid = jnp.isfinite(reading_of(y, 1)).astype(state.count.dtype)
+        counts = state.count + jnp.cumsum(valid) - valid
+        readings = jnp.swapaxes(jax.vmap(self._readings)(y, counts), 0, 1)
         run = eqx.filter_vmap(lambda member, own, reading: member.simulate(t, reading, own))
         return _together(run(self.members, state.members, readings))
 
-    def _readings(self, y: Float[Array, ""], count: Int[Array, ""]) -> Float[Array, " draws"]:
-        """A sample without reading uses up no noise."""
+    def _readings(self, y: Array, count: Int[Array, ""]) -> Float[Array, "draws *condition"]:
+        """A sample without reading uses up no noise; a condition beside it has none."""
         key = jax.random.fold_in(jax.random.key(self.seed), count)
-        return y + self.output_sigma * jax.random.normal(key, self.output_sigma.shape, y.dtype)
+        noise = self.output_sigma * jax.random.normal(key, self.output_sigma.shape, y.dtype)
+        reading = reading_of(y, 0) + noise
+        return with_reading(jnp.broadcast_to(y, (*noise.shape, *y.shape)), 1, reading)
 
 
 def _is_shared(leaf: Array) -> bool:

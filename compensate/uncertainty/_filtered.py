@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, is_concrete
 
 from .._contract import AbstractCompensator, Status
+from .._readings import with_reading
 from ..inverses import inverse_of
 from ._ensemble import UncertainEstimate
 
@@ -113,14 +114,14 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         y = jnp.asarray(y, float)
         if t is None and self.by_time:
             raise InputError("no-time", "steps by time need the times.", fix="give t.")
-        t = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
+        t = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
         return _filter(self, t, y, self.init() if state is None else state)
 
     def step(
         self, state: FilteredState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[FilteredState, UncertainEstimate]:
         y, t = jnp.asarray(y, float), jnp.asarray(0.0 if t is None else t, float)
-        valid, first = jnp.isfinite(y) & jnp.isfinite(t), jnp.isinf(state.variance)
+        valid, first = jnp.isfinite(y).all() & jnp.isfinite(t), jnp.isinf(state.variance)
         reading = self.raw.step(state.inverse, t, y)[1]
         noise = self.output_sigma**2
 
@@ -130,11 +131,16 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         dt = jnp.where(first, 1.0, jnp.maximum(t - state.t, 0.0)) if self.by_time else 1.0
         ahead = past + self.input_step**2 * dt
 
+        def beside(x: Array) -> Array:
+            """An input or an output beside the condition, where the model depends on one."""
+            return with_reading(y, 0, x)
+
         def out(u: Array) -> Array:
-            return self.model.step(state.model, t, u)[1]
+            return self.model.step(state.model, t, beside(u))[1]
 
         def back(u: Array) -> Array:
-            return self.model.step(self.model.step(state.model, t, u)[0], t, before)[1]
+            there = self.model.step(state.model, t, beside(u))[0]
+            return self.model.step(there, t, beside(before))[1]
 
         reach = jnp.stack([jnp.sqrt(past), -jnp.sqrt(past)])
         up, down = jax.vmap(back)(before + reach)
@@ -151,8 +157,8 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         # Of the first input no more is known than what the first reading says.
         variance = jnp.where(first, noise / again**2, variance)
 
-        model, output = self.model.step(state.model, t, value)
-        inverse, _ = self.raw.step(state.inverse, t, output)
+        model, output = self.model.step(state.model, t, beside(value))
+        inverse, _ = self.raw.step(state.inverse, t, beside(output))
         after = FilteredState(model, inverse, value, variance, t)
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
         # Without any reading yet the raw inverse says what it holds.

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel
 
+from .._readings import reading_of, with_reading
 from ..inverses._bisection import inputs_between
 
 
@@ -43,7 +44,8 @@ def flat_intervals(
 
     **Arguments:**
 
-    - `t`, `estimate`: (samples,), as given to and found by `simulate`; `t` may be None without rates.
+    - `t`, `estimate`: (samples,), as given to and found by `simulate`; `t` may be None without rates. Of a
+      model that depends on a condition, estimate and condition, (samples, 2).
     - `where`: (samples,) bool, which estimates to look at, such as `status == Status.FLAT`; all by default.
       The interval of the others is the estimate itself.
 
@@ -54,8 +56,8 @@ def flat_intervals(
         True
     """
     u = jnp.asarray(estimate, float)
-    clock = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
-    looked = jnp.ones(u.shape, bool) if where is None else jnp.asarray(where)
+    clock = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, u.dtype)
+    looked = jnp.ones(len(u), bool) if where is None else jnp.asarray(where)
     bounds = jnp.asarray([low, high], u.dtype)
     return _intervals(model, clock, u, looked, bounds, jnp.asarray(tolerance, u.dtype))
 
@@ -64,17 +66,18 @@ def flat_intervals(
 def _intervals(
     model: AbstractModel,
     t: Float[Array, " samples"],
-    u: Float[Array, " samples"],
+    u: Float[Array, "samples *condition"],
     looked: Bool[Array, " samples"],
     bounds: Float[Array, " 2"],
     tolerance: Float[Array, ""],
 ) -> FlatInterval:
     def sample(state: Any, row: tuple[Array, Array, Array]) -> tuple[Any, FlatInterval]:
-        t, u, look = row
-        after, y = model.step(state, t, u)
+        t, driven, look = row
+        u = reading_of(driven, 0)
+        after, y = model.step(state, t, driven)
 
         def search() -> FlatInterval:
-            outputs = jax.vmap(lambda v: model.step(state, t, v)[1])
+            outputs = jax.vmap(lambda v: model.step(state, t, with_reading(driven, 0, v))[1])
             least, greatest = outputs(bounds)
             # Of a model that falls, what is mirrored rises.
             way = jnp.where(greatest < least, -1.0, 1.0).astype(u.dtype)

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from compensate import AbstractCompensator, GuardedCompensator, Status
+from compensate._readings import conditioned_in
 from hysteresis import AbstractModel, InputError, Record
 from identify import FitResult, Posterior
 
@@ -77,7 +78,14 @@ def draw_compensator(compensator: AbstractCompensator) -> Figure:
 
 def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Readings that go up, down and half way up again, their estimates and statuses."""
-    part, guard = compensator, None
+    part, guard, conditioned = compensator, None, conditioned_in(compensator)
+
+    def beside(x: np.ndarray) -> np.ndarray:
+        """Beside the middle of the conditions, where the model depends on one."""
+        if conditioned is None:
+            return x
+        return np.column_stack([x, np.full(len(x), np.mean(conditioned.knots))])
+
     while hasattr(part, "inner"):
         part, guard = part.inner, part if isinstance(part, GuardedCompensator) else guard
     model, part = getattr(part, "model", None), getattr(part, "members", part)
@@ -86,13 +94,13 @@ def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if guard is not None and isinstance(model, AbstractModel):
         # The readings of the trained inputs, up and down again.
         u = np.interp(np.linspace(0, 2, SWEEP), [0, 1, 2], [guard.low, guard.high, guard.low])
-        y = np.asarray(model.simulate(np.linspace(0, 2, SWEEP), u))
+        y = np.asarray(model.simulate(np.linspace(0, 2, SWEEP), beside(u)))
         low, high = float(y.min()), float(y.max())
     if not (np.isfinite([low, high]).all() and low < high):
         low, high = 0.0, 1.0
     t = np.linspace(0, 3, SWEEP)
     y = np.interp(t, [0, 1, 2, 3], [low, high, low, (low + high) / 2])
-    found = compensator.simulate(t, y)
+    found = compensator.simulate(t, beside(y))
     return y, np.asarray(found.value, float), np.asarray(found.status)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from compensate import AbstractCompensator, Status, estimate
-from hysteresis import AbstractModel, Record
+from hysteresis import AbstractModel, Record, with_condition
 
 TRIP = 100_000
 """Rows sent through a compensator, at most; whole sequences."""
@@ -94,9 +94,9 @@ def round_trip(model: AbstractModel, compensator: AbstractCompensator, record: R
     value, status = np.asarray(found.value), np.asarray(found.status)
 
     t, starts = record.time, tuple(record.starts.tolist())
-    own = np.asarray(model.simulate(t, record.input, starts=starts))
+    own = np.asarray(model.simulate(t, with_condition(model, record, record.input), starts=starts))
     again = estimate(compensator, replace(record, output=own)).value
-    back = np.asarray(model.simulate(t, again, starts=starts))
+    back = np.asarray(model.simulate(t, with_condition(model, record, again), starts=starts))
     exactness = float(np.abs(back - own).max()) / span
 
     counted = record.mask & np.isfinite(value) & (status != Status.INVALID)

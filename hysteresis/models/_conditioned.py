@@ -11,6 +11,7 @@ from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import is_concrete, parameter
 from .._registry import register
+from ..records._record import Record
 from ._compose import Scaled
 from ._compose import Series as Chain
 from ._curves import Values
@@ -168,3 +169,38 @@ def condition_of(model: Any) -> Conditioned | None:
     if isinstance(model, Scaled):
         return condition_of(model.inner)
     return condition_of(model.parts[0]) if isinstance(model, Chain) else None
+
+
+def condition_column(record: Record, name: str) -> np.ndarray:
+    """The values of a condition at every row of a record.
+
+    Raises `InputError` `no-condition` where the record does not have it.
+    """
+    if name not in record.columns:
+        raise InputError(
+            "no-condition",
+            f"the model depends on {name!r}, and the record has no such column.",
+            place=record.source,
+            fix=f"name it: --condition {name!r}, or condition={name!r}.",
+        )
+    return np.asarray(record.columns[name], float)
+
+
+def with_condition(model: Any, record: Record, x: Any) -> Any:
+    """Inputs or outputs at the rows of a record, as a model or its inverse takes them.
+
+    **Arguments:** `x`: (samples,), such as `record.input` for the model or `record.output` for the inverse.
+
+    **Returns:** `x` itself; for a model that depends on a condition an array (samples, 2), x and c.
+
+    **Raises:** `InputError` `no-condition` where the record lacks the condition.
+
+    **Example:**
+
+        >>> hysteresis.with_condition(hysteresis.LinearSponge(K=2.0), record, record.input).shape
+        (101,)
+    """
+    found = condition_of(model)
+    if found is None:
+        return x
+    return np.column_stack([x, condition_column(record, found.condition)])

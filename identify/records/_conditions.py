@@ -1,11 +1,9 @@
 """The condition of a record, such as a temperature: its trained values, and folds that hold some out."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import InputError, Record, condition_of
+from hysteresis import InputError, Record
 from hysteresis.records._common_part import STILL
 
 from ._folds import Fold, Parts
@@ -35,24 +33,6 @@ def name_of_condition(record: Record) -> str | None:
             fix="name the one that matters most (--condition COL), and fit the others apart (--each COL).",
         )
     return next(iter(record.conditions), None)
-
-
-def values_for(model: Any, record: Record) -> Float[np.ndarray, " samples"] | None:
-    """The condition at every row of a record that a model takes; None for a model without one.
-
-    Raises `InputError` `no-condition` where the record does not have it.
-    """
-    found = condition_of(model)
-    if found is None:
-        return None
-    if found.condition not in record.columns:
-        raise InputError(
-            "no-condition",
-            f"the model depends on {found.condition!r}, and the record has no such column.",
-            place=record.source,
-            fix=f"name it: --condition {found.condition!r}, condition={found.condition!r}.",
-        )
-    return np.asarray(record.columns[found.condition], float)
 
 
 def trained_values(record: Record, name: str) -> Float[np.ndarray, " values"] | None:

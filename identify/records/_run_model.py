@@ -5,23 +5,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import AbstractModel, Record
-
-from ._conditions import values_for
+from hysteresis import AbstractModel, Record, with_condition
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:
     """The record's input prepared for the model; every sequence starts from the virgin state."""
-    return model.prepare(record.time, driving(model, record), starts=starts_of(record))
-
-
-def driving(model: Any, record: Record) -> Float[np.ndarray, "samples *inputs"]:
-    """What a model takes from a record: the input, beside the condition where the model depends on one.
-
-    Raises `InputError` `no-condition` where the record does not have it.
-    """
-    c = values_for(model, record)
-    return record.input if c is None else np.column_stack([record.input, c])
+    return model.prepare(
+        record.time, with_condition(model, record, record.input), starts=starts_of(record)
+    )
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
@@ -32,7 +23,7 @@ def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples
         >>> float(np.abs(identify.predict(fit.model, record) - fit.predict(record)).max())
         0.0
     """
-    u = driving(model, record)
+    u = with_condition(model, record, record.input)
     return np.asarray(model.simulate(record.time, u, starts=starts_of(record)))
 
 

@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, Conditioned, Record, condition_of
 from hysteresis._format import quantity
+from hysteresis.models._conditioned import condition_column
 
-from ..records._conditions import between, inner_folds, outside, trained_values, values_for
+from ..records._conditions import between, inner_folds, outside, trained_values
 from ..records._folds import BLOCKS_OF_FOLD
 
 
@@ -63,10 +64,9 @@ def trained_condition(
 ) -> TrainedCondition | None:
     """The condition of a model that was fitted to a record, given its held-out mean squared errors."""
     found: Conditioned | None = condition_of(model)
-    c = values_for(model, train)
-    if found is None or c is None:
+    if found is None:
         return None
-    used = c[train.mask]
+    used = condition_column(train, found.condition)[train.mask]
     values = trained_values(train, found.condition)
     count = BLOCKS_OF_FOLD * inner_folds(values)
     error = None

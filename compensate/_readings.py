@@ -1,0 +1,43 @@
+"""Readings beside a condition: the inverse of a `Conditioned` model is given both in one array."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from hysteresis import Conditioned, Record, condition_of, with_condition
+
+
+def reading_of(y: Float[Array, "..."], dimensions: int) -> Float[Array, "..."]:
+    """The reading itself, of so many dimensions: the first of the pair (y, c), where c is there."""
+    return y[..., 0] if y.ndim > dimensions else y
+
+
+def with_reading(
+    y: Float[Array, "..."], dimensions: int, reading: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """The same with another reading; the condition, where there is one, stays."""
+    if y.ndim == dimensions:
+        return reading
+    return jnp.concatenate([reading[..., None], y[..., 1:].astype(reading.dtype)], -1)
+
+
+def conditioned_in(compensator: Any) -> Conditioned | None:
+    """The model that makes a compensator need a condition beside the reading; None where there is none."""
+    if (found := condition_of(getattr(compensator, "model", None))) is not None:
+        return found
+    for part in vars(compensator).values() if isinstance(compensator, eqx.Module) else ():
+        for one in part if isinstance(part, tuple) else (part,):
+            if (found := conditioned_in(one)) is not None:
+                return found
+    return None
+
+
+def readings_of(compensator: Any, record: Record) -> np.ndarray:
+    """The outputs of a record as a compensator takes them: beside the condition where it needs one.
+
+    Raises `InputError` `no-condition` where the record does not have it.
+    """
+    return with_condition(conditioned_in(compensator), record, record.output)

@@ -1,0 +1,119 @@
+"""Inverse of a model that depends on a condition: by bisection, given the output and the condition."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from numpy.typing import ArrayLike
+
+from hysteresis import (
+    AbstractModel,
+    Conditioned,
+    InputError,
+    Scaled,
+    Series,
+    Sum,
+    is_concrete,
+    register,
+)
+from hysteresis.records._common_part import STILL
+
+from .._contract import AbstractCompensator, Estimate, Status, scan_steps
+from ._bisection import BracketedState, bracketed
+from ._compose import range_of
+from ._default import REACH, size_of_inputs
+from ._inverse_of import inverse_of
+
+
+@register
+class ConditionedCompensator(AbstractCompensator[BracketedState, Estimate]):
+    """u from the pair (y, c) by bisection of u -> model.step(state, t, (u, c)) on [low, high].
+
+    As in `BracketedCompensator` the input nearest to the last estimate is taken where several have this
+    output. Beyond the knots the condition is taken for the nearer one and the status is EXTRAPOLATED,
+    unless it is less than two per cent of their range beyond. A pair with a NaN is INVALID.
+
+    **Arguments:**
+
+    - `model`: every one of its models rises with the input, or every one falls.
+    - `low`, `high`: the inputs to look for. `falls`: whether the models fall.
+
+    Readings are the columns of an array (samples, 2) in `simulate`, and `step` takes the pair (y, c).
+    """
+
+    model: Conditioned
+    low: float = eqx.field(static=True, converter=float)
+    high: float = eqx.field(static=True, converter=float)
+    falls: bool = eqx.field(static=True, default=False)
+
+    def init(self) -> BracketedState:
+        return BracketedState(self.model.init(), jnp.asarray(self.low, float))
+
+    def simulate(
+        self, t: ArrayLike | None, y: ArrayLike, state: BracketedState | None = None
+    ) -> Estimate:
+        if np.ndim(y) != 2:
+            raise InputError(
+                "wrong-shape",
+                f"readings of shape {np.shape(y)} for a model that depends on {self.model.condition!r}.",
+                fix="give output and condition as the columns of an array (samples, 2).",
+            )
+        y = jnp.asarray(y, float)
+        return scan_steps(self, t, y, self.init() if state is None else state)[1]
+
+    def step(
+        self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
+    ) -> tuple[BracketedState, Estimate]:
+        reading, c = jnp.asarray(y, state.value.dtype)
+        knots, sign = self.model.knots, -1.0 if self.falls else 1.0
+        valid = jnp.isfinite(c)
+        known = jnp.where(valid, c, knots[0])
+
+        def run(own: Any, u: Array) -> tuple[Any, Array]:
+            own, output = self.model.step(own, t, (u, known))
+            return own, sign * output
+
+        wanted = jnp.where(valid, sign * reading, jnp.nan)
+        after, found = bracketed(run, state, wanted, self.low, self.high)
+        margin = STILL * (knots[-1] - knots[0])
+        beyond = (known < knots[0] - margin) | (known > knots[-1] + margin)
+        sound = (found.status == Status.OK) | (found.status == Status.FLAT)
+        status = jnp.where(beyond & sound, Status.EXTRAPOLATED, found.status)
+        return after, Estimate(found.value, status)
+
+
+@inverse_of.register
+def _(model: Conditioned) -> ConditionedCompensator:
+    for one in model.models:
+        inverse_of(one)  # refuses a model that has no inverse
+    falls = {_falls(one) for one in model.models}
+    if len(falls) > 1:
+        raise InputError(
+            "not-invertible",
+            f"the output rises with the input at some values of {model.condition}, and falls at others.",
+            fix="fit the conditions apart (--each COL).",
+        )
+    ends = [found for one in model.models if (found := _ends(one)) is not None]
+    size = REACH * max(map(size_of_inputs, model.models))
+    low, high = (np.array(x) for x in zip(*(ends or [(-size, size)]), strict=True))
+    return ConditionedCompensator(model, float(low.max()), float(high.min()), falls.pop())
+
+
+def _falls(model: AbstractModel) -> bool:
+    if isinstance(model, Series):
+        return _falls(model.parts[-1])
+    return isinstance(model, Scaled) and is_concrete(model.factor) and float(model.factor) < 0
+
+
+def _ends(model: AbstractModel) -> tuple[float, float] | None:
+    """The inputs that a model was made for, as far as its parts say."""
+    if isinstance(model, Scaled):
+        return _ends(model.inner)
+    if isinstance(model, Series):
+        return _ends(model.parts[0])
+    if isinstance(model, Sum):
+        found = [ends for part in model.parts if (ends := _ends(part)) is not None]
+        return (max(x for x, _ in found), min(x for _, x in found)) if found else None
+    return range_of(model)
