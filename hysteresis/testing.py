@@ -128,16 +128,23 @@ def _check_sequences(model: AbstractModel, walks: list[_Walk]) -> None:
 def _check_transformations(model: AbstractModel, walk: _Walk) -> None:
     t, u = (None if x is None else jnp.asarray(x, float) for x in walk)
     plain = model.simulate(t, u)
-    jitted = eqx.filter_jit(lambda m, t, u: m.evaluate(m.prepare(t, u)))(model, t, u)
-    _equal("jit of prepare and evaluate", jitted, plain, model)
-    prepared = model.prepare(t, u)
+    _equal("jit of prepare and evaluate", _whole(model, t, u), plain, model)
     arrays, static = eqx.partition(model, eqx.is_array)
     several = jax.tree.map(lambda x: jnp.stack([x, x]), arrays)
-    outputs = eqx.filter_vmap(lambda a: eqx.combine(a, static).evaluate(prepared))(several) if (
-        jax.tree.leaves(several)
-    ) else plain[None]  # fmt: skip
-    for y in outputs:
-        _equal("vmap over parameters", y, plain, model)
+    if jax.tree.leaves(several):
+        for y in _side_by_side(several, static, model.prepare(t, u)):
+            _equal("vmap over parameters", y, plain, model)
+
+
+# Compiled once for all histories.
+@eqx.filter_jit
+def _whole(model: AbstractModel, t: Any, u: Any) -> Any:
+    return model.evaluate(model.prepare(t, u))
+
+
+@eqx.filter_jit
+def _side_by_side(several: Any, static: Any, prepared: Any) -> Any:
+    return eqx.filter_vmap(lambda arrays: eqx.combine(arrays, static).evaluate(prepared))(several)
 
 
 def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:

@@ -14,7 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysid.reporting._fit_page import write_report
-from hysteresis import AbstractModel, Burgers, GeneralizedKelvinVoigt, Record, StandardLinearSolid
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    GeneralizedKelvinVoigt,
+    LinearSponge,
+    Record,
+    StandardLinearSolid,
+)
 from identify import FitResult, Posterior, fit, sample, save, save_posterior
 from identify.internal import read_document
 
@@ -55,7 +62,7 @@ def shown(case: ConstructedCase, folder: Path) -> Shown:
     """Fit, save, sample where needed and report into `folder`, and read what is there."""
     found = case.fit()
     save(found, folder)
-    posterior = sample(found, steps=1000, seed=0) if case.sampled else None
+    posterior = sample(found, steps=500, seed=0) if case.sampled else None
     if posterior is not None:
         save_posterior(posterior, folder)
     report = write_report(folder).read_text("utf-8")
@@ -96,11 +103,10 @@ def case_rows(quick: bool) -> list[Row]:
 
 
 def _at_bound() -> FitResult:
-    """A stiffness of 1 that is said to be at least 1.2."""
-    told = {"E2": {"bounds": (1.2, 5.0), "start": 2.0}}
-    return _fitted(
-        Burgers(2.0, 40.0, 1.0, 5.0), Burgers(2.0, 40.0, 2.0, 5.0), 0.01, parameters=told
-    )
+    """A slope of 2 that is said to be at least 2.2."""
+    told = {"K": {"bounds": (2.2, 5.0), "start": 3.0}}
+    truth = LinearSponge(2.0, 1.0, -np.inf)
+    return _fitted(truth, LinearSponge(3.0, 1.0, -np.inf), 0.01, parameters=told)
 
 
 def _unidentified() -> FitResult:

@@ -53,10 +53,11 @@ def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
 @settings(max_examples=8)
 @given(
     seed=st.integers(0, 2**31),
-    lengths=st.lists(st.sampled_from([1, 2, 3, 5, 8, 11]), min_size=1, max_size=4),
+    lengths=st.lists(st.sampled_from([1, 5, 8]), min_size=1, max_size=4),
     gaps=st.sampled_from([0.0, 0.3]),
 )
 def test_it_is_simulate_of_each_sequence(name: str, seed: int, lengths: list[int], gaps: float):
+    """Of a single sample, of a power of two, and of a length that is made longer to one."""
     compensator, data = COMPENSATORS[name], record(seed, lengths, gaps)
     found = estimate(compensator, data)
     for _, rows in data.sequences():

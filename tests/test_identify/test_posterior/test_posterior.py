@@ -30,6 +30,11 @@ def line_fit():
     return fit(line(), "LinearSponge", seed=0, conditioning="keep")
 
 
+@pytest.fixture(scope="module")
+def line_posterior(line_fit):
+    return sample(line_fit, seed=1)
+
+
 def test_emcee_on_a_line_is_the_analytic_posterior(line_fit) -> None:
     """Flat priors, unknown sigma: a Student-t about the least-squares line."""
     posterior = sample(line_fit, steps=2000, seed=1)
@@ -133,8 +138,8 @@ def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
     assert error.value.code == "nothing-free"
 
 
-def test_nuts_draws_from_the_same_posterior(line_fit, tmp_path) -> None:
-    one = sample(line_fit, seed=1)
+def test_nuts_draws_from_the_same_posterior(line_fit, line_posterior, tmp_path) -> None:
+    one = line_posterior
     other = sample(line_fit, 400, seed=1, method="nuts", checkpoint=tmp_path / "chains.h5")
     assert other.draws.shape == (4, 400, 3)
     assert other.notes[0] == "NUTS keeps no checkpoint."
@@ -154,8 +159,8 @@ def test_without_blackjax_the_extra_is_named(line_fit, monkeypatch) -> None:
         sample(line_fit, method="nuts")
 
 
-def test_draws_of_every_row_are_those_of_the_target(line_fit) -> None:
-    posterior = sample(line_fit, seed=1)
+def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) -> None:
+    posterior = line_posterior
     rows, aim = posterior.per_row, target(line_fit)
     assert rows is not None
     np.testing.assert_array_equal(rows.observed, line_fit.train.output[rows.rows])
@@ -176,8 +181,8 @@ def test_draws_of_every_row_are_those_of_the_target(line_fit) -> None:
     assert inside == pytest.approx(0.9, abs=0.065)
 
 
-def test_arviz_reads_the_groups(line_fit, tmp_path) -> None:
-    posterior = sample(line_fit, seed=1)
+def test_arviz_reads_the_groups(line_fit, line_posterior, tmp_path) -> None:
+    posterior = line_posterior
     save(line_fit, tmp_path)
     save_posterior(posterior, tmp_path)
     again = load_posterior(tmp_path)
@@ -207,7 +212,7 @@ def grid_fit():
 
 @pytest.fixture(scope="module")
 def grid_posterior(grid_fit):
-    return sample(grid_fit, steps=40, seed=0)
+    return sample(grid_fit, steps=20, seed=0)
 
 
 def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_posterior) -> None:
@@ -219,7 +224,7 @@ def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_p
     assert isinstance(ensemble, EnsembleCompensator)
     estimates = ensemble.simulate(None, y).draws
     assert estimates is not None
-    assert estimates.shape == (160, len(u))
+    assert estimates.shape == (80, len(u))
     # Every draw is an exact inverse of itself, so the spread is the posterior's, not the solver's.
     again = jax.vmap(lambda m, v: m.simulate(None, v))(model, estimates)
     reachable = np.abs(np.asarray(again) - y).max(0) < 1e-9 * np.ptp(y)
