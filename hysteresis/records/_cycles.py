@@ -1,5 +1,6 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -113,7 +114,21 @@ def loop_area(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, fl
     pairs with cut ends serve as well. The chord between the ends of a pair that returns to its
     first input is taken out, since a steady drift of the output is no loop.
     """
-    net = total = 0.0
+    net, total, _ = loop_sums(u, y, used)
+    return net, total
+
+
+def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, float, float]:
+    """`loop_area`, and the sum of the ranges of u that both branches of each loop pass.
+
+    The second over the third is the mean distance between the branches, in the unit of `y`.
+    """
+    net, total, span = np.sum([(0.0, 0.0, 0.0), *_gaps(u, y, used)], axis=0)
+    return float(net), float(total), float(span)
+
+
+def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[tuple[float, float, float]]:
+    """Of each loop int D du, int |D| du, and the range of u that both branches pass."""
     points = turning_points(u, default_dead_band(u))
     for a, b, c in zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True):
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
@@ -134,7 +149,6 @@ def loop_area(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, fl
         level = low + (high - low) * (np.arange(64) + 0.5) / 64
         first, second = (np.interp(level, *leg) for leg in legs)
         gap = (second - first) * np.sign(u[b] - u[a]) * (high - low)
-        net += gap.mean()
         # Rounding is no loop: gaps below a millionth of the output's stroke count as nothing.
-        total += max(np.abs(gap).mean(), 1e-6 * np.ptp(legs[0][1]) * (high - low))
-    return float(net), float(total)
+        total = max(np.abs(gap).mean(), 1e-6 * np.ptp(legs[0][1]) * (high - low))
+        yield float(gap.mean()), float(total), float(high - low)

@@ -26,6 +26,7 @@ from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
 from ..results._baseline import Baseline
 from ..results._detail import detail_of
+from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Candidate, FitResult, Parameter, Starts
 from ..results._metrics import Metrics
 from ..storage._json import check_free, read_json, write_json
@@ -197,6 +198,8 @@ def _load(folder: Path, document: dict[str, Any]) -> FitResult:
             for candidate in document["candidates"]
         ),
         baselines=tuple(map(Baseline.of, document.get("baselines", ()))),
+        extrapolation=Extrapolation.of(document.get("extrapolation")),
+        purpose=document.get("purpose", "predict"),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
@@ -265,6 +268,9 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "schema": SCHEMA,
         "candidates": [summary(candidate) for candidate in fit.candidates],
         "baselines": [baseline.document for baseline in fit.baselines],
+        "extrapolation": None if fit.extrapolation is None else fit.extrapolation.document,
+        "purpose": fit.purpose,
+        "detail": {"kind": fit.detail.kind},
         "skipped": fit.skipped,
         "data": {
             "source": record.source,

@@ -7,20 +7,21 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import InputError, Record, parameters
+from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
 
+from ..diagnostics._rows_beyond import extrapolation
 from ..noise._residual_statistics import estimate_noise
 from ..parameters._precision import require_double
 from ..records._folds import block_errors, parts
-from ..results._detail import DiscreteSpectrum
+from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
 from ..spectra._prony_series import Input, Kind
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
 from ._baselines import baselines_of_hold
-from ._verdict import judge
+from ._verdict import check_purpose, judge
 
 AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
@@ -138,6 +139,7 @@ def fit_step(
     test: Record | None = None,
     test_tail: float | None = None,
     seed: int = 0,
+    purpose: str = "predict",
     allow_float32: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> FitResult:
@@ -152,6 +154,7 @@ def fit_step(
     - `record`: one sequence with a clock and a constant input other than 0; see `stepped`.
     - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
     - `seed`: kept with the result; nothing here is random.
+    - `purpose`: "predict" or "constants", see `fit`.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
 
@@ -171,6 +174,7 @@ def fit_step(
     begin = time.perf_counter()
     say = progress or (lambda _: None)
     require_double(allow_float32)
+    check_purpose(purpose)
     if test is not None and test_tail is not None:
         raise InputError("conflicting-options", "Give one of test and test_tail.")
     record = stepped(record)
@@ -192,12 +196,20 @@ def fit_step(
     baselines = baselines_of_hold(counted, parts(counted), judged_on)
     chosen = fits.pop(found.order)
     chosen = replace(chosen, notes=found.notes, detail=DiscreteSpectrum(found))
-    verdict = judge(chosen, found.notes)
+    chosen = replace(chosen, baselines=baselines, purpose=purpose)
+    if test is not None:
+        chosen = replace(chosen, extrapolation=extrapolation(chosen, chosen.predict(test)))
+    verdict = judge(chosen, tuple(Note("spectrum", said) for said in found.notes))
     if (covered := _coverage(found, test)) is not None:
         share, said = covered
-        verdict = verdict.at_most("CAUTION" if share < CONFIDENCE else "PASS", said)
-    chosen = replace(chosen, verdict=verdict, baselines=baselines)
-    others = [replace(fit, verdict=judge(fit)) for fit in sorted(fits, key=lambda fit: fit.score)]
+        level = "CAUTION" if share < CONFIDENCE else "PASS"
+        verdict = verdict.at_most(level, Note("open-range", said))
+    chosen = replace(chosen, verdict=verdict)
+    others = [
+        replace(fit, detail=DiscreteSpectrum(found), baselines=baselines, purpose=purpose)
+        for fit in sorted(fits, key=lambda fit: fit.score)
+    ]
+    others = [replace(fit, verdict=judge(fit), detail=Parametric()) for fit in others]
     return replace(chosen, candidates=(chosen, *others), seconds=time.perf_counter() - begin)
 
 

@@ -18,7 +18,7 @@ from ._candidates import Asked, Candidate, candidates
 from ._linear import fit_composition, fit_grid
 from ._parametric import LeastSquares, explained, least_squares
 from ._training_data import TrainingData, training_data
-from ._verdict import judge
+from ._verdict import check_purpose, judge
 
 Report = Callable[[str], None]
 Said = Mapping[str, Mapping[str, Any]]
@@ -38,6 +38,7 @@ def fit(
     parameters: Said | None = None,
     starts: int = 32,
     seed: int = 0,
+    purpose: str = "predict",
     allow_float32: bool = False,
     progress: Report | None = None,
 ) -> FitResult:
@@ -75,6 +76,9 @@ def fit(
     - `parameters`: what is known of the parameters of one model of few: name -> {"start", "bounds",
       "prior", "fixed", "tied"}, such as {"E1": {"prior": "log-normal(2, 1.5)"}, "offset": {"fixed": 0}}.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
+    - `purpose`: what the verdict is for: "predict"; "compensate", which also needs a compensator that is
+      better than a straight line (`hysid.fit` tries it); or "constants", which also needs a standard error
+      for every parameter.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
 
@@ -97,6 +101,7 @@ def fit(
         record, test = record.split_tail(test_tail)
     _check_choices(initial, conditioning, clocks, starts, seed)
     kinds(noise)
+    check_purpose(purpose)
     asked = candidates(model)
     if parameters and (
         len(asked) > 1 or any(one.has_weights and one.template is None for one in asked)
@@ -118,11 +123,13 @@ def fit(
     chosen, *others = _ranked(tried)
     best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
     baselines = data.baselines()
-    fits = [best, *(one.fit for one in others)]
+    fits = [
+        replace(one, baselines=baselines, purpose=purpose)
+        for one in (best, *(one.fit for one in others))
+    ]
     ranked = [replace(one, verdict=judge(one, data.warnings)) for one in fits]
     return replace(
         ranked[0],
-        baselines=baselines,
         candidates=tuple(ranked),
         skipped=skipped,
         seconds=time.perf_counter() - begin,

@@ -7,6 +7,7 @@ import numpy as np
 
 from hysteresis import ChannelMap, Note, Record, check_identifiable
 
+from ..diagnostics._rows_beyond import extrapolation
 from ..linear._channel_map_fit import fit_channel_map
 from ..records._channel_map import combine
 from ..records._clocks import Clocks, is_held
@@ -62,7 +63,12 @@ class TrainingData:
         predicted, counted = judged.predict(self.test), self.test.mask
         held_out = metrics(self.test.output, predicted, counted)
         blocks = np.array(block_errors((predicted - self.test.output)[counted]))
-        return replace(judged, metrics={**fit.metrics, "test": held_out}, test_blocks=blocks)
+        return replace(
+            judged,
+            metrics={**fit.metrics, "test": held_out},
+            test_blocks=blocks,
+            extrapolation=extrapolation(judged, predicted),
+        )
 
     def baselines(self) -> tuple[Baseline, ...]:
         """Simple predictors on the same folds and rows as every candidate."""

@@ -1,81 +1,227 @@
-"""The verdict on a fit: whether it can be used, with all reasons."""
+"""The verdict on a fit: whether it can be used for a purpose, with all reasons."""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis._verdict import Verdict
+from hysteresis import InputError, Note
+from hysteresis._format import quantity
+from hysteresis._verdict import Level, Verdict
 
+from ..diagnostics._loops_left import loops_left
 from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._sloppiness import without_effect
 from ..diagnostics._time_constants import unseen_time_constants
-from ..results._fit_result import FitResult
+from ..records._folds import root_difference
+from ..results._baseline import Baseline, best_baseline
+from ..results._detail import DiscreteSpectrum
+from ..results._extrapolation import RowsBeyond
+from ..results._fit_result import PURPOSES, FitResult
 
 GOOD, USABLE = 5.0, 15.0
-"""Held-out NRMSE in per cent up to which a fit passes, and up to which it may be used with care."""
+"""Error in per cent, of the range of the rows or for holds of the reading, up to which a fit passes, and up
+to which it may be used with care."""
+
+TIMES = 2.0
+"""Held-out rows whose rms error is above this times that of the training rows differ from them."""
+
+SHARE = 0.1
+"""Of the held-out rows: so many beyond the trained range are named."""
+
+LEFT = 0.5
+"""Part of the width of the loops that a fit may leave and still pass."""
 
 
-def judge(fit: FitResult, warnings: tuple[str, ...] = ()) -> Verdict:
-    """PASS, CAUTION or FAIL of a fit with all its reasons: the error first, then the gravest.
+class Reasons(NamedTuple):
+    """Notes that make a verdict FAIL, that make it CAUTION, and that are good to know."""
 
-    FAIL: not converged; held-out error above 15 % of the range; no better than the mean.
-    CAUTION: held-out error above 5 %, or more than twice that on the training part; nothing held out;
-    parameters without an honest error; another minimum as good; a time constant that the record cannot
-    show; a tenth of the test rows beyond the trained inputs; a warning about the data.
+    fails: list[Note]
+    cautions: list[Note]
+    facts: list[Note]
+
+
+def check_purpose(purpose: str) -> None:
+    """Raise `InputError` `bad-option` for a purpose that there is not."""
+    if purpose not in PURPOSES:
+        raise InputError("bad-option", f"purpose={purpose!r}; have {', '.join(PURPOSES)}.")
+
+
+def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
+    """PASS, CAUTION or FAIL of a fit for its purpose with all reasons: the error first, then the gravest.
+
+    FAIL: not converged; an error above 15 %; no better than the mean of the rows.
+
+    CAUTION: an error above 5 %; a baseline that is better on the judged rows by more than the standard
+    error of the difference; more than half of the loops' width left in the residuals; nothing held out;
+    held-out rows with more than twice the rms error of the training rows; a tenth of them beyond the
+    trained inputs, or beyond the trained rates or times with twice the error; a time constant that the
+    record cannot show; a warning about the data. For constants also: parameters without a standard error,
+    a second minimum, no noise model that explains the residuals. To compensate: a compensator that was not
+    tried.
+
+    Ratios are of like with like: rms with rms in the output's unit, for holds in per cent of the reading.
     """
+    found = Reasons([], [], [])
+    if not fit.success:
+        text = "The solver did not converge. Use more starts (--starts), or a simpler model."
+        found.fails.append(Note("not-converged", text))
+    level, said = _error(fit)
+    best = best_baseline(fit.baselines)
+    if best is not None:
+        _compare(fit, best, found)
+    _loops(fit, found)
+    _held_out(fit, found)
+    _parameters(fit, found)
+    found.cautions.extend([*unseen_time_constants(fit.model, fit.train), *map(Note.of, warnings)])
+    _noise(fit, found)
+    if fit.purpose == "compensate":
+        text = "The compensator was not tried. hysid.fit, hysid fit and hysid qualify try it."
+        found.cautions.append(Note("compensator-not-tried", text))
+    verdict = Verdict(level, (said,), "" if best is None else best.name)
+    verdict = verdict.at_most("FAIL" if found.fails else "PASS", *found.fails)
+    return verdict.at_most("CAUTION" if found.cautions else "PASS", *found.cautions, *found.facts)
+
+
+def _error(fit: FitResult) -> tuple[Level, Note]:
+    """The error on the judged rows, and what level it allows at best."""
     train, test = fit.metrics["train"], fit.metrics["test"]
     assert train is not None
-    fails, cautions, facts = [], [], []
-    if not fit.success:
-        fails.append("The solver did not converge. Use more starts (--starts), or a simpler model.")
     judged, where = (train, "the training rows") if test is None else (test, "the held-out rows")
-    said = f"It predicts {where} to {judged.nrmse_percent:.2g} % of their range"
-    unit = "" if fit.train.output_unit == "1" else f" {fit.train.output_unit}"
-    said += f" ({judged.rmse:.3g}{unit} rms, {judged.max_abs:.3g}{unit} at most)"
-    if judged.nrmse_percent > USABLE or not judged.r2 > 0:
-        verdict = Verdict("FAIL", (f"{said}, which is too far off to use.",))
-    elif judged.nrmse_percent > GOOD:
-        verdict = Verdict("CAUTION", (f"{said}, which is above {GOOD:g} %.",))
+    holds = isinstance(fit.detail, DiscreteSpectrum)
+    percent = judged.relative_percent if holds else judged.nrmse_percent
+    of = "the reading" if holds else "their range"
+    unit = fit.train.output_unit
+    said = (
+        f"It predicts {where} to {percent:.2g} % of {of} ({quantity(judged.rmse, unit, 3)} rms,"
+        f" {quantity(judged.max_abs, unit, 3)} at most)"
+    )
+    if percent > USABLE or not (holds or judged.r2 > 0):
+        return "FAIL", Note("error", f"{said}, which is too far off to use.")
+    if percent > GOOD:
+        return "CAUTION", Note("error", f"{said}, which is above {GOOD:g} %.")
+    return "PASS", Note("error", f"{said}.")
+
+
+def _compare(fit: FitResult, best: Baseline, found: Reasons) -> None:
+    """With the best baseline, on the test rows or else on the held-out parts of the training rows."""
+    if fit.test_blocks is not None and best.test_blocks is not None:
+        where, ours, theirs = "the held-out rows", fit.test_blocks, best.test_blocks
+        test = fit.metrics["test"]
+        assert test is not None
+        own = test.rmse
+    elif fit.metrics["test"] is None and fit.blocks is not None:
+        where, ours, theirs = "held-out parts of the training rows", fit.blocks, best.blocks
+        own = float(np.sqrt(ours.mean()))
     else:
-        verdict = Verdict("PASS", (f"{said}.",))
-    if test is None:
-        cautions.append("Nothing was held out, so the error on unseen data is unknown.")
-    elif test.nrmse_percent > 2 * train.nrmse_percent and test.nrmse_percent > 1:
-        cautions.append(
-            f"That is {test.nrmse_percent / train.nrmse_percent:.1f} times the error on the"
-            " training rows, because the held-out rows differ or the model has too much freedom."
+        return
+    if (worse := root_difference(theirs, ours)) is None:
+        return
+    unit, other = fit.train.output_unit, best.judged[0]
+    of_both = f"{quantity(other, unit, 3)} rms instead of {quantity(own, unit, 3)}"
+    apart = f"{quantity(abs(worse.value), unit, 2)} +- {quantity(worse.error, unit, 2)}"
+    # Both exact: what is left is rounding.
+    if worse.value > max(worse.error, 1e-9 * float(np.ptp(fit.train.output[fit.used]))):
+        text = (
+            f"A baseline predicts {where} better: {best.name}, {of_both}, a difference of {apart}."
         )
-    if test is not None:
-        outside = _share_outside(fit)
-        if outside > 0.1:
-            cautions.append(
-                f"{100 * outside:.0f} % of the held-out rows lie beyond the trained inputs."
-            )
+        found.cautions.insert(0, Note("baseline-better", text))
+        return
+    text = f"The best baseline on {where}, {best.name}, has {quantity(other, unit, 3)} rms,"
+    found.facts.append(
+        Note("best-baseline", f"{text} {'more' if worse.value < 0 else 'less'} by {apart}.")
+    )
+
+
+def _loops(fit: FitResult, found: Reasons) -> None:
+    """Whether the hysteresis that the fitted rows show is in the model."""
+    loops = loops_left(fit)
+    if not loops.are_there or not loops.share > LEFT:
+        return
+    unit = fit.train.output_unit
+    text = (
+        f"The residuals keep {100 * loops.share:.0f} % of the width of the measured loops"
+        f" ({quantity(loops.left, unit, 3)} of {quantity(loops.width, unit, 3)}): the model does not"
+        " describe the hysteresis."
+    )
+    found.cautions.append(Note("loops-left", text))
+
+
+def _held_out(fit: FitResult, found: Reasons) -> None:
+    train, test = fit.metrics["train"], fit.metrics["test"]
+    unit = fit.train.output_unit
+    assert train is not None
+    if test is None:
+        text = "Nothing was held out, so the error on unseen data is unknown."
+        if np.isfinite(fit.score) and fit.blocks is not None:
+            text += f" On held-out parts of the training rows it is {fit.score:.2g} % of the range."
+        found.cautions.append(Note("nothing-held-out", text))
+        return
+    if isinstance(fit.detail, DiscreteSpectrum):
+        held, fitted, percent = test.relative_percent, train.relative_percent, test.relative_percent
+        both = f"{held:.2g} % of the reading, and {fitted:.2g} % on the training rows"
+    else:
+        held, fitted, percent = test.rmse, train.rmse, test.nrmse_percent
+        both = f"{quantity(held, unit, 3)}, and {quantity(fitted, unit, 3)} on the training rows"
+    if held > TIMES * fitted and percent > 1:
+        times = f"{held / fitted:.1f} times" if fitted else "more than"
+        text = f"The rms error on the held-out rows is {times} that on the training rows: {both}."
+        found.cautions.append(Note("worse-than-trained", text))
+    if (beyond := fit.extrapolation) is None:
+        return
+    inside = beyond.inside
+    for name, part, words in (
+        ("input", beyond.input, "the trained inputs"),
+        ("rate", beyond.rate, "the trained rates of the input"),
+        ("time", beyond.time, "the longest trained hold"),
+    ):
+        if part.rows <= SHARE * int(fit.test.mask.sum() if fit.test is not None else 0):
+            continue
+        note = Note(f"beyond-{name}", _beyond(fit, part, inside, words))
+        worse = inside.rmse is None or (part.rmse or 0.0) > TIMES * inside.rmse
+        (found.cautions if name == "input" or worse else found.facts).append(note)
+
+
+def _beyond(fit: FitResult, part: RowsBeyond, inside: RowsBeyond, words: str) -> str:
+    assert fit.test is not None
+    assert part.rmse is not None
+    unit = fit.train.output_unit
+    share = 100 * part.rows / int(fit.test.mask.sum())
+    text = f"{share:.0f} % of the held-out rows lie beyond {words}; the error there is"
+    text += f" {quantity(part.rmse, unit, 3)} rms"
+    if inside.rmse is None:
+        return f"{text}, and no row lies inside all trained ranges."
+    return f"{text}, and {quantity(inside.rmse, unit, 3)} inside all trained ranges."
+
+
+def _parameters(fit: FitResult, found: Reasons) -> None:
+    """Parameters that the data do not determine: grave for constants, good to know for the rest."""
+    where = found.cautions if fit.purpose == "constants" else found.facts
     for status in ("at bound", "unidentified"):
         names = [p.name for p in fit.parameters if p.status == status]
-        if names:
-            cautions.append(f"No standard error for {', '.join(names)} ({status}).")
-            if status == "unidentified":
-                cautions += without_effect(fit, names)
-    if (found := another_minimum(fit)) is not None:
-        sentence, exchanged = found
-        (facts if exchanged else cautions).append(sentence)
-    cautions += [*unseen_time_constants(fit.model, fit.train), *warnings]
+        if not names:
+            continue
+        text = f"No standard error for {', '.join(names)} ({status})."
+        count = f" That is {len(names)} of {len(fit.parameters)} parameters."
+        where.append(Note(status.replace(" ", "-"), text + count))
+        if status == "unidentified":
+            where.extend(without_effect(fit, names))
+    if (minimum := another_minimum(fit)) is not None:
+        sentence, exchanged = minimum
+        (found.facts if exchanged else where).append(sentence)
+
+
+def _noise(fit: FitResult, found: Reasons) -> None:
     if fit.noise_model is not None and not fit.noise_model.is_white:
-        facts.append(f"Noise model of the residuals: {fit.noise_model.words}.")
+        text = f"Noise model of the residuals: {fit.noise_model.words}."
+        found.facts.append(Note("noise-model", text))
     elif fit.noise_model is None and fit.noise_evidence:
-        facts.append("No noise model explains the residuals; treat them as model error.")
+        text = "No noise model explains the residuals"
+        text += f" ({quantity(fit.noise.sigma, fit.train.output_unit, 3)} rms); treat them as model error."
+        where = found.cautions if fit.purpose == "constants" else found.facts
+        where.append(Note("model-error", text))
     if fit.noise.correlation_time > 3:
-        facts.append(
+        text = (
             f"The residuals are correlated over {fit.noise.correlation_time:.0f} samples, so"
             f" {fit.noise.samples} rows count as {fit.noise.effective:.0f} and errors are widened."
         )
-    verdict = verdict.at_most("FAIL" if fails else "PASS", *fails)
-    return verdict.at_most("CAUTION" if cautions else "PASS", *cautions, *facts)
-
-
-def _share_outside(fit: FitResult) -> float:
-    assert fit.test is not None
-    seen = fit.train.input[fit.train.mask]
-    u = fit.test.input[fit.test.mask]
-    # Within a hundredth of the range the seam does not matter.
-    margin = 0.01 * np.ptp(seen)
-    return float(np.mean((u < seen.min() - margin) | (u > seen.max() + margin)))
+        found.facts.append(Note("correlated-residuals", text))

@@ -19,10 +19,14 @@ from ..records._clocks import Clocks
 from ..records._run_model import predict
 from ._baseline import Baseline
 from ._detail import Detail, Parametric
+from ._extrapolation import Extrapolation
 from ._metrics import Metrics
 from ._trained_condition import TrainedCondition, trained_condition
 
 Status = Literal["free", "fixed", "at bound", "unidentified"]
+
+PURPOSES = ("predict", "compensate", "constants")
+"""What a fit may be for, and its verdict with it."""
 
 
 class Parameter(NamedTuple):
@@ -91,6 +95,8 @@ class FitResult:
     - `blocks`: mean squared errors of the held-out parts, in blocks of consecutive rows; `test_blocks`:
       of the test rows.
     - `baselines`: simple predictors on the same rows, see `Baseline`.
+    - `extrapolation`: test rows beyond the trained inputs, rates and hold times, see `Extrapolation`.
+    - `purpose`: what the verdict is for: "predict", "compensate" or "constants".
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
       -log evidence of every kind tried, over the best one's. `settings`: what the user gave for parameters.
@@ -127,6 +133,8 @@ class FitResult:
     blocks: Float[np.ndarray, " blocks"] | None = None
     test_blocks: Float[np.ndarray, " test_blocks"] | None = None
     baselines: tuple[Baseline, ...] = ()
+    extrapolation: Extrapolation | None = None
+    purpose: str = "predict"
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)
     verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)

@@ -12,12 +12,14 @@ class Metrics(NamedTuple):
     - `rmse`, `max_abs`: root mean square and largest error, in the output's unit.
     - `nrmse_percent`: 100 rmse / (max - min of the measured output over these rows).
     - `r2`: 1 - sum of squared errors / sum of squared deviations from the mean.
+    - `relative_percent`: 100 times the root mean square of error / measured; NaN where a reading is 0.
     """
 
     rmse: float
     nrmse_percent: float
     max_abs: float
     r2: float
+    relative_percent: float = float("nan")
 
 
 def metrics(
@@ -38,9 +40,11 @@ def metrics(
     error = predicted - measured
     rmse = float(np.sqrt(np.mean(error**2)))
     spread, span = float(np.sum((measured - measured.mean()) ** 2)), float(np.ptp(measured))
+    relative = np.mean((error / measured) ** 2) if measured.all() else np.nan
     return Metrics(
         rmse,
         100 * rmse / span if span > 0 else float("nan"),
         float(np.abs(error).max()),
         1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
+        100 * float(np.sqrt(relative)),
     )

@@ -197,7 +197,14 @@ def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
         assert key in document
     for parameter in document["parameters"]:
         assert set(parameter) == {"name", "value", "unit", "stderr", "status", "low", "high"}
-    assert set(document["metrics"]["test"]) == {"rmse", "nrmse_percent", "max_abs", "r2"}
+    metrics = {"rmse", "nrmse_percent", "max_abs", "r2", "relative_percent"}
+    assert set(document["metrics"]["test"]) == metrics
+    assert document["detail"] == {"kind": "grid weights"}
+    assert document["purpose"] == "predict"
+    assert set(document["extrapolation"]) == {"input", "rate", "time", "inside"}
+    assert document["extrapolation"]["inside"].keys() == {"rows", "rmse"}
+    assert {"name", "nrmse_percent", "rmse"} <= set(document["baselines"][0])
+    assert document["verdict"]["best_baseline"] in [one["name"] for one in document["baselines"]]
 
 
 def test_a_saved_fit_comes_back(sponge_fit: FitResult, tmp_path) -> None:

@@ -1,0 +1,209 @@
+"""The verdict on a fit: each sentence is recomputed from the arrays."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError, LinearSponge, Record
+from hysteresis._verdict import Verdict
+from identify import FitResult, fit, fit_step
+from identify.baselines._input_memory import stops
+from identify.diagnostics._loops_left import loops_left
+from identify.diagnostics._rows_beyond import held_for
+from identify.fitting._verdict import judge
+from identify.records._folds import root_difference
+
+QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
+TIME = np.arange(321) / 80
+
+
+def record(amplitudes: tuple[float, ...], loop: float, noise: float = 0.02) -> Record:
+    """Four cycles of these amplitudes: a line, a play of radius 1 with weight `loop`, and noise."""
+    u = np.array(amplitudes)[np.minimum(TIME.astype(int), 3)] * (1 - np.abs(2 * (TIME % 1.0) - 1))
+    made = Record.from_arrays(u, u, TIME)
+    play = u - stops(made, np.array([1.0]))[:, 0]
+    y = 0.5 * u + 1 + loop * play + np.random.default_rng(0).normal(0, noise, len(u))
+    return replace(made, output=y, input_unit="N", output_unit="mm")
+
+
+@pytest.fixture(scope="module")
+def loops() -> FitResult:
+    """A line through loops; the last cycle is half as large again."""
+    return fit(record((10.0, 10.0, 10.0, 15.0), 0.5), test_cycles=1, **QUICK)
+
+
+@pytest.fixture(scope="module")
+def line() -> FitResult:
+    """A line through a line; the last cycle is a fifth as large."""
+    return fit(record((10.0, 10.0, 10.0, 2.0), 0.0, 0.05), test_cycles=1, **QUICK)
+
+
+def numbers(verdict: Verdict, code: str) -> list[float]:
+    """Of the one sentence with this code."""
+    (said,) = [r for r in verdict.reasons if getattr(r, "code", "") == code]
+    return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", said.replace("+- ", ""))]
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def errors(found: FitResult) -> tuple[np.ndarray, np.ndarray]:
+    """On the fitted rows, and on the held-out ones."""
+    assert found.test is not None
+    train, test = ((found.predict(r) - r.output) for r in (found.train, found.test))
+    return train[found.used], test[found.test.mask]
+
+
+def test_the_error_is_that_of_the_held_out_rows(loops: FitResult, line: FitResult):
+    for found in (loops, line):
+        assert found.test is not None
+        _, error = errors(found)
+        y = found.test.output[found.test.mask]
+        percent, rmse, largest = numbers(found.verdict, "error")[:3]
+        assert percent == pytest.approx(100 * rms(error) / np.ptp(y), rel=0.06)  # two digits
+        assert rmse == pytest.approx(rms(error), rel=0.006)
+        assert largest == pytest.approx(np.abs(error).max(), rel=0.006)
+
+
+def test_a_smaller_rms_is_never_called_a_larger_error(line: FitResult):
+    """The range of the held-out rows is a fifth, so their error is five times as many per cent of it."""
+    train, test = line.metrics["train"], line.metrics["test"]
+    assert train is not None
+    assert test is not None
+    assert test.nrmse_percent > 3 * train.nrmse_percent
+    assert test.rmse < 1.2 * train.rmse
+    assert "worse-than-trained" not in line.verdict.codes
+
+
+def test_a_larger_rms_is_told_against_that_of_the_training_rows(line: FitResult):
+    assert line.test is not None
+    worse = replace(line.test, output=line.test.output + 0.3)
+    _, error = errors(replace(line, test=worse))
+    metrics = {**line.metrics, "test": line.metrics["test"]._replace(rmse=rms(error))}  # type: ignore[union-attr]
+    times, held, fitted = numbers(judge(replace(line, metrics=metrics)), "worse-than-trained")
+    train, _ = errors(line)
+    assert (held, fitted) == pytest.approx((rms(error), rms(train)), rel=0.006)
+    assert times == pytest.approx(rms(error) / rms(train), rel=0.02)
+
+
+def test_the_best_baseline_is_named_with_the_difference():
+    """Ten blocks of paired squared errors; a baseline that wins by more than a standard error bars PASS."""
+    loops = fit(record((10.0, 10.0, 10.0, 10.0), 0.5), test_cycles=1, **QUICK)
+    verdict = loops.verdict
+    assert verdict.level != "PASS"
+    best = min(loops.baselines, key=lambda one: one.metrics["test"].rmse)  # type: ignore[union-attr]
+    assert verdict.best_baseline == best.name
+    assert f" {best.name}, " in verdict.reasons[verdict.codes.index("baseline-better")]
+    _, error = errors(loops)
+    ours = np.array([np.mean(block**2) for block in np.array_split(error, 10)])
+    assert best.test_blocks is not None
+    difference = np.sqrt(ours.mean()) - np.sqrt(best.test_blocks.mean())
+    each = ours / np.sqrt(4 * ours.mean()) - best.test_blocks / np.sqrt(4 * best.test_blocks.mean())
+    deviation = each.std(ddof=1) / np.sqrt(10)
+    theirs, own, apart, uncertain = numbers(verdict, "baseline-better")
+    test = best.metrics["test"]
+    assert test is not None
+    assert (theirs, own) == pytest.approx((test.rmse, rms(error)), rel=0.006)
+    assert (apart, uncertain) == pytest.approx((difference, deviation), rel=0.06)
+    assert apart > uncertain
+
+
+def test_without_held_out_rows_folds_decide(line: FitResult):
+    found = fit(record((10.0, 10.0, 10.0, 10.0), 0.5), **QUICK)
+    verdict = found.verdict
+    assert {"baseline-better", "nothing-held-out", "loops-left"} <= set(verdict.codes)
+    best = min(found.baselines, key=lambda one: one.blocks.mean())
+    assert found.blocks is not None
+    theirs, own, *apart = numbers(verdict, "baseline-better")
+    assert (theirs, own) == pytest.approx(
+        (np.sqrt(best.blocks.mean()), np.sqrt(found.blocks.mean())), rel=0.006
+    )
+    assert tuple(apart) == pytest.approx(root_difference(best.blocks, found.blocks), rel=0.06)
+    percent = numbers(verdict, "nothing-held-out")[0]
+    y = found.train.output[found.train.mask]
+    assert percent == pytest.approx(100 * np.sqrt(found.blocks.mean()) / np.ptp(y), rel=0.06)
+
+
+def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
+    """A play of radius 1 and weight 0.5: branches are 1 mm apart, but for its ends; a line leaves them."""
+    percent, left, width = numbers(loops.verdict, "loops-left")
+    found = loops_left(loops)
+    assert width == pytest.approx(found.width, rel=0.006)
+    assert 0.8 < width < 1.0
+    assert left == pytest.approx(found.left, rel=0.006)
+    assert percent == pytest.approx(100 * found.left / found.width, abs=0.6)
+    assert percent > 80
+    alone = loops_left(line)
+    assert not alone.are_there
+    assert alone.noise == pytest.approx(0.05, rel=0.3)
+    assert "loops-left" not in line.verdict.codes
+
+
+def test_a_line_through_a_line_passes(line: FitResult):
+    same = fit(record((10.0, 10.0, 10.0, 10.0), 0.0, 0.05), test_cycles=1, **QUICK)
+    assert same.verdict.level == "PASS"
+    assert "best-baseline" in same.verdict.codes
+
+
+def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
+    found, test = loops.extrapolation, loops.test
+    assert found is not None
+    assert test is not None
+    highest = loops.train.input[loops.used].max()
+    beyond = test.mask & (test.input > highest + 0.1)
+    error = loops.predict(test) - test.output
+    assert found.input.rows == beyond.sum()
+    assert found.input.rmse == pytest.approx(rms(error[beyond]))
+    share, there, *inside = numbers(loops.verdict, "beyond-input")
+    assert share == pytest.approx(100 * beyond.sum() / test.mask.sum(), abs=0.6)
+    assert there == pytest.approx(rms(error[beyond]), rel=0.006)
+    assert inside == []  # it moves faster too, in every row
+    assert (found.rate.rows, found.inside.rows) == (test.mask.sum(), 0)
+
+
+def test_how_long_an_input_is_held():
+    u = np.array([0, 0.1, 0, 5, 5.1, 4.9, 5, 9.0])
+    made = Record.from_arrays(u, u, np.arange(8.0))
+    assert held_for(made, 0.5).tolist() == [0, 1, 2, 0, 1, 2, 3, 0]
+
+
+def test_constants_need_standard_errors(line: FitResult):
+    """A parameter without one is good to know for a prediction, and grave for a constant."""
+    parameters = tuple(p._replace(stderr=None, status="at bound") for p in line.parameters)
+    free = replace(line, parameters=parameters, starts=None, metrics={**line.metrics})
+    plain, constants = (judge(replace(free, purpose=p)) for p in ("predict", "constants"))
+    assert "at-bound" in plain.codes
+    assert numbers(constants, "at-bound")[-2:] == [len(parameters), len(parameters)]
+    order = [verdict.codes.index("at-bound") for verdict in (constants, plain)]
+    assert order[0] <= order[1]
+    assert constants.level != "PASS"
+    assert "compensator-not-tried" in judge(replace(line, purpose="compensate")).codes
+    with pytest.raises(InputError, match="bad-option"):
+        fit(line.train, purpose="sell", **QUICK)
+
+
+def test_a_hold_is_judged_by_its_reading():
+    """Little range is left at the end of a hold, but a small error of the reading is a small error."""
+    t = np.geomspace(0.1, 1000, 120)
+    noise = np.random.default_rng(1).normal(0, 0.002, 120)
+    y = (10 - 4 * np.exp(-t / 5)) * (1 + noise)
+    found = fit_step(Record.from_arrays(np.full(120, 2.0), y, t), test_tail=0.3)
+    assert found.test is not None
+    counted = found.test.mask
+    error = (found.predict(found.test) - found.test.output)[counted]
+    relative = 100 * rms(error / found.test.output[counted])
+    percent, rmse = numbers(found.verdict, "error")[:2]
+    assert percent == pytest.approx(relative, rel=0.06)
+    assert rmse == pytest.approx(rms(error), rel=0.006)
+    assert relative < 1
+    test = found.metrics["test"]
+    assert test is not None
+    assert test.nrmse_percent > 10
+    assert found.verdict.level != "FAIL"
+    assert [one.name for one in found.baselines][-1] == "power law of time"
+    assert found.extrapolation is not None
+    assert found.extrapolation.time.rows == counted.sum()
