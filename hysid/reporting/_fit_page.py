@@ -145,7 +145,8 @@ def in_words(case: Case) -> str:
             text += f", on a floor at {quantity(composed.meaning.floor, output_unit)}"
         if lag := case.fit.clocks.lag:
             text += f"; its input is shifted {quantity(lag, case.fit.train.time_unit)} earlier"
-        return f"{text}."
+        condition = case.fit.condition
+        return f"{text}." if condition is None else f"{text}. {condition}"
     if not isinstance(model, Preisach):
         first = (type(model).__doc__ or type(model).__name__).split("\n")[0]
         return first if first.endswith(".") else f"{first.rstrip(':,')}."

@@ -11,16 +11,24 @@ from hysteresis.models._conditioned import AXES
 from hysteresis.preisach import Initial
 
 from ..records._conditions import inner_folds, trained_values
-from ..records._folds import BLOCKS_OF_FOLD, Fold, Parts, best_of, held_out_errors, simplest
+from ..records._folds import (
+    BLOCKS_OF_FOLD,
+    Fold,
+    Parts,
+    as_good,
+    best_of,
+    held_out_errors,
+    simplest,
+)
 from ._composition import CURVE
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
 from ._linear_fit import LinearFit
 
-COUNTS = (1, 2, 3, 5)
-"""Numbers of knots tried; with one the condition does not matter. With more values trained, the values next
-to even steps on the axis are knots."""
+COUNTS = (2, 3, 5)
+"""Numbers of knots tried, beside one, with which the condition does not matter. With more values trained,
+those next to even steps on the axis are knots."""
 
 WIDE = 1.5
 """The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
@@ -170,21 +178,28 @@ def _chosen(
 ) -> Tried:
     """The axis of the best choice, and on it the fewest knots that are as good.
 
-    Where whole conditions are held out, only those judge: what knots and axis are for is between them.
+    Where whole conditions are held out, only those judge several knots, which are for what is between them.
+    Whether the condition matters at all is judged on all held-out parts: at the middle of the trained
+    values a model of their mean does well too.
     """
     judged = slice(BLOCKS_OF_FOLD * problem.inner_folds or None)
+
+    def best_strength(axis: str, count: int, judged: slice) -> _Judged:
+        tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
+        return simplest(_Judged(one, one.blocks[judged]) for one in tries)
+
     by_axis: list[list[_Judged]] = []
     for axis in axes:
         each: list[_Judged] = []
         for count in problem.counts:
-            tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
-            new = simplest(_Judged(one, one.blocks[judged]) for one in tries)
-            if count > 2 and np.array_equal(new.blocks, each[-1].blocks):
+            new = best_strength(axis, count, judged)
+            if each and np.array_equal(new.blocks, each[-1].blocks):
                 each.pop()
             each.append(new)
         by_axis.append(each)
-    best = min(by_axis, key=lambda each: best_of(each).blocks.mean())
-    return simplest(best).choice
+    best = simplest(min(by_axis, key=lambda each: best_of(each).blocks.mean())).choice
+    without = best_strength("linear", 1, slice(None)).choice
+    return without if as_good(without.blocks, best.blocks) else best
 
 
 class _Judged(NamedTuple):

@@ -44,6 +44,16 @@ class ConditionedUnknowns(NamedTuple):
         return self.base.parts
 
     @property
+    def first(self) -> tuple[float, ...]:
+        """Of the map that the input passes first, see `CompositionUnknowns`."""
+        return self.base.first
+
+    @property
+    def floor(self) -> float | None:
+        """The output never falls below it."""
+        return self.base.floor
+
+    @property
     def name(self) -> str:
         """What it is called."""
         return f"{self.base.name}, by {self.condition}"

@@ -1,0 +1,80 @@
+"""A condition on the command line: fitted, predicted between trained values, run backwards, reported."""
+
+from pathlib import Path
+
+import pytest
+
+import hysid
+from tests.test_hysid.command import coarse_pictures, run, text
+from tests.test_identify.test_conditions import ROWS, C, U, Y, rig
+
+TRAINED = (280.0, 300.0, 320.0)
+
+
+def written(file: Path, temperatures: tuple[float, ...], turned: float = 1.0) -> Path:
+    """Every second row of the rig, so that a fit takes seconds."""
+    columns = {name: x[::2] for name, x in rig(temperatures, turned=turned).items()}
+    rows = [[f"{value:.9g}" for value in row] for row in zip(*columns.values(), strict=True)]
+    file.write_text(text(rows, columns))
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    place = tmp_path_factory.mktemp("conditions")
+    written(place / "runs.csv", (*TRAINED, 290.0))
+    written(place / "warm.csv", (290.0,))
+    written(place / "hot.csv", (330.0,))
+    return place
+
+
+@pytest.fixture(scope="module")
+def fitted(folder) -> dict:
+    """The condition is given as a second input; that it stays in every run tells it."""
+    held_out = ("--group", "run", "--test-where", "run=3")
+    return run(
+        "fit", folder / "runs.csv", "--input", U, "--input", C, "--output", Y, *held_out,
+        "--model", "Composition", "--out", folder / "out", "--json",
+    ).json()  # fmt: skip
+
+
+def test_a_condition_between_trained_ones_is_predicted(fitted):
+    assert fitted["selection"]["input"] == U
+    assert fitted["selection"]["condition"] == [C]
+    assert fitted["condition"]["values"] == list(TRAINED)
+    assert fitted["condition"]["unit"] == "K"
+    assert fitted["metrics"]["test"]["nrmse_percent"] < 4
+    assert any(
+        said.startswith("'temperature (K)' is constant") for said in fitted["data"]["history"]
+    )
+
+
+def test_the_option_gives_the_same_record(folder, fitted):
+    columns = ("--input", U, "--output", Y, "--condition", C, "--group", "run")
+    by_option = run("check", folder / "runs.csv", *columns, "--json").json()
+    assert by_option["conditions"][0]["max"] == 320.0
+    twice = run("check", folder / "runs.csv", "--input", U, "--output", Y, "--condition", U)
+    assert (twice.code, "given-twice" in twice.err) == (2, True)
+
+
+def test_a_new_file_of_one_condition_is_predicted_and_run_backwards(folder, fitted):
+    found = run("predict", folder / "out", folder / "warm.csv", "--json").json()
+    assert found["nrmse_percent"] < 4
+    assert found["flagged"] == 0
+    assert "between the trained values" in found["notes"][-1]
+    back = run("predict", folder / "out", folder / "warm.csv", "--inverse", "--json").json()
+    assert back["nrmse_percent"] < 4
+
+
+def test_a_condition_beyond_the_trained_ones_is_flagged(folder, fitted):
+    for options in ((), ("--inverse",)):
+        found = run("predict", folder / "out", folder / "hot.csv", *options, "--json").json()
+        assert found["flagged"] == found["rows"] == ROWS // 2
+
+
+def test_the_report_names_the_condition(folder, fitted):
+    with coarse_pictures():
+        assert run("report", folder / "out").code == 0
+    page = (folder / "out" / "report.html").read_text("utf-8")
+    assert "depends on temperature (K)" in page
+    assert hysid.load(folder / "out").condition.name == C
