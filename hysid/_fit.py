@@ -6,6 +6,8 @@ from typing import Any
 import identify
 from hysteresis import InputError, Record
 
+from .operations._compensated import fitted_to_compensate
+
 _OF_RECORDS = (
     "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",
     "output_name",
@@ -37,7 +39,8 @@ def fit(
     - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
     - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
-      (`test_cycles`, `noise`, `parameters`, ...).
+      (`test_cycles`, `noise`, `parameters`, `purpose`, ...). With `purpose="compensate"` the compensator is
+      tried too, and the verdict is FAIL where a straight line is better.
 
     **Returns:** the `FitResult`.
 
@@ -56,7 +59,7 @@ def fit(
                 fix="leave input=, output=, time=, group= and condition= out.",
             )
         chosen = model if other is None else other
-        return identify.fit(data, "auto" if chosen is None else chosen, **options)
+        return fitted_to_compensate(data, "auto" if chosen is None else chosen, **options)
     own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
     if output is not None and input is not None:
         record = Record.from_columns(data, input, output, time, group, condition, **own)
@@ -69,4 +72,4 @@ def fit(
             f"fit() cannot tell input and output in a {type(data).__name__}.",
             fix="fit(record), fit(x, y), or fit(frame, input=NAME, output=NAME).",
         )
-    return identify.fit(record, "auto" if model is None else model, **options)
+    return fitted_to_compensate(record, "auto" if model is None else model, **options)

@@ -6,6 +6,7 @@ they may change with any release.
 - Files: `plain`, `read_json`, `write_json`, `check_free`, `read_document`, `read_fit`, `write_fit`,
   `to_json`, `posterior_json`, `versions`.
 - Units: `check_unit`.
+- Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
 """
 
@@ -14,11 +15,13 @@ from hysteresis._format import plain
 from .files._fit_folder import read_document, read_fit, to_json, write_fit
 from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
+from .records._folds import block_errors, root_difference
 from .results._fit_result import check_unit
 from .storage._json import check_free, read_json, write_json
 from .storage._provenance import versions
 
 __all__ = [
+    "block_errors",
     "check_free",
     "check_unit",
     "is_at_first_row",
@@ -28,6 +31,7 @@ __all__ = [
     "read_document",
     "read_fit",
     "read_json",
+    "root_difference",
     "stepped",
     "to_json",
     "versions",

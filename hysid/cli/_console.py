@@ -14,6 +14,11 @@ import typer
 
 from ._compile_cache import keep_compiled
 
+PURPOSES = {
+    "predict": "to predict", "compensate": "to compensate", "constants": "for its constants",
+}  # fmt: skip
+"""What a verdict is for, in words."""
+
 BUG, USER, INTERRUPTED = 1, 2, 130
 """Exit status: a fault of hysid, of the user's data or settings, and an interruption."""
 
@@ -69,7 +74,8 @@ def log(line: str) -> None:
 
 def verdict_lines(document: dict[str, Any]) -> list[str]:
     """The level, the model, and the reasons."""
-    lines = [f"{document['verdict']['level']}: {document['model']}"]
+    purpose = PURPOSES[document["purpose"]]
+    lines = [f"{document['verdict']['level']}: {document['model']} ({purpose})"]
     return lines + [f"  {reason['text']}" for reason in document["verdict"]["reasons"]]
 
 

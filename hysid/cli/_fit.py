@@ -77,6 +77,14 @@ def fit(
         int, typer.Option(min=1, help="Random starts for non-linear parameters.")
     ] = 32,
     seed: Seed = 0,
+    purpose: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("predict", "compensate", "constants"),
+            help="What the verdict is for: predict; compensate, which tries the compensator too; or"
+            " constants, which needs a standard error for every parameter.",
+        ),
+    ] = "predict",
     allow_float32: Annotated[
         bool,
         typer.Option("--allow-float32", help="Fit in single precision; standard errors are rough."),
@@ -95,7 +103,7 @@ def fit(
     document = _fit.fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
         conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
-        allow_float32=allow_float32, parameters=parameters_said(config, parameter),
+        purpose=purpose, allow_float32=allow_float32, parameters=parameters_said(config, parameter),
     )  # fmt: skip
     lines = verdict_lines(document)
     if "each" not in document:

@@ -12,6 +12,7 @@ from hysteresis import InputError, Record
 from ..intake._constant_input import step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
+from ._compensated import fitted_to_compensate
 from ._several_fits import together
 
 
@@ -34,8 +35,14 @@ def fit(
     found: dict[str, dict[str, Any]] = {}
     written: dict[str, Any] = {}
     extra = {"selection": _as_read(selection, [train for train, _ in records.values()]).as_json()}
-    run = partial(identify.fit, **options)
+    run = partial(fitted_to_compensate, **options)
     if selection.is_step:
+        if options.get("purpose") == "compensate":
+            raise InputError(
+                "not-invertible",
+                "A constant input cannot be recovered from the output.",
+                fix="Leave out --purpose compensate, or fit a record whose input changes.",
+            )
         run = partial(identify.fit_step, **step_options(options))
     for value, (train, test) in records.items():
         if value:

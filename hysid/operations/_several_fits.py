@@ -34,6 +34,7 @@ def together(documents: dict[str, dict[str, Any]], failed: dict[str, str]) -> di
         "parameters": _mean_parameters([d for d in each if d["model"] == model]),
         **whole,
         "candidates": candidates,
+        "purpose": first["purpose"],
         "baselines": _mean_baselines(each),
         "data": first["data"] | {k: sum(d["data"][k] for d in each) for k in counts},
         "seed": first["seed"],

@@ -93,6 +93,7 @@ def facts(case: Case) -> list[tuple[str, str]]:
     assert judged is not None
     assert metrics["train"] is not None
     facts = [
+        ("verdict for the purpose", case.fit.purpose),
         (f"{word} error, rms", quantity(judged.rmse, unit)),
         (f"{word} error, largest", quantity(judged.max_abs, unit)),
         (f"{word} error, of the range", quantity(judged.nrmse_percent, "%")),

@@ -194,7 +194,7 @@ def test_rows_are_used_and_held_out_as_asked(folder, tmp_path, options, train, t
 def test_where_there_is_no_json_people_can_read_it(folder, tmp_path):
     model = (*LINE, "--out", tmp_path / "out")
     said = run("fit", folder / "run.csv", *COLUMNS, *model)
-    assert said.out.startswith("CAUTION: LinearSponge\n  ")
+    assert said.out.startswith("CAUTION: LinearSponge (to predict)\n  ")
     assert said.out.endswith(f"Results: {tmp_path / 'out'}\n")
     assert "LinearSponge: held-out" in said.err
     for line in (said.out + said.err).splitlines():

@@ -1,0 +1,100 @@
+"""A verdict for compensation: the compensator is tried, and a straight line that is better fails it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hysid
+from compensate import estimate, invert
+from hysid.operations._compensated import judged_to_compensate
+from hysteresis import InputError, LinearSponge, Record
+from identify import FitResult
+from identify.baselines._input_memory import stops
+from tests.test_hysid.command import run
+
+QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
+TIME = np.arange(241) / 60
+
+
+def record(loop: float) -> Record:
+    u = 10 * (1 - np.cos(2 * np.pi * TIME)) / 2
+    made = Record.from_arrays(u, u, TIME)
+    play = u - stops(made, np.array([2.0]))[:, 0]
+    noise = np.random.default_rng(0).normal(0, 0.01, len(u))
+    return replace(made, output=0.5 * u + loop * play + noise)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> FitResult:
+    return hysid.fit(
+        record(0.1), LinearSponge(K=1.0, b=0.0), test_cycles=1, purpose="compensate", **QUICK
+    )
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def line_error(found: FitResult) -> np.ndarray:
+    """Of the regression of the input on the output over the fitted rows, on the held-out ones."""
+    assert found.test is not None
+    slope, level = np.polyfit(found.train.output[found.used], found.train.input[found.used], 1)
+    return (slope * found.test.output + level - found.test.input)[found.test.mask]
+
+
+def test_the_error_of_the_compensator_comes_first(fitted: FitResult):
+    assert fitted.purpose == "compensate"
+    assert fitted.test is not None
+    value = np.asarray(estimate(invert(fitted.model, trained=fitted.trained), fitted.test).value)
+    error = (value - fitted.test.input)[fitted.test.mask]
+    assert fitted.verdict.codes[:2] == ("compensator-error", "error")
+    said = fitted.verdict.reasons[0]
+    for figure in (rms(error), np.abs(error).max(), rms(line_error(fitted))):
+        assert f"{figure:.3g}" in said
+    assert fitted.candidates[0].verdict == fitted.verdict
+
+
+def test_a_compensator_that_is_worse_than_a_line_fails(fitted: FitResult):
+    worse = judged_to_compensate(replace(fitted, model=LinearSponge(K=0.9, b=0.0)))
+    assert worse.verdict.level == "FAIL"
+    assert worse.verdict.codes[:2] == ("compensator-error", "worse-than-line")
+    assert f"{rms(line_error(fitted)):.3g} rms" in worse.verdict.reasons[1]
+    falling = judged_to_compensate(replace(fitted, model=LinearSponge(K=-1.0, b=0.0)))
+    assert falling.verdict.level == "FAIL"
+
+
+def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
+    made = record(0.1)
+    rows = [f"{t},{u},{y}" for t, u, y in zip(TIME, made.input, made.output, strict=True)]
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(["t,u,y", *rows]))
+    columns = ("--input", "u", "--output", "y", "--time", "t", "--test-cycles", 1)
+    quick = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
+    out = tmp_path / "fit"
+    said = run("fit", file, *columns, *quick, "--purpose", "compensate", "--out", out)
+    assert said.code == 0, said.err
+    level, *lines = said.out.splitlines()
+    assert level.endswith(": LinearSponge (to compensate)")
+    assert lines[0].startswith("  The compensator estimates u on the held-out rows to ")
+    table = said.out[said.out.index("model, or (baseline)") :]
+    for name in (
+        "LinearSponge",
+        "(straight line)",
+        "(replay of the last loop)",
+        "(cubic per branch)",
+    ):
+        assert name in table
+    loaded = hysid.load(out)
+    assert (loaded.purpose, loaded.verdict.codes[0]) == ("compensate", "compensator-error")
+    hold = ("--step", 1, "--output", "y", "--time", "t", "--purpose", "compensate")
+    refused = run("fit", file, *hold, "--out", tmp_path / "hold")
+    assert refused.code == 2
+    assert "cannot be recovered" in refused.err
+
+
+def test_a_purpose_has_to_exist():
+    with pytest.raises(InputError, match="bad-option"):
+        hysid.fit(record(0.1), "LinearSponge", purpose="sell")
