@@ -51,6 +51,10 @@ EGAIN = "egain-microfluidic-pressure/tidy.csv"
 EGAIN_SPLIT = {"dt": 0.05, "each": "x_location", "group": ("split", "trial")}
 VHB_TEST = ("test=0d01_2d5,0d05_2d0,0d05_2d5_1",)
 EFLESH_TEST = ("run=normal_015037",)
+DAMPER_TEST = "run=a_30lb_0.25Hz_1in,a_30lb_0.5Hz_1in,a_30lb_1Hz_1in"
+SEAL_RUNS = "run=" + ",".join(f"Circle_{bar}bar" for bar in (1, 2, 3, 4, 6, 7))
+SLEEVE_STRIPS = tuple(f"resistance {k} (-)" for k in range(1, 6))
+SLEEVE_SESSIONS = "session=S1_2_squat,S3_4_squat,S5_6_squat,S7_8_squat,S9_10_squat"
 EFLESH_CHANNELS = tuple(f"s{k:02d}" for k in range(15))
 
 TASKS = (
@@ -134,6 +138,57 @@ TASKS = (
         "cryogel, in-sample", "cryogel-sponge-compression/tidy_50Hz.csv",
         Selection("displacement_mm", "force_N", "time_s", group=("sample",)),
         0.2, (10.5, 2.2, 0.07), part="train",
+    ),
+    Task(
+        "piezo manipulator, voltage -> position", "piezo-manipulator/tidy.csv",
+        Selection("command (V)", "position (um)", "time (s)", test_tail=0.3),
+        0.19, (7.43, 7.41, 0.24),
+    ),
+    Task(
+        "soft block, displacement -> force", "foam-instron-cyclic/tidy.csv",
+        Selection("displacement (mm)", "force (N)", "time (s)", test_tail=0.3),
+        0.77, (6.81, 5.35, 0.96),
+    ),
+    Task(
+        "friction damper, an amplitude between", "friction-damper/tidy.csv",
+        Selection("displacement (mm)", "force (kN)", "time (s)", group=("run",),
+                  where=("band tension (lbf)=30",), test_where=(DAMPER_TEST,)),
+        3.96, (27.79, 28.71, 4.95),
+    ),
+    Task(
+        "ferrite, flux density -> field", "magnet-3c90/tidy.csv",
+        Selection("B (T)", "H (A/m)", "t (s)", group=("sequence",),
+                  test_where=("sequence%5=0",)),
+        2.35, (3.87, 2.94, 3.09),
+    ),
+    Task(
+        "pneumatic seal, a pressure between", "pneumatic-friction/tidy.csv",
+        Selection(("position (mm)", "nominal pressure (bar)"), "force (N)", "time (s)",
+                  group=("run",), where=(SEAL_RUNS,), test_where=("run=Circle_3bar",)),
+        8.68, (41.69, 41.86, 10.85),
+    ),
+    Task(
+        "molecular magnet, a temperature between", "magnetometer-loops/tidy.csv",
+        Selection(("field (Oe)", "temperature (K)"), "moment (emu)", group=("loop",),
+                  where=("loop=mvsh1_2K,mvsh1_6K,mvsh1_8K,mvsh1_12K",),
+                  test_where=("loop=mvsh1_6K",)),
+        3.42, (14.19, 4.28, 8.52),
+    ),
+    Task(
+        "knitted sleeve, five strips -> angle, another session", "knit-sleeve/tidy.csv",
+        Selection(SLEEVE_STRIPS, "angle (deg)", "time (s)", group=("session",),
+                  where=(SLEEVE_SESSIONS,), test_where=("session=S9_10_squat",)),
+        8.04, (11.3, 10.05, 12.99),
+    ),
+    Task(
+        "laminate, force -> displacement, later cycles", "gfrp-fatigue-loops/tidy.csv",
+        Selection("force (kN)", "displacement (mm)", dt=1.0, each="specimen", test_tail=0.5),
+        7.63, (69.3, 76.42, 9.54),
+    ),
+    Task(
+        "steel coupon, the last cycles", "structural-cyclic/RESSPyLab_example_1.csv",
+        Selection("e_true", "Sigma_true", test_tail=0.3),
+        3.5, (66.0, 66.0, 9.7),
     ),
 )  # fmt: skip
 

@@ -34,12 +34,14 @@ from .models._degrading_bouc_wen import Pinching as Pinching
 from .models._extrapolation import extended as extended
 from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge
+from .models._modulated_stops import ModulatedStops as ModulatedStops
 from .models._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
 from .models._prandtl_ishlinskii import PlayState as PlayState
 from .models._prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii
 from .models._prony import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from .models._prony import GeneralizedMaxwell as GeneralizedMaxwell
 from .models._softening import Softening as Softening
+from .models._velocity_friction import VelocityFriction as VelocityFriction
 from .models._viscoelastic import AbstractViscoelastic as AbstractViscoelastic
 from .models._viscoelastic import ViscoelasticState as ViscoelasticState
 from .numerics._recurrence import linear_recurrence as linear_recurrence

@@ -8,6 +8,7 @@ from hysteresis import (
     Burgers,
     DegradingBoucWen,
     LinearSponge,
+    ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
     Pinching,
@@ -15,8 +16,10 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    VelocityFriction,
     parameters,
 )
+from hysteresis.models._modulated_stops import Modulator
 
 LOW, HIGH = -1.0, 2.0
 CELLS = 5
@@ -39,6 +42,32 @@ def nonlinear_maxwell(rng: np.random.Generator, leading: bool = True) -> Nonline
 def softening(rng: np.random.Generator, leading: bool = True) -> Softening:
     """Beyond the inputs of the histories, lest the last cell's flat end is reached."""
     return Softening(LOW, HIGH + 1, rng.uniform(0.1, 0.5, (CELLS, CELLS)), 3.0, leading=leading)
+
+
+def place_stops(rng: np.random.Generator) -> ModulatedStops:
+    return _stops(rng, np.array([LOW, 0.3, HIGH]), "position")
+
+
+def span_stops(rng: np.random.Generator) -> ModulatedStops:
+    return _stops(rng, np.array([0.0, 1.0, HIGH - LOW]), "span")
+
+
+def _stops(rng: np.random.Generator, levels: np.ndarray, by: Modulator) -> ModulatedStops:
+    """Changing little with the modulator, so that an error in it, of the sample before, does not grow."""
+    thresholds = np.array([0.05, 0.3, 1.0])
+    weights = rng.uniform(0.5, 1.0, (3, 1)) * rng.uniform(0.9, 1.1, (3, 3))
+    springs = rng.uniform(0.5, 1.0) * rng.uniform(0.9, 1.1, 3)
+    return ModulatedStops(LOW, HIGH, thresholds, levels, weights, springs, rest=0.2, by=by)
+
+
+def friction(rng: np.random.Generator) -> Sum:
+    """Beside a line: of friction alone the input is known but for a constant."""
+    speeds, levels = np.array([0.1, 1.0]), np.array([LOW, 0.3, HIGH])
+    weights = rng.uniform(0.1, 0.2, (2, 3))
+    slider = VelocityFriction(
+        LOW, HIGH, speeds, levels, weights, rng.uniform(0.1, 0.2, 3), smoothing=0.5
+    )
+    return Sum([LinearSponge(rng.uniform(0.5, 2)), slider])
 
 
 def added(rng: np.random.Generator) -> Sum:
@@ -102,7 +131,7 @@ def degraded(model: AbstractModel) -> Known:
 
 MAKERS = {
     "nonlinear-maxwell": nonlinear_maxwell, "softening": softening, "sum": added,
-    "series": in_series, "scaled": scaled,
+    "series": in_series, "scaled": scaled, "friction": friction,
 }  # fmt: skip
 
 
@@ -111,6 +140,23 @@ def held(model: AbstractModel) -> Known:
     t = np.concatenate([[0.0], np.cumsum(np.geomspace(1e-3, 2.0, 40))])
     u = np.full_like(t, 0.83)
     return t, u, _held(model, t, 0.83)
+
+
+def jumped(model: AbstractModel) -> Known:
+    """From rest to an input that then stays: the modulator knows of it one sample later."""
+    assert isinstance(model, ModulatedStops)
+    u = np.full(3, 1.7)
+    by_position, gone = model.by == "position", 1.7 - model.rest
+    before = [model.rest, 1.7, 1.7] if by_position else [0.0, gone, gone]
+    weights, springs = np.asarray(model.weights), np.asarray(model.springs)
+    strained = np.minimum(gone, np.asarray(model.thresholds))
+    levels = np.asarray(model.levels)
+    y = [
+        np.interp(m, levels, springs) * gone
+        + sum(np.interp(m, levels, w) * s for w, s in zip(weights, strained, strict=True))
+        for m in before
+    ]
+    return u, u, np.array(y)
 
 
 def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
@@ -135,6 +181,8 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
         d = np.triu(np.asarray(model.weights))
         both = r[:, None] * (1 - r) + r if model.leading else r[:, None] * r
         return np.full_like(t, (d * both).sum())
+    if isinstance(model, VelocityFriction):
+        return np.zeros_like(t)  # a first sample has no velocity
     assert isinstance(model, NonlinearMaxwell)
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))

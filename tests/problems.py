@@ -457,6 +457,13 @@ PROBLEMS: tuple[Problem, ...] = (
         "degrading-bouc-wen", compositions.degrading, -3.0, 3.0, frozenset[Tag]({"leading"}),
         compositions.degraded,
     ),
+    Problem(
+        "stops-by-position", compositions.place_stops, LOW, HIGH, frozenset[Tag](),
+        compositions.jumped,
+    ),
+    Problem(
+        "stops-by-span", compositions.span_stops, LOW, HIGH, frozenset[Tag](), compositions.jumped
+    ),
     _density_problem("warped-grid", warped, "grid"),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),

@@ -12,6 +12,7 @@ from hysteresis import (
     FoamCurve,
     InputError,
     LinearSponge,
+    ModulatedStops,
     MonotoneCurve,
     MovingPreisach,
     NonlinearMaxwell,
@@ -22,6 +23,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    VelocityFriction,
 )
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import AbstractGridDensity, saturated_outputs
@@ -299,6 +301,35 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
             "above": above, "below": below, "offset": model.offset, "leading": model.leading,
         },
         {"u": model.low, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none},
+    )  # fmt: skip
+    return _bracketed(model, [part], eps)
+
+
+@_tree.register
+def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
+    begin = model.init()
+    part = _node(
+        "stops",
+        {
+            "stops": len(model.thresholds), "count": len(model.levels), "thresholds": model.thresholds,
+            "levels": model.levels, "weights": model.weights, "springs": model.springs,
+            "offset": model.offset, "rest": model.rest, "by_position": model.by == "position",
+        },
+        {"u": begin.u, "least": begin.least, "largest": begin.largest, "z": begin.z},
+    )  # fmt: skip
+    return _bracketed(model, [part], eps)
+
+
+@_tree.register
+def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
+    part = _node(
+        "friction",
+        {
+            "speeds_count": len(model.speeds), "count": len(model.levels), "speeds": model.speeds,
+            "levels": model.levels, "weights": model.weights, "viscous": model.viscous,
+            "rate": 1 / model.smoothing, "offset": model.offset,
+        },
+        {"begun": 0, "u": 0.0, "lead": 0.0, "dt": -1.0, "decay": 0.0, "gain": 0.0},
     )  # fmt: skip
     return _bracketed(model, [part], eps)
 

@@ -232,7 +232,9 @@ def _nodes(tree: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _has_rates(node: dict[str, Any]) -> bool:
     p = node.get("parameters", {})
     return (
-        node["kind"] in ("chain", "maxwell") or bool(p.get("forgetting")) or any(p.get("rates", ()))
+        node["kind"] in ("chain", "friction", "maxwell")
+        or bool(p.get("forgetting"))
+        or any(p.get("rates", ()))
     )
 
 

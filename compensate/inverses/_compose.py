@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 from hysteresis import (
     AbstractModel,
     InputError,
+    ModulatedStops,
     NonlinearMaxwell,
     Scaled,
     Series,
     Softening,
     Sum,
+    VelocityFriction,
     is_concrete,
     register,
 )
@@ -125,12 +127,9 @@ def _(model: Sum) -> AbstractCompensator:
 
 
 @inverse_of.register
-def _(model: NonlinearMaxwell) -> BracketedCompensator:
-    return BracketedCompensator(model, model.low, model.high)
-
-
-@inverse_of.register
-def _(model: Softening) -> BracketedCompensator:
+def _(
+    model: ModulatedStops | NonlinearMaxwell | Softening | VelocityFriction,
+) -> BracketedCompensator:
     return BracketedCompensator(model, model.low, model.high)
 
 

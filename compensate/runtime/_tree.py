@@ -13,8 +13,8 @@ Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 KINDS = (
-    "chain", "clip", "curve", "foam", "line", "maxwell", "moving", "plays", "polynomial", "preisach",
-    "scaled", "series", "softening", "sum",
+    "chain", "clip", "curve", "foam", "friction", "line", "maxwell", "moving", "plays", "polynomial",
+    "preisach", "scaled", "series", "softening", "stops", "sum",
 )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from hysteresis import InputError, Preisach, Record
+from hysteresis import InputError, Preisach, Record, Scaled
 from hysteresis.records._excitation import check_rows
 
 from ..noise._reml import kinds
@@ -219,10 +219,15 @@ def _fitted(
         return [_Trial(fit) for fit in path]
     if candidate.has_weights:
         return [_Trial(fit_grid(name, template, data, options.initial, options.seed))]
-    suggested = candidate.suggested(data.record)
+    suggested = candidate.suggested(data.record if template else data.rising)
     start = template or suggested
     assert start is not None  # a class without a model can start, or is not a candidate
-    start, settings = with_settings(start, options.parameters)
+    parameters = options.parameters
+    if data.falls and template is None:
+        # Its class may only rise: the fit is that of the output's negative.
+        start = Scaled(start, -1.0)
+        parameters = {"factor": {"fixed": -1.0}, "offset": {"fixed": 0.0}, **parameters}
+    start, settings = with_settings(start, parameters)
     bounds = transform_for(start, data.record, settings)
     if not bounds.names:
         raise InputError(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Preisach, Record
+from hysteresis import AbstractModel, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import AbstractGridDensity
 
@@ -28,12 +28,7 @@ DRAWS = 64
 def fit_grid(
     name: str, template: AbstractModel | None, data: TrainingData, initial: str, seed: int
 ) -> FitResult:
-    """A Preisach model on a grid, called `name`; `template` fixes its shape where one is given.
-
-    Raises `InputError` where the output falls as the input rises.
-    """
-    if data.falls:
-        raise _falls(data.record)
+    """A Preisach model on a grid, called `name`; `template` fixes its shape where one is given."""
     leadings, cells, dead_band = data.leadings, GRIDS, 0.0
     initials: tuple[Any, ...] = data.initials if initial == "auto" else (initial,)
     if isinstance(template, Preisach):
@@ -52,12 +47,7 @@ def fit_grid(
 def fit_composition(
     data: TrainingData, initial: str, seed: int, say: Callable[[str], None]
 ) -> list[FitResult]:
-    """Compositions from a curve alone to the best one; see `fit_compositions`.
-
-    Raises `InputError` where the output falls as the input rises.
-    """
-    if data.falls:
-        raise _falls(data.record)
+    """Compositions from a curve alone to the best one; see `fit_compositions`."""
     state = "negative" if initial in ("auto", "fit") else initial
     path: tuple[LinearFit, ...]
     if data.condition is None:
@@ -135,13 +125,4 @@ def _lag_in_words(data: TrainingData) -> str:
         f"{record.output_name} lags {record.input_name} by {clocks.lag:.3g} +-"
         f" {clocks.lag_error:.1g} {record.time_unit}: taken out before the fit (--clocks keep"
         " leaves it in)."
-    )
-
-
-def _falls(record: Record) -> InputError:
-    return InputError(
-        "output-falls",
-        f"{record.output_name} falls as {record.input_name} rises. A model of rising parts cannot fall.",
-        cause="the sign convention of one column.",
-        fix="turn the sign of one column.",
     )

@@ -48,6 +48,11 @@ class TrainingData:
     warnings: tuple[Note, ...]
     condition: str | None = None
 
+    @property
+    def rising(self) -> Record:
+        """The record, its output's sign turned where that falls: what a model that rises starts from."""
+        return replace(self.record, output=-self.record.output) if self.falls else self.record
+
     def tested(self, fit: FitResult) -> FitResult:
         """The fit with its figures on the test record, if there is one, all of `FitResult.predict`."""
         if fit.beyond(fit.train).any():
@@ -108,10 +113,7 @@ def training_data(
     record = clocks.applied(record)
     # The cycles that settling masks are like the ones it keeps, so what follows holds for both.
     falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
-    if (
-        not (keep_conditioning or falls or condition)
-        and (later := settled(record, leadings)) is not record
-    ):
+    if not (keep_conditioning or condition) and (later := settled(record, leadings)) is not record:
         record = later
         say(record.history[-1])
     cut = (

@@ -3,6 +3,7 @@
 The model is a sum of parts that are linear in non-negative unknowns (but for the offset's sign):
 
     y = offset + curve(u) + Maxwell branches + their strengths + softening + relays
+        + stops by position + stops by span + friction
 
 Each part rises with its input by construction, but for the strengths; so does a sum of them.
 """
@@ -18,15 +19,20 @@ from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import (
     AbstractModel,
+    ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
     Preisach,
     Record,
+    Scaled,
     Series,
     Softening,
     Sum,
+    VelocityFriction,
 )
 from hysteresis.curves import Clip
+from hysteresis.models._modulated_stops import stops_of
+from hysteresis.numerics._hats import hats_of
 from hysteresis.preisach import GridDensity, Initial
 
 from ._nnls import nonnegative_least_squares
@@ -39,11 +45,27 @@ CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "softening",
     "relays",
 )
-PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS)
+PLACE_STOPS, SPAN_STOPS, FRICTION = "stops by position", "stops by span", "friction"
+PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION)
 CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
 
-FIRMNESS = {CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0}
+THRESHOLDS = np.geomspace(0.006, 0.4, 9)
+"""Of the stops, in parts of the input's range."""
+
+PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
+"""Levels of the position and of the range covered, in parts of the input's range."""
+
+SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
+"""Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
+
+SMOOTHING = 2.0
+"""Time constant of the velocity's filter, in sampling steps."""
+
+FIRMNESS = {
+    CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0,
+    PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0,
+}  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
 
 RIDGE = 1e-7
@@ -58,11 +80,14 @@ Starts = Int[np.ndarray, " sequences"]
 class CompositionUnknowns(NamedTuple):
     """Which parts there are and what they are made of; unknowns in the order offset, then `parts`.
 
-    - `low`, `high`: range of the input. `scale`: the unknowns are in this unit of the output.
+    - `low`, `high`: range of the input. `scale`: the unknowns are in this unit of the output, which is
+      negative where the output falls as the input rises: the model is the negative of one that rises.
     - `times`: relaxation times, shared by the branches and their strengths.
     - `leading`, `initial`: orientation of all parts, and the relays before the first sample.
-    - `floor`: the output never falls below it (slack); None for no such limit.
+    - `floor`: the output, or its negative where it falls, is never below it (slack); None for no limit.
     - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
+    - `rest`: where the input of the stops is before the first sample.
+    - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time.
     """
 
     parts: tuple[str, ...]
@@ -74,6 +99,9 @@ class CompositionUnknowns(NamedTuple):
     initial: Initial
     floor: float | None = None
     first: tuple[float, ...] = ()
+    rest: float = 0.0
+    speed: float = 0.0
+    step: float = 0.0
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -85,6 +113,9 @@ class CompositionUnknowns(NamedTuple):
             STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
+            PLACE_STOPS: len(THRESHOLDS) * len(PLACES),
+            SPAN_STOPS: (len(THRESHOLDS) + 1) * len(SPANS),
+            FRICTION: (len(SPEEDS) + 1) * len(PLACES),
         }
         return (1, *(of[part] for part in self.parts))
 
@@ -111,7 +142,7 @@ class CompositionUnknowns(NamedTuple):
         """The matrix of the prior's squares: neighbouring increments alike, strengths bend little."""
         blocks = [np.zeros((1, 1))]
         for part, size in zip(self.parts, self.sizes[1:], strict=True):
-            n = CELLS[part]
+            n = CELLS.get(part, 0)
             if part in (CURVE, MAXWELL):
                 D = np.diff(np.eye(n), axis=0)
                 each = n * D.T @ D
@@ -134,7 +165,8 @@ class CompositionUnknowns(NamedTuple):
         v = (u - self.low) / (self.high - self.low)
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
-            SOFTENING: self._softening, RELAYS: self._relays,
+            SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
+            SPAN_STOPS: self._span_stops, FRICTION: self._friction,
         }  # fmt: skip
         found = [made[part](v, record.time, record.starts)[rows] for part in self.parts]
         return np.hstack([np.ones((len(rows), 1)), *found])
@@ -148,11 +180,11 @@ class CompositionUnknowns(NamedTuple):
         """The minimum of x'Hx/2 - b'x with all unknowns but the offset, the first, not negative."""
         return nonnegative_least_squares(H, b, np.arange(len(b)) == 0, start)
 
-    def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> Sum | Series:
+    def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> AbstractModel:
         """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""
         if unknowns.ndim > 1:
             return jax.vmap(self.model)(unknowns)
-        x = self.scale * jnp.asarray(unknowns)
+        x = abs(self.scale) * jnp.asarray(unknowns)
         splits = np.cumsum(self.sizes)[:-1]
         offset, *found = jnp.split(x, splits)
         values = dict(zip(self.parts, found, strict=True))
@@ -174,10 +206,44 @@ class CompositionUnknowns(NamedTuple):
             density = GridDensity(self.low, self.high, weights)
             support = 2 * (weights.sum(0) + weights.sum(1)) if self.leading else None
             parts.append(Preisach(density, support, leading=self.leading, initial=self.initial))
+        for part in (PLACE_STOPS, SPAN_STOPS):
+            if part in values:
+                parts.append(self._stops(part, values[part]))
+        if FRICTION in values:
+            coulomb, viscous = self._split(values[FRICTION], len(SPEEDS), len(PLACES))
+            parts.append(
+                VelocityFriction(
+                    self.low, self.high, self.speed * SPEEDS, self._inputs(PLACES), coulomb,
+                    viscous / self.speed, smoothing=SMOOTHING * self.step,
+                )
+            )  # fmt: skip
         before = [self._first] if self.first else []
         after = [] if self.floor is None else [Clip(low=self.floor)]
-        whole = Sum(parts)
-        return Series([*before, whole, *after]) if before or after else whole
+        whole: AbstractModel = Sum(parts)
+        whole = Series([*before, whole, *after]) if before or after else whole
+        return Scaled(whole, -1.0) if self.scale < 0 else whole
+
+    def _stops(self, part: str, values: Array) -> ModulatedStops:
+        """Weights of the columns s / r as stiffnesses."""
+        by_place, span = part == PLACE_STOPS, self.high - self.low
+        levels = PLACES if by_place else SPANS
+        weights, springs = self._split(values, len(THRESHOLDS), len(levels))
+        springs = jnp.zeros(len(levels)) if by_place else springs / span
+        return ModulatedStops(
+            self.low, self.high, span * THRESHOLDS,
+            self._inputs(levels) if by_place else span * levels,
+            weights / (span * THRESHOLDS)[:, None], springs, rest=self.rest,
+            by="position" if by_place else "span",
+        )  # fmt: skip
+
+    def _split(self, values: Array, rows: int, columns: int) -> tuple[Array, Array]:
+        """A matrix (rows, columns) and what follows it."""
+        count = rows * columns
+        return values[:count].reshape(rows, columns), values[count:]
+
+    def _inputs(self, parts: Samples) -> Samples:
+        """Inputs at parts of the range."""
+        return self.low + (self.high - self.low) * parts
 
     @property
     def _first(self) -> MonotoneCurve:
@@ -244,6 +310,35 @@ class CompositionUnknowns(NamedTuple):
         i, j = np.tril_indices(n)
         return 2 * (ramps[:, i] + ramps[:, j]) - relays if self.leading else relays
 
+    def _place_stops(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        rest = self._part_of_range(self.rest)
+        stops = stops_of(v, THRESHOLDS, rest, starts) / THRESHOLDS
+        return _modulated(stops, hats_of(_before(v, starts, rest), PLACES))
+
+    def _span_stops(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        rest = self._part_of_range(self.rest)
+        stops = stops_of(v, THRESHOLDS, rest, starts) / THRESHOLDS
+        covered = np.empty_like(v)
+        for rows in np.split(np.arange(len(v)), starts[1:]):
+            before = np.append(rest, v[rows][:-1])
+            covered[rows] = np.maximum.accumulate(before) - np.minimum.accumulate(before)
+        strained = np.hstack([stops, (v - rest)[:, None]])
+        return _modulated(strained, hats_of(covered, SPANS))
+
+    def _friction(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+        assert t is not None
+        model = VelocityFriction(
+            0.0, 1.0, SPEEDS, PLACES, np.zeros((len(SPEEDS), len(PLACES))), np.zeros(len(PLACES)),
+            smoothing=SMOOTHING * self.step,
+        )  # fmt: skip
+        prepared = model.prepare(t, v, starts=tuple(starts.tolist()))
+        speed = model.velocity(prepared) / (self.speed / (self.high - self.low))
+        felt = np.column_stack([*np.tanh(np.asarray(speed) / SPEEDS[:, None]), speed])
+        return _modulated(felt, hats_of(np.asarray(prepared.before), PLACES))
+
+    def _part_of_range(self, u: float) -> float:
+        return (u - self.low) / (self.high - self.low)
+
     def _relaxing(
         self, x: Float[np.ndarray, "samples columns"], t: Samples | None, starts: Starts
     ) -> Float[np.ndarray, "samples times columns"]:
@@ -269,6 +364,20 @@ def _rises(v: Samples, n: int) -> Columns:
     """How much of each of n even cells of [0, 1] lies below v; the outer ones go on beyond it."""
     rises = n * v[:, None] - np.arange(n)
     return np.clip(rises, [-np.inf, *[0.0] * (n - 1)], [*[1.0] * (n - 1), np.inf])
+
+
+def _modulated(
+    x: Float[np.ndarray, "samples columns"], h: Float[np.ndarray, "samples levels"]
+) -> Float[np.ndarray, "samples products"]:
+    """Every column of x times every one of h, those of one x side by side."""
+    return (x[:, :, None] * h[:, None, :]).reshape(len(x), -1)
+
+
+def _before(v: Samples, starts: Starts, rest: float) -> Samples:
+    """The sample before each one."""
+    before = np.append(rest, v[:-1])
+    before[starts] = rest
+    return before
 
 
 def _upper(n: int, values: Array) -> Array:

@@ -11,13 +11,17 @@ from hysteresis.preisach import Initial
 from ..records._clocks import least_at, shifted
 from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest
 from ..records._folds import parts as parts_of
-from ._composition import CELLS, CURVE, MAXWELL, PARTS, STRENGTHS, CompositionUnknowns
+from ..records._orientation import output_falls
+from ._composition import CELLS, CURVE, FRICTION, MAXWELL, PARTS, STRENGTHS, CompositionUnknowns
 from ._cross_validation import ROWS, Choice, jittered, normal_equations_of, thinned, total
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
 
 STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 """Prior strengths tried, the strongest first."""
+
+LEAST_GAIN = 0.03
+"""Share of the mean squared held-out error that a further part must take away."""
 
 LAG_ROWS = 10_000
 """Rows that are enough to find a lag with."""
@@ -143,15 +147,28 @@ class Problem:
         counted = np.flatnonzero(parts.label >= 0)
         rows = thinned(counted)
         u, y = record.input[counted], record.output[counted]
-        scale = float(np.ptp(y))
+        scale = float(np.ptp(y)) * (-1 if output_falls(record) else 1)
         times = relaxation_times(record)
+        speed, step = usual_speed(record)
         some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
+        some = tuple(p for p in some if speed > 0 or p != FRICTION)
         low, high = float(u.min()), float(u.max())
         self.record, self.parts, self.rows = record, parts, rows
         self.whole = CompositionUnknowns(
-            some, low, high, scale, times, leading, initial, floor, first
+            some,
+            low,
+            high,
+            scale,
+            times,
+            leading,
+            initial,
+            floor,
+            first,
+            float(np.median(record.input[record.starts])),
+            speed,
+            step,
         )
-        self.floor = -np.inf if floor is None else floor / scale
+        self.floor = -np.inf if floor is None else floor / abs(scale)
         self.label, self.y = parts.label[rows], record.output[rows] / scale
         self.A = self.whole.columns(record, rows)
         self.taut = self.y > self.floor + (
@@ -215,19 +232,32 @@ Tried: TypeAlias = Choice[Problem]
 
 
 def _path(problem: Problem) -> list[Tried]:
-    """From the curve alone, part by part, each with the best of a few prior strengths."""
-    path: list[Tried] = []
-    parts: tuple[str, ...] = ()
-    remaining = [CURVE]
-    while remaining:
-        grown = [_best(problem, (*parts, part)) for part in remaining]
-        better = best_of(grown)
-        if path and as_good(path[-1].blocks, better.blocks):
+    """From the curve alone, part by part, each with the best of a few prior strengths.
+
+    The parts that gained most before are tried first. A part's gain hardly grows as others join, so one
+    that gained less than half of the best so far is not tried again in this step.
+    """
+    path = [_best(problem, (CURVE,))]
+    gains = dict.fromkeys((p for p in problem.whole.parts if p != CURVE), np.inf)
+    while gains:
+        before = path[-1]
+        found: list[Tried] = []
+        for part in sorted(gains, key=lambda part: -gains[part]):
+            if found and 2 * gains[part] < _gain(before, best_of(found)):
+                break
+            found.append(_best(problem, (*before.parts, part)))
+            gains[part] = _gain(before, found[-1])
+        better = best_of(found)
+        if _gain(before, better) < LEAST_GAIN or as_good(before.blocks, better.blocks):
             break
         path.append(better)
-        parts = better.parts
-        remaining = [part for part in problem.whole.parts if part not in parts]
+        del gains[better.parts[-1]]
     return path
+
+
+def _gain(before: Tried, after: Tried) -> float:
+    """By which part of the mean squared held-out error a choice is better than the one before."""
+    return float(1 - after.blocks.mean() / before.blocks.mean())
 
 
 def _best(problem: Problem, some: tuple[str, ...]) -> Tried:
@@ -257,9 +287,27 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     return tuple(float(tau) for tau in np.geomspace(step, longest, count))
 
 
+def usual_speed(record: Record) -> tuple[float, float]:
+    """The speed of the input that a quarter of the samples exceed, and the sampling step; else 0."""
+    if record.time is None:
+        return 0.0, 0.0
+    dt, du = (
+        np.concatenate([np.diff(x[rows]) for _, rows in record.sequences()])
+        for x in (record.time, record.input)
+    )
+    moved = dt > 0
+    if not moved.any():
+        return 0.0, 0.0
+    speed = float(np.quantile(np.abs(du[moved] / dt[moved]), 0.75))
+    return speed, float(np.median(dt[moved]))
+
+
 def slack(record: Record) -> tuple[float, ...]:
-    """The output at which a record lies on its floor for a twentieth of its rows or more, if it does."""
-    y = record.output[record.mask]
+    """The output at which a record lies on its floor for a twentieth of its rows or more, if it does.
+
+    That of a falling output's negative is its ceiling.
+    """
+    y = record.output[record.mask] * (-1 if output_falls(record) else 1)
     least = np.quantile(y, 0.01)
     down = y[y < least + SLACK * np.ptp(y)]
     return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()

@@ -87,7 +87,7 @@ def fit_density(
         strength = grids[-1].strength_by_evidence() if strength is None else strength
         coarse = tuple(Coarse(p.meaning, *p.objective((0,), strength)) for p in grids)
         meaning = GridUnknowns(cells, low, high, leading, initial, scale, dead_band)
-        prepared = prepare(meaning.model(np.zeros(meaning.count)), record)
+        prepared = prepare(meaning.rising(np.zeros(meaning.count)), record)
         unknowns = solve_fine(
             meaning, prepared, record.output[record.mask] / scale, record.mask, strength, coarse
         )

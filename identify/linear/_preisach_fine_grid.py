@@ -112,7 +112,7 @@ def _operator(
     meaning: GridUnknowns, prepared: PreisachInput, counted: Bool[np.ndarray, " samples"]
 ) -> tuple[Callable[[Vector], Any], Callable[[Any], Any]]:
     """v -> A v and r -> A'r on the counted rows, compiled."""
-    template = meaning.model(np.zeros(meaning.count))
+    template = meaning.rising(np.zeros(meaning.count))
     like, rows = jnp.zeros(meaning.count), jnp.asarray(np.flatnonzero(counted))
     return (
         lambda v: _outputs(template, prepared, rows, jnp.asarray(v)),

@@ -9,6 +9,7 @@ from hysteresis import Record
 from hysteresis.preisach import Initial
 
 from ..records._folds import Parts, best_of, simplest
+from ..records._orientation import output_falls
 from ._cross_validation import STRENGTHS, Choice
 from ._linear_fit import LinearFit
 from ._preisach_problem import COARSE, PreisachProblem
@@ -40,7 +41,8 @@ def fit_preisach(
     """
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
-    low, high, scale = float(u.min()), float(u.max()), float(np.ptp(y))
+    low, high = float(u.min()), float(u.max())
+    scale = float(np.ptp(y)) * (-1 if output_falls(record) else 1)
     drops = (False,) if parts.conditioning is None else (False, True)
 
     def tried(meaning: GridUnknowns, strengths: Iterable[float]) -> list[Tried]:

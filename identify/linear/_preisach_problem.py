@@ -37,7 +37,7 @@ class PreisachProblem:
     def __init__(self, record: Record, parts: Parts, meaning: GridUnknowns):
         self.meaning, self.parts = meaning, parts
         self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
-        template = meaning.model(np.zeros(meaning.count))
+        template = meaning.rising(np.zeros(meaning.count))
         self.B = design_rows(template, prepare(template, record))
         P = meaning.expansion
         self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())

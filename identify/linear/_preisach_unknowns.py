@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Bool, Float, Int
 
+from hysteresis import Scaled
 from hysteresis.preisach import GridDensity, Preisach
 
 from ._nnls import constrained_least_squares, nonnegative_least_squares
@@ -141,13 +142,21 @@ class GridUnknowns:
         """The mass of every cell, over `scale`."""
         return (self.expansion @ unknowns)[1 + self.cells :][: len(self.block)]
 
-    def model(self, unknowns: Float[np.ndarray, "*draws unknowns"]) -> Preisach:
-        """The model of a vector of unknowns; of many, one whose arrays have leading draw axes."""
+    def model(self, unknowns: Float[np.ndarray, "*draws unknowns"]) -> Preisach | Scaled:
+        """The model of a vector of unknowns; of many, one whose arrays have leading draw axes.
+
+        Where `scale` is negative, the output falls: it is the negative of a model that rises.
+        """
         if unknowns.ndim > 1:
             models = [self.model(draw) for draw in unknowns]
             return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models)
+        rising = self.rising(unknowns)
+        return Scaled(rising, -1.0) if self.scale < 0 else rising
+
+    def rising(self, unknowns: Float[np.ndarray, " unknowns"]) -> Preisach:
+        """The model, or its negative where the output falls."""
         n, count = self.cells, len(self.block)
-        z = self.scale * (self.expansion @ unknowns)
+        z = abs(self.scale) * (self.expansion @ unknowns)
         reversible = np.maximum(z[1 : 1 + n], 0.0)
         weights = self._table(z[1 + n : 1 + n + count])
         fitted = self.initial == "fit"

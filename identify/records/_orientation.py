@@ -6,8 +6,11 @@ from hysteresis import Record, loop_direction
 
 
 def orientations(record: Record) -> tuple[bool, ...]:
-    """`leading` values worth trying: one where the loops tell their direction, else both."""
-    direction = loop_direction(record)
+    """`leading` values worth trying: one where the loops tell their direction, else both.
+
+    Where the output falls, they are those of its negative, whose loops turn the other way.
+    """
+    direction = loop_direction(record) * (-1 if output_falls(record) else 1)
     if abs(direction) > 0.3:
         return (direction < 0,)
     return False, True

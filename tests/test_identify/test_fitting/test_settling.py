@@ -44,12 +44,18 @@ def test_what_may_not_be_left_out_stays():
     assert settled(replace(record, input=half), BOTH).mask.all()  # cycles that are not alike
     few = replace(record, mask=record.cycle <= 5)
     assert settled(few, BOTH) is few
-    falling = pressed(settling=0.2, turn=-1)
-    prepared = training_data(
-        falling, None, keep_conditioning=False, keep_clocks=False, say=lambda text: None
-    )
-    assert prepared.falls
-    assert prepared.record.mask.all()
+
+
+def test_a_falling_output_settles_like_its_negative():
+    kept = [
+        training_data(
+            pressed(settling=0.2, turn=turn), None,
+            keep_conditioning=False, keep_clocks=False, say=lambda text: None,
+        )
+        for turn in (1, -1)
+    ]  # fmt: skip
+    assert [data.falls for data in kept] == [False, True]
+    assert counted(kept[0].record) == counted(kept[1].record) != list(range(1, CYCLES + 1))
 
 
 def test_a_fit_says_so_and_may_be_told_otherwise():

@@ -51,22 +51,23 @@ FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
 def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float, ...]):
     data = record()
     meaning = CompositionUnknowns(
-        PARTS, 0.0, 1.0, 2.0, (0.1, 2.0), leading, "negative", first=first
-    )
+        PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
+        rest=0.2, speed=0.3, step=0.1,
+    )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     columns = meaning.columns(data, rows)
     expected = predict(meaning.model(x), data)[rows]
     # A thousand products of numbers up to a hundred, each rounded.
-    np.testing.assert_allclose(2.0 * columns @ x, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(meaning.scale * columns @ x, expected, rtol=0, atol=1e-9)
     assert columns.shape[1] == meaning.count == len(meaning.totals.T)
     assert len(meaning.totals) == len(meaning.total_names)
 
 
 def test_all_parts_but_the_strengths_rise_with_the_input():
-    meaning = CompositionUnknowns(PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative").of(
-        *(p for p in PARTS if p != "strengths")
-    )
+    meaning = CompositionUnknowns(
+        PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative", speed=0.3, step=0.1
+    ).of(*(p for p in PARTS if p != "strengths"))
     model = meaning.model(np.random.default_rng(1).uniform(0, 1, meaning.count))
     t, u = walk(3)
     state = model.init()
@@ -178,10 +179,18 @@ def test_least_at_finds_a_parabola():
     assert curvature == pytest.approx(6)
 
 
-def test_a_falling_output_is_refused_with_the_remedy():
+@pytest.mark.parametrize("name", ["Composition", "Preisach", "Burgers"])
+def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(name: str):
     data = record()
-    with pytest.raises(ValueError, match="turn the sign"):
-        fit(replace(data, output=-data.output), "Composition", test_tail=0.3)
+    rising, falling = (
+        fit(replace(data, output=sign * data.output), name, test_tail=0.3, starts=4)
+        for sign in (1, -1)
+    )
+    assert falling.metrics["test"].rmse == pytest.approx(rising.metrics["test"].rmse, rel=1e-6)
+    # The same floating point operations but for the sign: to rounding, which a search may amplify.
+    np.testing.assert_allclose(
+        falling.predict(data), -rising.predict(data), atol=1e-6 * np.ptp(data.output)
+    )
 
 
 def test_a_line_needs_no_parts():

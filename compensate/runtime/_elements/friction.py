@@ -1,0 +1,75 @@
+"""Viscous and Coulomb friction that depend on the place, with a filtered velocity."""
+
+from math import exp, tanh
+
+from ._codes import Reals
+from ._hats import among
+
+
+class Parameters:
+    """y = offset + sum of h_k(u before) (viscous_k v + weights_jk tanh(v / speeds_j)).
+
+    v = q rate with q' = u' - q rate is a filtered velocity, h_k are hat functions on `levels`.
+    """
+
+    speeds_count: int
+    count: int
+    speeds: Reals
+    levels: Reals
+    weights: Reals
+    viscous: Reals
+    rate: float
+    offset: float
+
+
+class State:
+    """The input before and q; `begun` is 0 before the first sample. The step over `dt`."""
+
+    status: int
+    begun: int
+    u: float
+    lead: float
+    dt: float
+    decay: float
+    gain: float
+
+
+def tabulate(p: Parameters, s: State, dt: float) -> None:
+    s.dt = dt
+    x = p.rate * dt
+    s.decay = exp(-x)
+    if x < 0.01:
+        # (1 - exp(-x)) / x by its series: left out is x^6 / 5040.
+        series = 1.0 - x / 5.0 * (1.0 - x / 6.0)
+        series = 1.0 - x / 3.0 * (1.0 - x / 4.0 * series)
+        s.gain = 1.0 - x / 2.0 * series
+    else:
+        s.gain = (1.0 - s.decay) / x
+
+
+def look(p: Parameters, s: State, dt: float, u: float) -> float:
+    if not s.begun:
+        return p.offset
+    if dt != s.dt:
+        tabulate(p, s, dt)
+    v = (s.decay * s.lead + s.gain * (u - s.u)) * p.rate
+    level = among(p.levels, p.count, s.u)
+    k = int(level)
+    if k > p.count - 2:
+        k = p.count - 2
+    within = level - k
+    y = p.offset + (p.viscous[k] * (1.0 - within) + p.viscous[k + 1] * within) * v
+    for j in range(p.speeds_count):
+        node = j * p.count + k
+        felt = p.weights[node] * (1.0 - within) + p.weights[node + 1] * within
+        y = y + felt * tanh(v / p.speeds[j])
+    return y
+
+
+def move(p: Parameters, s: State, dt: float, u: float) -> float:
+    y = look(p, s, dt, u)
+    if s.begun:
+        s.lead = s.decay * s.lead + s.gain * (u - s.u)
+    s.begun = 1
+    s.u = u
+    return y

@@ -1,0 +1,196 @@
+"""Stop operators whose stiffness depends on where the input was, or on how far it has ever gone."""
+
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series, is_start
+from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
+from ..numerics._clamps import clamps
+from ..numerics._hats import hats
+
+Modulator = Literal["position", "span"]
+Values = Float[Array, "..."] | Any
+
+
+class StopState(NamedTuple):
+    """The last input, the least and the largest one so far, and every stop's place z = u - s."""
+
+    u: Array
+    least: Array
+    largest: Array
+    z: Array
+
+
+class StopInput(NamedTuple):
+    """Inputs, the modulator of each sample, where sequences start, and the state they start in."""
+
+    u: Array
+    modulator: Array
+    start: Array
+    state: StopState
+
+
+@register
+class ModulatedStops(AbstractModel[StopState, StopInput]):
+    """Stop operators in parallel whose stiffnesses change with the past of the input:
+
+        y_t = offset + sum_k h_k(m_(t-1)) (e_k (u_t - rest) + sum_j w_jk s_j,t),
+        s_j,t = clip(s_j,t-1 + u_t - u_(t-1), -r_j, r_j)
+
+    A stop s_j is a spring in series with a slider that gives way at +-r_j (Jenkin element; in parallel, an
+    Iwan model). h_k are hat functions on `levels` of the modulator m: each is 1 at its level and 0 at the
+    others, and they add up to 1. m_(t-1) is the input before, `by="position"`, so that friction and
+    stiffness depend on the place; or the range that the input has covered until then, `by="span"`, so that
+    a joint, a foam or a magnet stiffens or softens with the largest amplitude so far. As m does not know
+    the present input, y rises with it, and has an inverse.
+
+    **Arguments:**
+
+    - `low`, `high`: the range of the input.
+    - `thresholds`: (J,) the r_j, positive, in the unit of the input.
+    - `levels`: (K,) of the modulator, increasing; beyond them the end ones count.
+    - `weights`: (J, K) w_jk, none negative. `springs`: (K,) e_k, none negative.
+    - `offset`: the output's constant.
+    - `rest`: where the input is before the first sample, and no stop is strained.
+    - `by`: "position" or "span".
+
+    Raises `InputError` where an argument does not meet these conditions.
+
+    Source: Iwan, J. Appl. Mech. 33 (1966); a stiffness that follows the largest amplitude: Clough and
+    Johnston (1966), Ogden and Roxburgh (1999).
+
+    **Example:**
+
+        >>> stops = hysteresis.ModulatedStops(
+        ...     -2.0, 2.0, np.array([1.0]), np.array([0.0, 4.0]), np.array([[1.0, 0.5]]), np.zeros(2)
+        ... )
+        >>> stops.simulate(None, np.array([0.5, 2.0, 1.0])).tolist()
+        [0.5, 0.9375, 0.0]
+    """
+
+    low: float = eqx.field(static=True, converter=float)
+    high: float = eqx.field(static=True, converter=float)
+    thresholds: Values = parameter(
+        unit="input",
+        bounds=(0.0, float("inf")),
+        fixed=True,
+        meaning="strain at which a stop slides",
+    )
+    levels: Values = parameter(unit="input", fixed=True, meaning="where the modulator has its hats")
+    weights: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness of the stops"
+    )
+    springs: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness beside them"
+    )
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+    rest: float = eqx.field(default=0.0, static=True, converter=float)
+    by: Modulator = eqx.field(default="span", static=True)
+
+    def __check_init__(self) -> None:
+        if not self.low < self.high:
+            raise InputError("zero-range", f"the input reaches from {self.low:g} to {self.high:g}.")
+        if self.by not in ("position", "span"):
+            raise InputError("bad-option", f"by={self.by!r}.", fix="give position or span.")
+        J, K = len(self.thresholds), len(self.levels)
+        if self.weights.shape[-2:] != (J, K) or self.springs.shape[-1:] != (K,):
+            raise InputError(
+                "length-mismatch",
+                f"{J} thresholds and {K} levels, but weights of shape {self.weights.shape} and springs of"
+                f" shape {self.springs.shape}.",
+                fix=f"give ({J}, {K}) weights and ({K},) springs.",
+            )
+        if not all(map(is_concrete, (self.thresholds, self.levels, self.weights, self.springs))):
+            return
+        ordered = bool((jnp.diff(self.levels) > 0).all() and (self.thresholds > 0).all())
+        if not ordered or min(self.weights.min(initial=0.0), self.springs.min()) < 0:
+            raise InputError(
+                "parameter-out-of-bounds",
+                "thresholds must be positive, levels increase, weights and springs not be negative.",
+            )
+
+    def init(self, t0: Any = None, u0: Any = None) -> StopState:
+        z = jnp.full_like(jnp.asarray(self.thresholds), self.rest)
+        rest = jnp.asarray(self.rest, z.dtype)
+        return StopState(rest, rest, rest, z)
+
+    def step(self, state: StopState, t: Any, u: Any) -> tuple[StopState, Float[Array, ""]]:
+        u = jnp.asarray(u, state.u.dtype)
+        z = jnp.clip(state.z, u - self.thresholds, u + self.thresholds)
+        y = self._output(u, z, self._modulator(state.u, state.least, state.largest))
+        least, largest = jnp.minimum(state.least, u), jnp.maximum(state.largest, u)
+        return StopState(u, least, largest, z), y
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: StopState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> StopInput:
+        state = self.init() if state is None else state
+        u = jnp.asarray(u, state.u.dtype)
+        start = is_start(len(u), starts) > 0
+        first = jnp.asarray(starts)
+
+        def before(values: Array, begin: Array) -> Array:
+            return jnp.concatenate([values[:1], values[:-1]]).at[first].set(begin)
+
+        least = -_largest_so_far(-u, -state.least, start)
+        largest = _largest_so_far(u, state.largest, start)
+        modulator = self._modulator(
+            before(u, state.u), before(least, state.least), before(largest, state.largest)
+        )
+        return StopInput(u, modulator, start, state)
+
+    def evaluate(self, prepared: StopInput) -> Float[Array, " samples"]:
+        u, modulator, start, state = prepared
+        r = jnp.asarray(self.thresholds)[None]
+        z = clamps(u[:, None] - r, u[:, None] + r, state.z, start)
+        return jax.vmap(self._output)(u, z, modulator)
+
+    def _modulator(self, u: Array, least: Array, largest: Array) -> Array:
+        return u if self.by == "position" else largest - least
+
+    def _output(self, u: Array, z: Array, modulator: Array) -> Array:
+        stiffness = jnp.asarray(self.weights) @ (h := hats(modulator, jnp.asarray(self.levels)))
+        spring = jnp.dot(self.springs, h) * (u - self.rest)
+        return self.offset + spring + jnp.dot(stiffness, u - z)
+
+
+def _largest_so_far(u: Array, begin: Array, start: Array) -> Array:
+    """The largest input of each sequence so far, no less than `begin`."""
+    pairs = start, jnp.where(start, jnp.maximum(u, begin), u)
+
+    def then(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+        anew = jnp.where(second[0], second[1], jnp.maximum(first[1], second[1]))
+        return first[0] | second[0], anew
+
+    return jax.lax.associative_scan(then, pairs)[1]
+
+
+def stops_of(
+    u: Float[np.ndarray, " samples"],
+    thresholds: Float[np.ndarray, " stops"],
+    rest: float,
+    starts: np.ndarray,
+) -> Float[np.ndarray, "samples stops"]:
+    """s_j of every sample in NumPy, for the columns of a linear fit: compiled for no length."""
+    low, high = u[:, None] - thresholds, u[:, None] + thresholds
+    z = np.full(len(thresholds), rest)
+    s = np.empty_like(low)
+    first = set(starts.tolist())
+    for k in range(len(u)):
+        if k in first:
+            z = np.full(len(thresholds), rest)
+        z = np.minimum(np.maximum(z, low[k]), high[k])
+        s[k] = u[k] - z
+    return s
