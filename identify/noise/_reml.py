@@ -1,6 +1,6 @@
-"""The likeliest noise of one kind, and the change of the model's parameters that goes with it.
+"""Restricted maximum likelihood (REML) of a noise model of one kind, together with the model's parameters.
 
-Pure JAX, so that kinds and records can be tried at once by `jax.vmap`.
+Pure JAX, so that `jax.vmap` tries several kinds or records at once.
 """
 
 from itertools import product
@@ -18,20 +18,20 @@ from hysteresis import InputError
 from ._model import NoiseModel, Rows
 
 PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
-"""The parts a noise model may have, in the order of their free numbers."""
+"""The parts a noise model may have, in the order of their unconstrained parameters."""
 
 ABSENT = (0.0, np.log(1e-9), np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2e-6)))
-"""Free numbers that leave a part out: as good as none of it."""
+"""Unconstrained parameters that switch a part off: it is then negligibly small."""
 
 BEGIN = (0.0, *[np.log(0.3)] * 3, float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
-"""Where a part that is there is sought from: phi = 0.5, theta = -0.1, five degrees of freedom."""
+"""Start values of the parts that are on: phi = 0.5, theta = -0.1, five degrees of freedom."""
 
 WITHIN = ((-9.0,) * 4 + (-12.0,) * 3, (3.0,) * 4 + (12.0,) * 3)
-"""Ends of the free numbers in a search: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
+"""Bounds of the search, unconstrained: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
 
 
 class Linearised(NamedTuple):
-    """A model about one place, with the rows it stands for:
+    """A model linearised about z, and the rows it predicts:
 
     residuals r(z + d) = residuals + jacobian d,     -log prior(z + d) = pull'd + d'precision d / 2.
     """
@@ -44,10 +44,11 @@ class Linearised(NamedTuple):
 
 
 class NoiseFit(NamedTuple):
-    """The likeliest noise of one kind.
+    """The restricted maximum likelihood of one kind of noise.
 
-    - `free`: the noise's free numbers, in `PARTS`' order, those of other kinds as good as absent.
-    - `away`: d of the model's parameters that goes with it.
+    - `free`: the noise's parameters in unconstrained space, in the order of `PARTS`; parts of other kinds
+      have the values of `ABSENT`.
+    - `away`: the change d of the model's parameters that goes with it.
     - `cost`: -log of the restricted likelihood.
     """
 
@@ -57,10 +58,9 @@ class NoiseFit(NamedTuple):
 
 
 def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
-    """The parts of every kind of noise that is to be tried, the plainest first.
+    """The parts of every kind of noise to try, the simplest first.
 
-    `noise`: "auto", or words out of gaussian, student-t, ar1, arma11, growing, input, misfit with +
-    between.
+    `noise`: "auto", or any of gaussian, student-t, ar1, arma11, growing, input and misfit, joined by +.
 
     Raises `InputError` for another word, and for a misfit with Student's t, which has no closed form.
     """
@@ -87,7 +87,7 @@ def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
 
 
 def lanes(kinds: tuple[tuple[str, ...], ...]) -> Bool[np.ndarray, "kinds parts"]:
-    """Which parts each kind has."""
+    """Whether each kind has each of the `PARTS`."""
     return np.array([[part in kind for part in PARTS] for kind in kinds])
 
 
@@ -96,7 +96,7 @@ def of_free(
     sizes: Float[Array, " parts"] | float = 1.0,
     with_misfit: bool = False,
 ) -> NoiseModel:
-    """The noise of free numbers, as `Transform` has them; `sizes` multiply the positive ones."""
+    """The noise of unconstrained parameters, as in `Transform`; `sizes` multiply the positive ones."""
     sigma, growth, input_sigma, misfit = (sizes * jnp.exp(free))[:4]
     phi, theta = jnp.tanh(free[4:6] / 2)
     tail = 0.5 / (1 + jnp.exp(-free[6]))
@@ -106,11 +106,11 @@ def of_free(
 def noise_fit(
     at: Linearised, kind: Bool[Array, " parts"], with_misfit: bool = False, steps: int = 100
 ) -> NoiseFit:
-    """The noise of one kind and the change of the model that make the residuals likeliest.
+    """Estimate the noise of one kind and the change d of the model by restricted maximum likelihood.
 
-    Minimises -log p(r + J d | noise) - log prior + log det(J'J + precision, whitened) / 2: the restricted
-    likelihood, which counts the facts that the model's own parameters have taken. For Gaussian noise that
-    is the likelihood of the noise alone, integrated over d.
+    It minimises -log p(r + J d | noise) - log prior + log det(J'J + precision, whitened) / 2. The last term
+    accounts for the degrees of freedom that the model's parameters use. For Gaussian noise the result is
+    the marginal likelihood of the noise, integrated over d.
 
     Source: Patterson, Thompson, Recovery of inter-block information when block sizes are unequal,
     Biometrika 58 (1971).
@@ -146,8 +146,8 @@ def noise_fit(
 
 
 def _basis(J: Array, size: Array) -> tuple[Array, Array]:
-    """Changes of the parameters that move the output by `size` each, without overlap: the search has round
-    valleys. And which of them move it at all; the others are zero."""
+    """Orthogonal changes of the parameters that each move the output by `size`, so that the search is well
+    conditioned, and which of them move it at all; the others are zero."""
     gram = J.T @ J
     norm = jnp.sqrt(jnp.diagonal(gram))
     norm = jnp.where(norm > 0, norm, 1.0)
@@ -158,16 +158,16 @@ def _basis(J: Array, size: Array) -> tuple[Array, Array]:
 
 
 def _largest(rows: Rows) -> Array:
-    """1, the largest output and the largest slope, and 1: what the positive parts multiply."""
+    """1, the largest output, the largest slope, and 1: the scales of the positive parts."""
     found = [jnp.max(jnp.abs(jnp.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
     return jnp.stack([jnp.ones(()), *(jnp.where(x > 0, x, 1.0) for x in found), jnp.ones(())])
 
 
 def log_prior(free: Float[Array, " parts"]) -> Float[Array, " parts"]:
-    """Weak priors of the noise: flat but for a fence that keeps phi, theta and tail off their bounds.
+    """Weak log-priors of the noise: flat, except near the bounds of phi, theta and tail.
 
-    No more than that: the density of the free number, a tenth of it stronger, pulls phi towards 0 and makes
-    errors too small.
+    They are no stronger than that, because the full Jacobian of the transform pulls phi towards 0, which
+    makes standard errors too small.
     """
     fence = jax.nn.log_sigmoid(free[4:]) + jax.nn.log_sigmoid(-free[4:])
     return jnp.concatenate([jnp.zeros(4), 0.1 * fence])

@@ -1,4 +1,4 @@
-"""The likeliest parameters under noise that the residuals themselves show, and how far to believe it."""
+"""Maximum likelihood of parameters and noise together, with the kind of noise chosen by evidence."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -20,29 +20,30 @@ from ..parameters._transform import Transform
 from ._interval_skewness import Skewness, points_about, skewness
 
 ROUNDS = 40
-"""How often a model is linearised anew about the likeliest parameters, at most."""
+"""Gauss-Newton rounds at most; each linearises the model about the present estimate."""
 
 FIRST, HOPELESS = 3, BELIEVED / 100
-"""After so many rounds, whatever leaves residuals of a smaller chance than that is given up."""
+"""After FIRST rounds the search stops where the adequacy test of the residuals has a smaller p-value."""
 
 STEP = 1.0
-"""A free number changes by no more than this in a round."""
+"""Largest change of an unconstrained parameter in one round."""
 
 ENOUGH = 1e-5
-"""Standard deviations, all parameters together, by which the last round may still move."""
+"""The rounds have converged where the estimate moves by less than this many standard deviations."""
 
 LONG = 8192
-"""Rows from which on the first ones choose the kind of noise."""
+"""Of a record with more rows, the first LONG rows choose the kind of noise."""
 
 
 class Likeliest(NamedTuple):
     """The maximum of the likelihood.
 
-    - `free`: of the model's parameters, `root`: rows with root'root = its information there, `wider`: by
-      how much errors are wider since the noise is not known exactly.
-    - `noise`: of the kind chosen; `kinds`: the parts of every kind tried, `evidence`: its -log evidence.
-    - `believed`: the chance of such noise to leave what it leaves. `rows`: how many counted. `converged`:
-      whether the last round hardly moved.
+    - `free`: the model's parameters in unconstrained space. `root`: root'root is the Fisher information
+      there. `wider`: factor on each standard error because the noise model itself is estimated.
+    - `noise`: the noise model of the kind chosen. `kinds`: the parts of each kind tried. `evidence`:
+      -log evidence of each.
+    - `believed`: p-value of the adequacy test of the residuals under that noise. `rows`: number of rows
+      used. `converged`: whether the last round moved by less than a tolerance.
     """
 
     free: Float[np.ndarray, " parameters"]
@@ -57,13 +58,13 @@ class Likeliest(NamedTuple):
 
     @property
     def over_the_best(self) -> dict[str, float]:
-        """-log evidence of every kind, by its name, over the least one."""
+        """-log evidence of each kind of noise, by its name, minus the least."""
         some = NoiseModel(*[0.0] * len(PARTS))
         over = self.evidence - self.evidence.min()
         return {only(some, k).words: float(e) for k, e in zip(self.kinds, over, strict=True)}
 
     def summary(self) -> Noise:
-        """Size and correlation in figures; of Student's t its standard deviation."""
+        """Standard deviation and correlation time; of Student's t the deviation, not the scale."""
         noise = self.noise
         tail = 0.0 if noise.tail is None else float(noise.tail)
         time = max(float(noise.correlation_time), 1.0)
@@ -80,13 +81,15 @@ def likeliest(
     kinds: tuple[tuple[str, ...], ...],
     temper: float = 1.0,
 ) -> Likeliest | None:
-    """From a least-squares fit to the maximum of the likelihood, the kind of noise chosen by evidence.
+    """Go from a least-squares fit to the maximum likelihood, and choose the kind of noise by evidence.
 
-    Each round linearises the model, finds noise and parameters together for every kind (see `noise_fit`)
-    and goes to the best one's. Evidence is the restricted likelihood with its Bayesian penalty, half of
-    log rows for each part. Of a long record the first rows choose. Where the best kind is far from being
-    believed the rounds end early. `temper`: rows that count for one, against the priors that were asked
-    for. None where the rounds end at no maximum.
+    Each round linearises the model, estimates noise and parameters together for every kind (`noise_fit`),
+    and moves to the parameters of the kind with the greatest evidence. The evidence is the restricted
+    likelihood with the penalty of BIC: half of log(rows) for each part of the noise. In a long record the
+    first rows choose the kind. The rounds stop early where even the best kind fails the adequacy test.
+
+    `temper`: number of rows that count as one, relative to user-specified priors. Returns None where the
+    rounds do not reach a maximum.
     """
     arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
     with_misfit = any("misfit" in kind for kind in kinds)
@@ -123,12 +126,13 @@ def likeliest(
 
 
 class About(NamedTuple):
-    """The likeliest noise and parameters of a linearised model.
+    """Maximum likelihood of noise and parameters of a linearised model.
 
-    - `best`: which kind of noise has the greatest evidence; `evidence`: -log of each one's.
-    - `noise`: its free numbers, `away`: the change of the parameters that goes with it, `cost`: -log of the
-      restricted likelihood, the prior's part over its value at the model's place.
-    - `wider`: see `widening`. `left`: what that noise leaves.
+    - `best`: index of the kind of noise with the greatest evidence. `evidence`: -log evidence of each kind.
+    - `noise`: its parameters in unconstrained space. `away`: the change of the model's parameters that
+      goes with it. `cost`: -log of the restricted likelihood, with the prior relative to its value at the
+      point of linearisation.
+    - `wider`: see `widening`. `left`: what that noise leaves, whitened.
     """
 
     best: Int[Array, ""]
@@ -140,7 +144,7 @@ class About(NamedTuple):
     left: Left
 
     def believed(self, at: Linearised, kinds: tuple[tuple[str, ...], ...]) -> float:
-        """The chance of such noise to leave what it leaves."""
+        """p-value of the adequacy test of the residuals."""
         spent = sum(part in ("phi", "theta") for part in kinds[int(self.best)])
         return believed(self.left, at.rows.place, spent)
 
@@ -149,7 +153,7 @@ class About(NamedTuple):
 def likeliest_about(
     at: Linearised, kinds: Bool[Array, "kinds parts"], with_misfit: bool = False
 ) -> About:
-    """Try every kind of noise; pure JAX. `with_misfit`: whether any kind has one."""
+    """Estimate every kind of noise, in pure JAX. `with_misfit`: whether any kind has a misfit."""
     found = jax.vmap(lambda kind: noise_fit(at, kind, with_misfit))(kinds)
     parts = jnp.sum(jnp.where(kinds, 1.0, 0.0), 1)
     evidence = found.cost + parts * jnp.log(jnp.sum(jnp.where(at.rows.counted, 1.0, 0.0))) / 2
@@ -160,7 +164,7 @@ def likeliest_about(
     W = noise.whitened_columns(at.jacobian, at.rows)
     x = noise.without_misfit(noise.whitened(at.residuals, at.rows), at.rows)
     if with_misfit:
-        # Its shapes are no longer news: none are left to look for.
+        # The misfit has taken up these shapes, so the test need not look for them.
         values, vectors = jnp.linalg.eigh(noise.information_of(at.jacobian, at.rows))
         W, shapes = vectors.T * jnp.sqrt(jnp.clip(values, 0.0))[:, None], at.rows.shapes[:, :0]
     else:
@@ -176,8 +180,8 @@ def plainest(
     jacobian: Float[np.ndarray, "rows parameters"],
     rows: Rows,
 ) -> tuple[Likeliest, Left]:
-    """Independent Gaussian noise at a least-squares fit, in closed form: sigma^2 = squares / (rows -
-    parameters), whose own uncertainty widens variances by cosh(2 sd of log sigma), see `widening`."""
+    """Independent Gaussian noise at a least-squares fit, in closed form: sigma^2 = sum of squares / (rows -
+    parameters). Its own uncertainty multiplies variances by cosh(2 sd of log sigma), see `widening`."""
     counted = int(np.sum(rows.counted))
     sigma = float(np.sqrt(residuals @ residuals / max(counted - len(free), 1)))
     x, W = residuals / (sigma or 1.0), jacobian / (sigma or 1.0)
@@ -189,13 +193,13 @@ def plainest(
 
 
 def only(noise: NoiseModel, kind: tuple[str, ...]) -> NoiseModel:
-    """The noise with the parts of its kind alone."""
+    """The noise model with only the parts of its kind."""
     return NoiseModel(**{part: getattr(noise, part) for part in PARTS if part in kind})
 
 
 @eqx.filter_jit
 def linearised(bounds: Transform, z: Array, arguments: Any) -> Linearised:
-    """The model about z."""
+    """The model linearised about z."""
     model, prepared, y, rows = arguments
 
     def residuals(z: Array) -> tuple[Array, Array]:
@@ -215,7 +219,7 @@ def skewness_at(
     covariance: Float[np.ndarray, "parameters parameters"],
     weight: float,
 ) -> Skewness:
-    """Of log-likelihood times weight and priors, the noise as it is; `arguments` as of `linearised`."""
+    """Skewness of weighted log-likelihood plus log-prior, noise fixed; `arguments` as for `linearised`."""
     noise, points = jax.tree.map(jnp.asarray, noise), points_about(free, covariance)
     about = [linearised(bounds, jnp.asarray(z), arguments) for z in points]
     scores = [weight * score(at, arguments[2], noise) - at.pull for at in about]
@@ -226,7 +230,7 @@ def skewness_at(
 def score(
     at: Linearised, measured: Float[Array, " rows"], noise: NoiseModel
 ) -> Float[Array, " parameters"]:
-    """d log-likelihood / dz."""
+    """The gradient of the log-likelihood with respect to z."""
 
     def likelihood(r: Array) -> Array:
         return noise.log_likelihood(r, at.rows._replace(output=measured + r))
@@ -235,13 +239,13 @@ def score(
 
 
 def _first(at: Linearised) -> Linearised:
-    """Its first rows."""
+    """The first LONG rows."""
     rows = Rows(*(x[:LONG] for x in at.rows))
     return at._replace(residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=rows)
 
 
 def _padded(at: Linearised) -> Linearised:
-    """With rows that do not count and parameters that do nothing: few shapes, so little to compile."""
+    """Padded with masked rows and parameters without effect, so that few shapes are compiled."""
     rows = max(256, 1 << (len(at.residuals) - 1).bit_length()) - len(at.residuals)
     more = -at.jacobian.shape[1] % 4
     return Linearised(

@@ -177,8 +177,8 @@ def spread(executor, folder: Path, marker: str) -> identify.FitResult:
     )
 
 
-def processes() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(2, get_context("spawn"))
+def processes(count: int = 2) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count, get_context("spawn"))
 
 
 def test_a_pool_that_broke_is_made_anew(one_fit):
@@ -189,7 +189,8 @@ def test_a_pool_that_broke_is_made_anew(one_fit):
 
 
 def test_the_record_that_kills_every_process_is_named(one_fit):
-    batch = spread(processes, one_fit, "always")
+    # One process at a time: each takes seconds to start, and several die.
+    batch = spread(lambda: processes(1), one_fit, "always")
     assert {name: error.code for name, error in batch.failed.items()} == {"run 3": "worker-lost"}
     assert len(batch) == 5
 

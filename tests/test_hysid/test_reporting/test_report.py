@@ -79,7 +79,8 @@ def preisach(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nothing held out, a fixed parameter, a posterior; four starts and the one the record suggests."""
-    found = fit(sponge(), LinearSponge(K=1.0, b=0.0, threshold=1.5), starts=4)
+    start = LinearSponge(K=1.0, b=0.0, threshold=1.5)
+    found = fit(sponge(), start, starts=4, noise="gaussian")
     folder = save(found, tmp_path_factory.mktemp("line"))
     save_posterior(sample(found, steps=200, ensembles=2), folder)
     return folder

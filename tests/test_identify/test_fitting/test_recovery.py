@@ -10,7 +10,7 @@ from hysteresis import GeneralizedMaxwell, InputError, LinearSponge, MonotoneCur
 from identify import fit
 from identify.parameters._transform import transform
 
-RUNS = 6
+RUNS = 4
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def test_the_truth_lies_in_its_interval(runs: list[Run]) -> None:
     assert set(runs[0].found) == {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"}
     for name in runs[0].found:
         found = sum(run.found[name] for run in runs)
-        # Of six sound 95 % intervals fewer than these hold the truth once in ten thousand times.
+        # Of four sound 95 % intervals fewer than these hold the truth once in ten thousand times.
         assert found >= binom.ppf(1e-4, RUNS, 0.95), name
 
 

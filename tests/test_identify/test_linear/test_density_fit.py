@@ -9,7 +9,7 @@ import scipy.optimize
 
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
-from identify import fit, fit_density, load, sample, save
+from identify import fit, fit_density, load, save, target
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns, refined
 from identify.records._folds import Parts
@@ -162,10 +162,10 @@ def test_the_minimum_of_many_draws_is_feasible() -> None:
         assert x[1:].min() >= 0
 
 
-def test_a_parametric_density_is_fitted_and_sampled() -> None:
-    """Few parameters: least squares and emcee, from a start well away from the truth."""
+def test_a_parametric_density_is_fitted_and_has_a_posterior() -> None:
+    """Few parameters: least squares from a start well away from the truth, and what samplers draw from."""
     truth = Preisach(GaussianDensity(0.0, 1.0, 2.0, 0.15, 0.05, 0.5, 0.1, order=8))
-    u = walk(3, turns=20, samples=300)
+    u = walk(3, turns=20, samples=120)
     found = fit(
         record_of(truth, u),
         Preisach(GaussianDensity(0.0, 1.0, 1.0, 0.3, 0.1, 0.4, 0.2, order=8)),
@@ -184,8 +184,10 @@ def test_a_parametric_density_is_fitted_and_sampled() -> None:
         value, error = values[name]
         assert error is not None
         assert abs(value - true) < 5 * error  # five parameters: 1 in 350,000
-    posterior = sample(found, steps=20)
-    assert {*wanted} < {s.name for s in posterior.summaries}
+    aim = target(found)
+    assert {*wanted} < {*aim.names}
+    best = float(aim.log_probability(aim.start))
+    assert best > float(aim.log_probability(aim.start.at[1].add(0.1)))
 
 
 def test_a_sum_of_densities_is_saved_and_loaded(tmp_path: Path) -> None:
