@@ -38,7 +38,9 @@ from .posterior._posterior import Posterior
 from .posterior._predictive import LEVELS, Bands, predictive
 from .posterior._sample import sample
 from .records._run_model import predict
+from .results._baseline import Baseline
 from .results._detail import Composition, DiscreteSpectrum, GridWeights, Parametric
+from .results._extrapolation import Extrapolation, RowsBeyond
 from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
 from .results._trained_condition import TrainedCondition
@@ -49,6 +51,7 @@ from .training._train import Trained, train
 __all__ = [
     "LEVELS",
     "Bands",
+    "Baseline",
     "Batch",
     "Breakdown",
     "Calibrated",
@@ -65,6 +68,7 @@ __all__ = [
     "Difference",
     "DiscreteSpectrum",
     "EverettSurface",
+    "Extrapolation",
     "FitResult",
     "Forc",
     "ForcDiagram",
@@ -83,6 +87,7 @@ __all__ = [
     "PooledParameter",
     "Posterior",
     "Profile",
+    "RowsBeyond",
     "Sensitivity",
     "Sloppiness",
     "Spectrum",

@@ -47,7 +47,27 @@ def loops(case: Case) -> Section:
         section.pictures.append(picture(figure, alt, caption))
     if fit.test is None:
         section.notes.append("Nothing was held out, so there is only one panel.")
+    section.notes += _beyond(case)
     return section
+
+
+def _beyond(case: Case) -> list[str]:
+    """A note on the held-out rows beyond each trained range, where there are some."""
+    if (found := case.fit.extrapolation) is None:
+        return []
+    words = {"input": "trained inputs", "rate": "trained rates", "time": "longest trained hold"}
+    said = [
+        f"{part.rows:,} held-out rows lie beyond the {words[name]}; the error there is"
+        f" {quantity(part.rmse, case.units[1])} rms."
+        for name, part in found._asdict().items()
+        if name in words and part.rmse is not None
+    ]
+    if said and found.inside.rmse is not None:
+        inside = f"{found.inside.rows:,} lie inside all trained ranges"
+        said.append(
+            f"{inside}; the error there is {quantity(found.inside.rmse, case.units[1])} rms."
+        )
+    return said
 
 
 def residuals(case: Case) -> Section:

@@ -81,7 +81,7 @@ def constant() -> LinearBaseline:
 
 def straight_line(columns: tuple[str, ...]) -> LinearBaseline:
     """A line in the input, and in each of further columns."""
-    name = "straight line" if not columns else f"linear in {len(columns)} columns"
+    name = "straight line" if not columns else "linear in all columns"
 
     def design(record: Record) -> np.ndarray:
         return np.column_stack([record.input, *(record.columns[c] for c in columns)])

@@ -16,6 +16,12 @@ class Baseline(NamedTuple):
     - `metrics`: {"train": Metrics, "test": Metrics or None}.
     - `blocks`, `test_blocks`: mean squared errors of the held-out parts, and of the test rows, in blocks of
       consecutive rows, paired with those of a fit.
+
+    **Example:**
+
+        >>> [one.name for one in fit.baselines][:2]
+        ['constant', 'straight line']
+        >>> rmse, percent = fit.baselines[1].judged
     """
 
     name: str

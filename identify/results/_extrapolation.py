@@ -4,7 +4,13 @@ from typing import Any, NamedTuple
 
 
 class RowsBeyond(NamedTuple):
-    """Some held-out rows: how many, and the rms error over them; None where there are none."""
+    """Some held-out rows: how many, and the rms error over them; None where there are none.
+
+    **Example:**
+
+        >>> identify.RowsBeyond(rows=0, rmse=None).rows
+        0
+    """
 
     rows: int
     rmse: float | None
@@ -16,6 +22,12 @@ class Extrapolation(NamedTuple):
     - `input`: the input lies outside the trained inputs. `rate`: it moves faster than ever.
     - `time`: it has been held for longer than ever, where that means within 2 % of its range.
     - `inside`: none of these.
+
+    **Example:**
+
+        >>> held_out = identify.fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
+        >>> held_out.extrapolation.input.rows, held_out.extrapolation.inside.rows
+        (0, 20)
     """
 
     input: RowsBeyond

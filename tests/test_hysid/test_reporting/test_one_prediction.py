@@ -119,7 +119,17 @@ def test_every_number_and_picture_of_a_report_is_in_fit_json(
     assert facts["held-out error, largest"] == quantity(test["max_abs"], "mm")
     assert facts["held-out error, of the range"] == quantity(test["nrmse_percent"], "%")
     assert facts["fitted rows, of the range"] == quantity(train["nrmse_percent"], "%")
+    beyond = document["extrapolation"]["input"]
+    assert beyond["rows"] > 0
+    said = f"{beyond['rows']} held-out rows lie beyond the trained inputs; the error there is"
+    assert f"{said} {quantity(beyond['rmse'], 'mm')} rms." in loops.notes
     (table,) = _section_fit.candidates(case).tables
+    listed = {row[0]: row[1:] for row in table.rows}
+    for one in document["baselines"]:
+        assert listed[one["name"]][2:4] == (
+            quantity(one["nrmse_percent"], "%"),
+            quantity(one["rmse"], "mm"),
+        )
     assert table.rows[0][2:5] == (
         quantity(train["nrmse_percent"], "%"),
         quantity(test["nrmse_percent"], "%"),
