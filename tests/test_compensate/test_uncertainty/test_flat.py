@@ -25,7 +25,7 @@ def open_inputs(u: np.ndarray) -> tuple[np.ndarray, FlatInterval]:
 
 
 @given(st.lists(st.floats(0, 10), min_size=1, max_size=12))
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 def test_the_input_is_within_the_interval_where_flat(stops: list[float]):
     u = np.resize(stops, 12)
     flat, interval = open_inputs(u)
