@@ -1,4 +1,4 @@
-"""Units of work on any executor: what a dying worker had in hand is done again elsewhere."""
+"""Units of work on any executor; the units of a worker that died are run again on another one."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -117,7 +117,7 @@ def _outcome(future: Future[Any]) -> Any:
 
 
 def _is_lost(outcome: Any) -> bool:
-    """Whether a unit went down with its worker; Dask says so by a type of its own."""
+    """Whether a unit was lost because its worker died; Dask has an exception type of its own for that."""
     return isinstance(outcome, CancelledError) or type(outcome).__name__ == "KilledWorker"
 
 

@@ -1,4 +1,4 @@
-"""`fit_many`: many records, side by side on one machine, or spread over any executor."""
+"""`fit_many`: fit many records, side by side on one machine or distributed over an executor."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ from ._side_by_side import (
 from ._worker import HOME, Fault, fit_alone, fit_together, is_double, packed, with_templates
 
 Item = Record | tuple[Record, Record | None]
-"""A record, or one with the record it is judged on."""
+"""A record to fit, or a pair of it and the record to test the fit on."""
 
 SIDE_BY_SIDE = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
 """Names of models that `fit_many` fits by one compiled `vmap`."""
@@ -51,10 +51,10 @@ SIDE_BY_SIDE = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
 
 @runtime_checkable
 class Named(Protocol):
-    """Records by name; read one after the other, so they may be made as they are asked for."""
+    """Records by name. They are read one after the other, so they may be generated lazily."""
 
     def items(self) -> Iterable[tuple[str, Item | InputError]]:
-        """Name and record, or why there is none."""
+        """Pairs of a name and its record, or the error that took its place."""
         ...
 
 
@@ -128,7 +128,7 @@ def _names(names: Iterable[str] | None) -> Iterator[str]:
 
 
 class _Run:
-    """One call of `fit_many`: records in, units of work out, fits back."""
+    """One call of `fit_many`: it takes records, hands out units of work and collects fits."""
 
     folder: Folder | None = None
 
@@ -149,7 +149,7 @@ class _Run:
         self.alone: list[tuple[str, Record]] = []
 
     def settings(self, extra: Mapping[str, Any]) -> str:
-        """Digest of all that decides what a record's fit is."""
+        """Digest of everything that determines the fit of a record."""
         plain_options: dict[str, Any] = dict(self.options)
         if self.asked:
             plain_options["model"] = [[one.name, *described(one.template)] for one in self.asked]
@@ -160,7 +160,7 @@ class _Run:
         items: Iterable[tuple[str, Item | InputError]],
         executor: Executor | MakesExecutor | None,
     ) -> Batch:
-        """Everything fitted."""
+        """Fit every record, and return the batch."""
         try:
             for unit, outcome in done_by(self._units(items), executor):
                 self._take(unit, outcome)
@@ -223,7 +223,7 @@ class _Run:
 
     @cached_property
     def _template(self) -> tuple[AbstractModel, Any, Any] | None:
-        """The model to start from, where one was given."""
+        """The model to start from, if the user gave one."""
         if self.only is None or self.only.template is None:
             return None
         start, settings = with_settings(self.only.template, self.options.get("parameters") or {})
@@ -244,7 +244,7 @@ class _Run:
         return self.only.name in SIDE_BY_SIDE
 
     def _problem(self, record: Record) -> Problem | None:
-        """What is fitted side by side; None for a record that needs a fit of its own."""
+        """The problem to fit side by side; None for a record that needs a fit of its own."""
         only = self.only
         if only is None or not self._is_for_vmap or record.channels or not record.mask.any():
             return None
@@ -320,7 +320,7 @@ class _Run:
 
 
 class _Chunk:
-    """Fits side by side."""
+    """Several problems that are fitted side by side."""
 
     def __init__(self, problems: list[Problem], solved: Solved, seed: int):
         self.problems, self.solved, self.seed = problems, solved, seed
@@ -369,7 +369,7 @@ def _explained(error: Exception) -> InputError:
 
 
 def _has_relays(model: Any) -> bool:
-    """Whether a model remembers turning points: what it prepares has a size of its own for each record."""
+    """Whether a model remembers turning points; what it prepares then differs in size between records."""
     if type(model).__module__.startswith("hysteresis.preisach"):
         return True
     values = [getattr(model, f.name) for f in fields(model)]

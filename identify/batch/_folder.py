@@ -1,4 +1,4 @@
-"""What many fits give back, and the folder they are kept in."""
+"""The result of many fits, and the folder in which they are saved."""
 
 import csv
 import hashlib
@@ -27,14 +27,14 @@ EVERY = 3.0
 
 
 class Kept(NamedTuple):
-    """One fit: its row of the table, and the fit itself, made or read when asked for."""
+    """One fit: its row of the table, and the fit itself, which is built or read on demand."""
 
     row: Callable[[], dict[str, Any]]
     fit: Callable[[], FitResult]
 
 
 class Fits(Mapping[str, FitResult]):
-    """Fits by name. Each is put together, or read from its folder, when it is asked for."""
+    """Fits by name. Each is built, or read from its folder, on demand."""
 
     def __init__(self, kept: Mapping[str, Kept]):
         self._kept = kept
@@ -86,7 +86,7 @@ class Batch:
 
 
 def row_of(fit: Mapping[str, Any]) -> dict[str, Any]:
-    """A row of the table, from `summary` of a fit or from fit.json."""
+    """A row of the table, from the `summary` of a fit or from fit.json."""
     test = fit["metrics"]["test"] or {}
     row = {
         "model": fit["model"], "trusted": fit["trusted"], "verdict": fit["verdict"]["level"],
@@ -101,7 +101,7 @@ def row_of(fit: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parameter_cells(name: str, value: Any, stderr: Any, status: str) -> dict[str, Any]:
-    """What a row says of one parameter."""
+    """The cells of one parameter in a row."""
     return {name: value, f"{name} stderr": stderr, f"{name} status": status}
 
 
@@ -190,7 +190,7 @@ class Folder:
 
 
 def csv_of(rows: list[dict[str, Any]]) -> str:
-    """A table with all columns that any row has."""
+    """A CSV table with every column that occurs in any row."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, columns, restval="")
@@ -200,20 +200,20 @@ def csv_of(rows: list[dict[str, Any]]) -> str:
 
 
 def files_of(fit: FitResult) -> dict[str, bytes]:
-    """A saved fit as its files: how it travels between processes, without a pickle of JAX's arrays."""
+    """The files of a saved fit, which is how fits travel between processes: no JAX array is pickled."""
     with tempfile.TemporaryDirectory() as folder:
         save(fit, folder)
         return {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
 def write_files(files: Mapping[str, bytes], folder: Path) -> None:
-    """The files of a saved fit into a folder."""
+    """Write the files of a saved fit into a folder."""
     for name, content in files.items():
         (folder / name).write_bytes(content)
 
 
 def held_in_memory(fit: FitResult | Mapping[str, bytes]) -> Kept:
-    """A fit without a folder of its own."""
+    """A fit that is kept in memory, without a folder."""
     if isinstance(fit, FitResult):
         return Kept(lambda: row_of(plain(summary(fit))), lambda: fit)
 

@@ -57,7 +57,7 @@ class Problem(NamedTuple):
 
     @property
     def bounds(self) -> Transform:
-        """Between the free vector and the parameters."""
+        """The transform between unconstrained and physical parameters."""
         return transform_for(self.template, self.record, self.settings).for_fit
 
 
@@ -97,13 +97,13 @@ class Solved(NamedTuple):
 
 
 def kin(problem: Problem) -> Hashable:
-    """Equal for problems that one compiled fit can hold."""
+    """A key that is equal for problems that one compiled program can fit."""
     record = problem.record
     return len(record), record.starts.tobytes(), record.time is None, problem.structure
 
 
 def structure(model: AbstractModel) -> Hashable:
-    """All of a model that is compiled: everything but its numbers."""
+    """The static part of a model: everything but its arrays."""
     arrays, static = eqx.partition(model, eqx.is_array)
     shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(arrays))
     return jax.tree.structure(arrays), shapes, eqx.tree_pformat(static)
@@ -135,7 +135,7 @@ def unfit(problems: Sequence[Problem]) -> dict[int, InputError]:
 
 
 def side_by_side(problem: Problem, starts: int) -> int:
-    """How many records like this one are fitted at a time."""
+    """Number of records of this shape to fit at a time."""
     rows, free = len(problem.record), len(problem.bounds.names)
     lane = 8 * (free + 6) * (min(rows, 1000) * (starts + 2) + rows * (REFINED + 2))
     return int(np.clip(MEMORY // lane, 1, LARGEST))
@@ -177,7 +177,7 @@ def fit_alike(problems: Sequence[Problem], starts: int, seed: int) -> Solved:
 
 
 def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
-    """The k-th fit as `identify.fit` gives it."""
+    """The k-th fit, as `identify.fit` returns it."""
     record, bounds = problem.record, problem.bounds._replace(scale=solved.scale[k])
     model = bounds.insert(problem.template, jnp.asarray(solved.values[k]))
     nothing = Parts(np.where(record.mask, 0, -1), (), None, "nothing held out")
@@ -245,7 +245,7 @@ def _data(records: Sequence[Record], rows: np.ndarray) -> _Data:
 
 
 def _stacked(models: list[AbstractModel]) -> Any:
-    """The models as one, with a leading axis on every array."""
+    """The models stacked into one, with a leading axis on every array."""
     arrays = [eqx.partition(model, eqx.is_array) for model in models]
     stacked = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *(a for a, _ in arrays))
     return eqx.combine(stacked, arrays[0][1])
@@ -259,7 +259,7 @@ def _searched(
     starts: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Objective and free vector of every start, best first; wider starts where none was finite."""
+    """Objective and free vector of every start, best first; it draws wider starts if none was finite."""
     begin = np.stack([_begin(p) for p in problems])
     rows, thin_starts = thinned_rows(problems[0].record, 1000)
     thin = _data([p.record for p in problems], rows)
@@ -357,7 +357,7 @@ def _refined(
 def _arguments(
     bounds: Transform, rows: tuple[int, ...], model: Any, data: _Data, scale: Array
 ) -> tuple[Transform, Any]:
-    """What `scaled_residuals` of one record asks for."""
+    """The arguments of `scaled_residuals` for one record."""
     prepared = model.prepare(data.time, data.input, starts=rows)
     arguments = model, prepared, data.output, data.counted, data.size
     return bounds._replace(scale=scale), arguments

@@ -1,4 +1,4 @@
-"""What a worker does: one fit, or several side by side, in this process or in another one."""
+"""The work of one worker: one fit, or several side by side, in this process or another one."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ HOME = uuid4().hex
 
 
 class Fault(NamedTuple):
-    """An `InputError` as it travels between processes."""
+    """An `InputError` in the form in which it is sent between processes."""
 
     code: str
     problem: str
@@ -37,7 +37,7 @@ def fit_alone(
     test: Record | None,
     double: bool,
 ) -> FitResult | dict[str, bytes] | Fault:
-    """A fit; from another process its files."""
+    """Fit one record; in another process, return the files of the fit."""
     use_precision(double)
     try:
         if home != HOME and function is fit:
@@ -60,7 +60,7 @@ def is_double() -> bool:
 
 
 def use_precision(double: bool) -> None:
-    """Compute as precisely as the process that asked."""
+    """Use the floating-point precision of the calling process."""
     if is_double() != double:
         jax.config.update("jax_enable_x64", double)
 
@@ -74,7 +74,7 @@ def with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> l
 
 
 def packed(tree: Any) -> Any:
-    """JAX's arrays as NumPy's: read in single precision by a process that has not been told yet."""
+    """Convert JAX arrays to NumPy arrays: without x64 a process would unpickle them in single precision."""
     return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree)
 
 

@@ -50,12 +50,12 @@ class Allowed(NamedTuple):
     strengths: Float[np.ndarray, "spectra columns"]
 
     def outputs(self, at: Input) -> Float[np.ndarray, "spectra times"]:
-        """The answers of all of them to an input."""
+        """The responses of all of them to an input."""
         return self.strengths @ np.hstack([at.memoryless, at.branches(self.log_tau)]).T
 
 
 def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: float) -> Allowed:
-    """The spectra that make a step's answer least and largest, time after time, and the fit itself."""
+    """The fitted spectrum, and those that minimise and maximise the step response at each time."""
     slowest = span * BEYOND[-1]
     count = int(A_DECADE * np.log10(3 * slowest / step))
     even = np.linspace(np.log(step / 3), np.log(slowest), count)
@@ -99,7 +99,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
 def _step_answers(
     input: Input, log_tau: Float[np.ndarray, " branches"], step: float, span: float
 ) -> Float[np.ndarray, "times columns"]:
-    """A unit step's answer of each column, 0 for the offset, at the times of the search."""
+    """The unit step response of each column, 0 for the offset, at the times of the search."""
     inside = np.geomspace(step, span, 1 + int(INSIDE * np.log10(span / step)), endpoint=False)
     at = Input(input.kind, np.append(inside, span * np.array(BEYOND)), None)
     memoryless = np.zeros((len(at.t), input.memoryless.shape[1]))

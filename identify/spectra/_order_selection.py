@@ -1,4 +1,4 @@
-"""The best answers with one, two, ... time constants: where to start, and when another adds nothing."""
+"""Order selection: the best fits with one, two, ... time constants, until another one adds nothing."""
 
 import numpy as np
 from jaxtyping import Float
@@ -14,13 +14,13 @@ SEARCHED = 3000
 
 
 def thinned(problem: Problem) -> Problem:
-    """About `SEARCHED` rows of a unit step's answer; with an input all of them."""
+    """About `SEARCHED` rows of a unit step response; all rows if there is an input."""
     stride = max(1, len(problem.y) // SEARCHED) if problem.input.u is None else 1
     return problem.rows(slice(None, None, stride))
 
 
 def orders(problem: Problem, step: float, span: float, most: int) -> list[Fitted]:
-    """The best answers with 0, 1, 2, ... time constants, as long as each adds one."""
+    """The best fits with 0, 1, 2, ... time constants, as long as each adds one."""
     bounds = np.log(step / BEYOND), np.log(span * BEYOND)
     memoryless = len(problem.free)
     grid = np.linspace(
@@ -57,7 +57,7 @@ def _merged(
 
 
 def _agglomerated(groups: Float[np.ndarray, "groups 2"], n: int) -> Float[np.ndarray, " n"]:
-    """The groups joined, the closest pair first, until there are n."""
+    """Merge the closest pair of groups until there are n."""
     while len(groups) > n:
         k = int(np.argmin(np.diff(groups[:, 0])))
         pair = groups[k : k + 2]
@@ -72,7 +72,7 @@ def _one_more(
     grid: Float[np.ndarray, " grid"],
     columns: Float[np.ndarray, "rows all"],
 ) -> Float[np.ndarray, " m"]:
-    """The time constants with one of the grid's beside them: the one that helps most."""
+    """The time constants plus the one of the grid that reduces the residuals most."""
     present, left = problem.columns(log_tau), []
     for k in range(len(grid)):
         A = np.hstack([present, columns[:, len(problem.free) + k, None]])
@@ -82,6 +82,6 @@ def _one_more(
 
 
 def resolved(at: Input) -> tuple[float, float]:
-    """The shortest time a record resolves, a unit step's first row or the shortest step, and its span."""
+    """The shortest time that a record resolves (first row of a step response, or least step); its span."""
     times = at.t if at.u is None else np.diff(at.t)
     return float(times[times > 0].min()), float(at.t[-1])

@@ -87,12 +87,12 @@ class Fitted(NamedTuple):
 
     @property
     def memoryless(self) -> int:
-        """How many of the strengths are those of memoryless columns."""
+        """Number of strengths that belong to memoryless columns."""
         return len(self.strengths) - len(self.log_tau)
 
     @property
     def parameters(self) -> int:
-        """Numbers that were fitted: strengths that are not zero, and their times."""
+        """Number of fitted parameters: strengths that are not zero, and their time constants."""
         return int((self.strengths != 0).sum() + (self.strengths[self.memoryless :] != 0).sum())
 
     @property
@@ -100,7 +100,7 @@ class Fitted(NamedTuple):
         return float(np.mean(self.residuals**2))
 
     def outputs(self, at: Input) -> Rows:
-        """The answer to an input."""
+        """The response to an input."""
         return np.hstack([at.memoryless, at.branches(self.log_tau)]) @ self.strengths
 
 
@@ -172,7 +172,7 @@ class Problem:
         return Fitted(x, c, A @ c - self.target)
 
     def _jacobian(self, x: Times, A: Matrix, c: Vector) -> Branches:
-        """Kaufman's: what the strengths cannot make up for of the columns' slopes."""
+        """Kaufman's Jacobian: the part of the columns' slopes that the strengths cannot compensate."""
         D = self.weights[:, None] * self.input.slopes(x) * c[None, len(c) - len(x) :]
         B = A[:, c != 0] / np.linalg.norm(A[:, c != 0], axis=0)[None]
         H = B.T @ B + 1e-13 * np.eye(B.shape[1])
@@ -195,7 +195,7 @@ class Problem:
 
 
 def strengths(A: Matrix, target: Rows, free: Bool[np.ndarray, " memoryless"]) -> Vector:
-    """Least squares with c >= 0, but for the free ones of the first, memoryless columns."""
+    """Least squares with c >= 0, except for the free ones among the first, memoryless columns."""
     size = np.linalg.norm(A, axis=0)
     size[size == 0] = 1.0
     scaled = A / size[None]

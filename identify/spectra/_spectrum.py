@@ -1,4 +1,4 @@
-"""How many time constants a creep curve, a relaxation curve or any record holds, and which."""
+"""Discrete spectrum of a creep curve, a relaxation curve or any record: the time constants it shows."""
 
 from typing import Any, NamedTuple
 
@@ -44,7 +44,7 @@ class Answer(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A prediction, and the range that holds the whole curve with 90 %."""
+    """A prediction, and the band that contains the whole curve with 90 % confidence."""
 
     value: Float[np.ndarray, " times"]
     low: Float[np.ndarray, " times"]
@@ -213,7 +213,7 @@ def _log_covariance(
 
 
 def _notes(fitted: Fitted, step: float, span: float, kind: Kind) -> list[str]:
-    """What time constants outside the record's own times amount to."""
+    """Notes on time constants outside the times that the record resolves."""
     slow, fast = {"creep": ("a dashpot", "a spring"), "relaxation": ("a spring", "a dashpot")}[kind]
     said = []
     for tau in np.exp(fitted.log_tau):
