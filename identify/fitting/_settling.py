@@ -34,7 +34,8 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     cut = parts_of(record)
     if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
         return record
-    (fold,) = cut.folds
+    last = int(cut.label[record.cycle == numbers[-1]].max())
+    fold = Fold(tuple(p for p in cut.all if p != last), (last,))
     counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
     choices = []
     for leading in leadings:

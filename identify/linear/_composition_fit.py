@@ -20,7 +20,7 @@ from ._linear_fit import LinearFit
 STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 """Prior strengths tried, the strongest first."""
 
-LEAST_GAIN = 0.03
+LEAST_GAIN = 0.05
 """Share of the mean squared held-out error that a further part must take away."""
 
 LAG_ROWS = 10_000

@@ -1,5 +1,6 @@
 """Hold-outs inside the training part: whole sequences or whole cycles, never random samples."""
 
+import itertools
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -14,6 +15,10 @@ class Fold(NamedTuple):
 
     train: tuple[int, ...]
     test: tuple[int, ...]
+
+
+MANY_CYCLES = 8
+"""Cycles of a single sequence from which on more than the last one is predicted from those before."""
 
 
 class Parts(NamedTuple):
@@ -43,9 +48,10 @@ class Parts(NamedTuple):
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
     """Cut a record into parts: groups of sequences where it has several, else cycles, else a tail.
 
-    Several sequences make up to `most` folds, each held out in turn. In a single one the last
-    cycle is held out; the first may be a conditioning cycle where two more follow. The last quarter
-    of a record without two cycles is held out.
+    Several sequences make up to `most` folds, each held out in turn. In a single one the last cycle is
+    held out; of eight cycles or more the third quarter, from a fit to those before, and then the last,
+    because what creeps or settles shows over many cycles only. The first may be a conditioning cycle where
+    two more follow. The last quarter of a record without two cycles is held out.
     """
     label = np.full(len(record), -1)
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
@@ -69,9 +75,19 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
         # Rows in no cycle, a hold after the last one say, are fitted and never held out.
         label[cycle == 0] = last + 1
         label[~record.mask] = -1
-        fold = Fold((*range(last), *((last + 1,) if (label > last).any() else ())), (last,))
+        beside = (last + 1,) if (label > last).any() else ()
+        cuts, how = (last, last + 1), "the last training cycle held out"
+        if last + 1 >= MANY_CYCLES:
+            cuts = (last + 1) // 2, 3 * (last + 1) // 4, last + 1
+            how = (
+                "the third and the last quarter of the training cycles, predicted from those before"
+            )
+        folds = tuple(
+            Fold((*range(first), *beside), tuple(range(first, end)))
+            for first, end in itertools.pairwise(cuts)
+        )
         conditioning = 0 if last > 1 and not keep_conditioning else None
-        return Parts(label, (fold,), conditioning, "the last training cycle held out")
+        return Parts(label, folds, conditioning, how)
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")

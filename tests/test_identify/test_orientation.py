@@ -1,0 +1,28 @@
+"""Which way the output goes with the input, and which way its loops turn."""
+
+import numpy as np
+import pytest
+
+from hysteresis import Record
+from identify.records._orientation import orientations, output_falls
+
+
+def ratcheting(sign: float, creep: float) -> Record:
+    """Cycles of a lagging loop whose mean moves on by several times its height."""
+    t = np.linspace(0, 10, 1001)
+    u = 1 + np.sin(2 * np.pi * t)
+    y = u - 0.2 * np.cos(2 * np.pi * t) + creep * t
+    return Record.from_arrays(u * (1 - 0.03 * t), sign * y, t)
+
+
+@pytest.mark.parametrize("creep", [-2.0, 0.0, 2.0])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_creep_from_cycle_to_cycle_turns_no_sign(sign: float, creep: float):
+    record = ratcheting(sign, creep)
+    assert output_falls(record) == (sign < 0)
+
+
+def test_loops_of_a_falling_output_are_those_of_its_negative():
+    lagging = orientations(ratcheting(1.0, 0.0))
+    assert lagging == (False,)
+    assert orientations(ratcheting(-1.0, 0.0)) == lagging
