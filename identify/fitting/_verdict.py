@@ -13,7 +13,7 @@ from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._sloppiness import without_effect
 from ..diagnostics._time_constants import unseen_time_constants
 from ..records._folds import root_difference
-from ..results._baseline import Baseline, best_baseline
+from ..results._baseline import best_baseline
 from ..results._detail import DiscreteSpectrum
 from ..results._extrapolation import RowsBeyond
 from ..results._fit_result import PURPOSES, FitResult
@@ -67,8 +67,7 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
         found.fails.append(Note("not-converged", text))
     level, said = _error(fit)
     best = best_baseline(fit.baselines)
-    if best is not None:
-        _compare(fit, best, found)
+    _compare(fit, found)
     _loops(fit, found)
     _held_out(fit, found)
     _parameters(fit, found)
@@ -102,34 +101,39 @@ def _error(fit: FitResult) -> tuple[Level, Note]:
     return "PASS", Note("error", f"{said}.")
 
 
-def _compare(fit: FitResult, best: Baseline, found: Reasons) -> None:
-    """With the best baseline, on the test rows or else on the held-out parts of the training rows."""
-    if fit.test_blocks is not None and best.test_blocks is not None:
-        where, ours, theirs = "the held-out rows", fit.test_blocks, best.test_blocks
-        test = fit.metrics["test"]
-        assert test is not None
-        own = test.rmse
-    elif fit.metrics["test"] is None and fit.blocks is not None:
-        where, ours, theirs = "held-out parts of the training rows", fit.blocks, best.blocks
-        own = float(np.sqrt(ours.mean()))
-    else:
+def _compare(fit: FitResult, found: Reasons) -> None:
+    """With every baseline, on the test rows or else on the held-out parts of the training rows.
+
+    Of those that are better beyond a standard error the best is named, or else the best of all.
+    """
+    test = fit.metrics["test"]
+    tested = test is not None
+    ours = fit.test_blocks if tested else fit.blocks
+    if ours is None:
         return
-    if (worse := root_difference(theirs, ours)) is None:
+    own = test.rmse if test is not None else float(np.sqrt(ours.mean()))
+    where = "the held-out rows" if tested else "held-out parts of the training rows"
+    least = 1e-9 * float(np.ptp(fit.train.output[fit.used]))  # both exact: what is left is rounding
+    paired = [
+        (one, worse)
+        for one in sorted(fit.baselines, key=lambda one: one.judged[0])
+        if (theirs := one.test_blocks if tested else one.blocks) is not None
+        and (worse := root_difference(theirs, ours)) is not None
+    ]
+    if not paired:
         return
+    better = [(one, worse) for one, worse in paired if worse.value > max(worse.error, least)]
+    best, worse = (better or paired)[0]
     unit, other = fit.train.output_unit, best.judged[0]
-    of_both = f"{quantity(other, unit, 3)} rms instead of {quantity(own, unit, 3)}"
     apart = f"{quantity(abs(worse.value), unit, 2)} +- {quantity(worse.error, unit, 2)}"
-    # Both exact: what is left is rounding.
-    if worse.value > max(worse.error, 1e-9 * float(np.ptp(fit.train.output[fit.used]))):
-        text = (
-            f"A baseline predicts {where} better: {best.name}, {of_both}, a difference of {apart}."
-        )
-        found.cautions.insert(0, Note("baseline-better", text))
+    if better:
+        of_both = f"{quantity(other, unit, 3)} rms instead of {quantity(own, unit, 3)}"
+        text = f"A baseline predicts {where} better: {best.name}, {of_both}, a difference of"
+        found.cautions.insert(0, Note("baseline-better", f"{text} {apart}."))
         return
     text = f"The best baseline on {where}, {best.name}, has {quantity(other, unit, 3)} rms,"
-    found.facts.append(
-        Note("best-baseline", f"{text} {'more' if worse.value < 0 else 'less'} by {apart}.")
-    )
+    text += f" {'more' if worse.value < 0 else 'less'} by {apart}."
+    found.facts.append(Note("best-baseline", text))
 
 
 def _loops(fit: FitResult, found: Reasons) -> None:

@@ -112,6 +112,28 @@ def test_the_best_baseline_is_named_with_the_difference():
     assert apart > uncertain
 
 
+def test_any_baseline_that_is_better_beyond_its_error_bars_pass(line: FitResult):
+    """Also where another one has a smaller error, but by chance."""
+    assert line.test_blocks is not None
+    ours = line.test_blocks
+    surely = line.baselines[1]._replace(name="surely", test_blocks=0.9 * ours)
+    perhaps = line.baselines[1]._replace(
+        name="perhaps", test_blocks=np.append(0 * ours[1:], 8 * ours.mean())
+    )
+    test = surely.metrics["test"]
+    assert test is not None
+    rivals = [
+        one._replace(metrics={**one.metrics, "test": test._replace(rmse=rms(one.test_blocks**0.5))})
+        for one in (surely, perhaps)
+        if one.test_blocks is not None
+    ]
+    assert rivals[1].judged[0] < rivals[0].judged[0]
+    verdict = judge(replace(line, baselines=tuple(rivals)))
+    assert verdict.level != "PASS"
+    assert verdict.best_baseline == "perhaps"
+    assert ": surely, " in verdict.reasons[verdict.codes.index("baseline-better")]
+
+
 def test_without_held_out_rows_folds_decide(line: FitResult):
     found = fit(record((10.0, 10.0, 10.0, 10.0), 0.5), **QUICK)
     verdict = found.verdict
