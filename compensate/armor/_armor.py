@@ -1,4 +1,4 @@
-"""Sensor, shell and cover together: from readings to contacts."""
+"""A whole armor (sensor, shell and cover): from sensor readings to contacts."""
 
 import equinox as eqx
 from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""The box of the paper."""
+"""The open box of the paper, as a shape of plane faces."""
 
 from collections.abc import Callable
 

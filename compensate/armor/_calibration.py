@@ -1,4 +1,4 @@
-"""What presses at known points say of a sensor, a shell and a cover: residuals to calibrate by."""
+"""Residuals of presses at known points, for the calibration of sensor, shell and cover."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -211,13 +211,13 @@ def _normal(armor: Armor, press: Presses) -> Float[Array, "3"]:
 
 
 def _load(press: Presses, normal: Array, depth: Array) -> tuple[Array, Array]:
-    """F and M about P_o that the gauge exerts, (samples, 3)."""
+    """Force and moment about P_o that the gauge exerts, (samples, 3)."""
     force = press.force[:, None] * press.direction[None]
     return force, jnp.cross(press.touched[None] + depth[:, None] * normal[None], force)
 
 
 def _modelled(armor: Armor, press: Presses, normal: Array) -> Float[Array, " samples"]:
-    """d_n of the cover where it is pressed, m."""
+    """Indentation d_n of the cover at the pressed point, m."""
     cover, along = armor.solver.cover, press.force * dots(press.direction, normal)
     pressed = jax.lax.scan(
         lambda state, now: cover.press(state, *now), cover.init(), (press.time, along)

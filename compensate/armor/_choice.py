@@ -1,4 +1,4 @@
-"""Which of the faces a line of action crosses is the touched one, and what that is worth."""
+"""Choice of the touched face among those that a line of action crosses, and its reliability."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What a wrench says of the contact behind it."""
+"""The contact estimated from one wrench."""
 
 from typing import NamedTuple
 

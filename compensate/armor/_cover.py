@@ -1,4 +1,4 @@
-"""How far the cover is pressed in: a material, its local thickness, and the frame below it."""
+"""Indentation of the cover, from its material, local thickness and the frame below it."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Parts of a robot as meshes from a few lengths: to try things on, and to fit to a real one."""
+"""Parametric meshes of robot parts, to experiment with or to fit to a real part."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""An armor as a file that runs without JAX."""
+"""Export of an armor to a file that runs without JAX."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -118,7 +118,7 @@ def _field(field: AbstractField, surfaces: int) -> dict[str, Any]:
 
 
 def _sensor(sensor: WristSensor) -> dict[str, Any]:
-    """What is linear in matrices: the calibration, and all that comes after the hysteresis."""
+    """The linear parts as matrices: the calibration, and everything after the hysteresis."""
     calibrated = sensor._calibrated
     placed = eqx.tree_at(
         lambda s: (s.matrix, s.bias), sensor, (jnp.eye(6), jnp.zeros_like(sensor.bias))
@@ -148,7 +148,7 @@ def _affine(f: Callable[[Any], Any]) -> dict[str, Any]:
 
 
 def _golden(solver: ContactSolver, sensor: WristSensor | None) -> dict[str, Any]:
-    """Presses about the middle of some faces, square and slanting, and what JAX makes of them."""
+    """Normal and slanting presses near the middle of some faces, and the contacts that JAX computes."""
     faces = solver.shape.faces()
     chosen = np.unique(np.linspace(0, len(faces.offset) - 1, 8).astype(int))
     centre = -np.asarray(faces.offset)[:, None] * np.asarray(faces.normal)

@@ -1,4 +1,4 @@
-"""Plane faces: what every shape is to the solver."""
+"""Plane faces, the form in which the solver sees every shape."""
 
 from typing import NamedTuple
 

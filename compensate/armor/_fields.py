@@ -1,4 +1,4 @@
-"""Quantities that differ from place to place on a cover, as few numbers as it takes."""
+"""Quantities that vary over a cover, described by few parameters."""
 
 import abc
 from typing import Any
@@ -113,7 +113,7 @@ class Grid(AbstractField):
 
 
 def _of(value: Array, surface: Array) -> Array:
-    """A number as it is; the surface's own, where each has one."""
+    """The value at a surface: a scalar as it is, or the entry of that surface."""
     return value[surface - 1] if value.ndim else value
 
 

@@ -1,4 +1,4 @@
-"""Which of thousands of triangles a line comes near: spheres around spheres, for many lines at once."""
+"""Bounding-sphere hierarchy: the triangles near each of many lines, out of thousands."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def _children(node: np.ndarray) -> np.ndarray:
 
 
 def _around(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spheres around each eight in a row."""
+    """Bounding spheres of each eight consecutive items."""
     first = np.arange(0, len(centre), GROUP)
     low = np.minimum.reduceat(centre, first)
     high = np.maximum.reduceat(centre, first)
@@ -67,7 +67,7 @@ def _around(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _halved(middle: np.ndarray, items: np.ndarray) -> np.ndarray:
-    """Items in an order where each eight, and each eight of those, are neighbours in space."""
+    """An order of the items in which each eight, and each eight of those, are neighbours in space."""
     if len(items) <= GROUP:
         return items
     whole = GROUP

@@ -1,4 +1,4 @@
-"""Triangle meshes: any shape, also one that a line enters more than once."""
+"""Triangle meshes of any shape, including those that a line enters more than once."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -225,7 +225,7 @@ class Search:
 
 
 def _check(points: np.ndarray, triangles: np.ndarray, rim: bool) -> None:
-    """Raises `InputError` for what is no surface seen from outside."""
+    """Raises `InputError` for a mesh that is not a surface oriented outwards."""
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
         raise InputError(
             "not-a-mesh", f"vertices {points.shape} and triangles {triangles.shape} make no mesh.",

@@ -1,4 +1,4 @@
-"""What the solver asks of a shape."""
+"""The interface of a shape that the solver uses."""
 
 import abc
 from collections.abc import Callable

@@ -226,7 +226,7 @@ class ContactSolver(eqx.Module):
     def _virgin(
         self, force: Array, moment: Array, near: Array | None
     ) -> tuple[Line, Crossing, Candidates]:
-        """All that the faces make of one wrench on a cover that was never touched."""
+        """The result of every face for one wrench on a cover that was never touched."""
         line = line_of(force, moment)
         crossing = self.cross(line, near)
         pushing = jnp.maximum(crossing.along, 0)
@@ -336,7 +336,7 @@ def _stream(solver: ContactSolver, samples: tuple[Array | None, ...]) -> Contact
 
 @eqx.filter_jit
 def _most(cover: Cover, force: Array, cosines: Array) -> Array:
-    """How far any face can be pressed in at most by these parts of each force, m."""
+    """Largest indentation of any face under these components of each force, m."""
     sizes = jnp.sqrt(dots(force, force))
     normal = sizes[..., None] * jnp.broadcast_to(cosines, (*sizes.shape, len(cosines)))
     return jax.vmap(cover.most)(normal.ravel()).reshape(normal.shape)

@@ -1,4 +1,4 @@
-"""One contact after the other, in a loop in Python."""
+"""Contacts one sample at a time, in a Python loop."""
 
 from typing import Any
 

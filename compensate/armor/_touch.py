@@ -1,4 +1,4 @@
-"""What a stream of wrenches remembers of the contact."""
+"""State of the contact that is carried from one wrench of a stream to the next."""
 
 from typing import Any, NamedTuple
 

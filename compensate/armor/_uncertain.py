@@ -1,4 +1,4 @@
-"""Contacts with what noise, calibration and material leave open."""
+"""Contacts with their uncertainty from noise, calibration and material."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""From what a force sensor tells to the wrench that the load exerts at P_o."""
+"""From the readings of a force sensor to the wrench that the load exerts at P_o."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -269,7 +269,7 @@ class WristSensor(eqx.Module):
         return readings
 
     def _undone(self, states: Any, t: Array, sound: Array) -> tuple[Any, Array]:
-        """Each axis's hysteresis undone, side by side where the models are of one kind."""
+        """Compensate the hysteresis of each axis, side by side if the models are of one kind."""
         assert self.hysteresis is not None
         if (alike := _side_by_side(self.hysteresis)) is not None:
             states, found = jax.vmap(lambda m, s, y: invert(m).step(s, t, y))(alike, states, sound)
@@ -308,7 +308,7 @@ def _scan(sensor: WristSensor, t: Array, readings: Array) -> Wrench:
 
 
 def _side_by_side(models: tuple[AbstractModel, ...]) -> AbstractModel | None:
-    """Six models as one with a leading axis, which compiles once; None where they are not alike."""
+    """Six models stacked into one, which compiles once; None if their structures differ."""
     kinds = {
         (jax.tree.structure(model), tuple(jnp.shape(leaf) for leaf in jax.tree.leaves(model)))
         for model in models
@@ -317,7 +317,7 @@ def _side_by_side(models: tuple[AbstractModel, ...]) -> AbstractModel | None:
 
 
 def _filled(values: Any, count: int) -> Any:
-    """One value for all, or each its own."""
+    """One value for all, or one for each."""
     return values if np.ndim(values) else jnp.full(count, values)
 
 

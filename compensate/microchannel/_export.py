@@ -1,4 +1,4 @@
-"""A force estimator as a file that runs without JAX."""
+"""Export of a force estimator to a file that runs without JAX."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -119,14 +119,14 @@ def _program(
 
 
 def _unfolded(model: AbstractModel) -> AbstractModel:
-    """The chain of models a network is, also within a chain."""
+    """The chain of models that make up a network, nested chains flattened."""
     if isinstance(model, EverettNetwork):
         return model.model
     return Series([_unfolded(part) for part in model.parts]) if isinstance(model, Series) else model
 
 
 def _behind(compensator: Any) -> AbstractModel:
-    """The model that a compensator is the inverse of."""
+    """The model of which a compensator is the inverse."""
     if isinstance(compensator, SeriesCompensator):
         return Series([_behind(part) for part in reversed(compensator.inverses)])
     if isinstance(compensator, ScaledCompensator):

@@ -1,4 +1,4 @@
-"""Gains of two layers found in readings of use, where nobody told which place was pressed or how hard."""
+"""Blind estimate of the gains of two layers from readings in use, without known places or forces."""
 
 import numpy as np
 from jaxtyping import Float
@@ -95,7 +95,7 @@ def gains_in_use(
 def _piles(
     angle: Float[np.ndarray, " readings"], strength: Float[np.ndarray, " readings"], blur: float
 ) -> Float[np.ndarray, " piles"]:
-    """Directions in which readings pile up, in rad from the first layer's axis, rising."""
+    """Directions in which readings cluster, in rad from the first layer's axis, in ascending order."""
     # Blurred in bins, so that the work does not grow with bins times readings.
     edges = np.linspace(-np.pi / 4, 3 * np.pi / 4, 2 * ANGLES + 1)
     pile, _ = np.histogram(angle, edges, weights=strength)

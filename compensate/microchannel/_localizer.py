@@ -1,4 +1,4 @@
-"""Which place of a soft sensor is pressed, from the readings of its few channels."""
+"""Localisation: the pressed place of a soft sensor, from the readings of its few channels."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Presses at one place as a cloud in the ratios of the channels, where the force drops out."""
+"""Gaussian classifier: one normal distribution of channel ratios for each place; the force cancels."""
 
 from dataclasses import dataclass
 
@@ -79,12 +79,12 @@ def contrasts(
 
 
 def _positive(readings: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """No reading below its noise: there its logarithm says no more than that."""
+    """Readings raised to at least their noise, because the logarithm of less carries no information."""
     return np.maximum(readings, np.maximum(noise, np.finfo(float).tiny))
 
 
 def _deconvolved(z: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The likeliest m and W of z_i ~ N(m, W + N_i).
+    """Maximum-likelihood m and W of z_i ~ N(m, W + N_i).
 
     Source: Bovy, Hogg and Roweis, Annals of Applied Statistics 5 (2011), equations (14) to (16), with
     one component.

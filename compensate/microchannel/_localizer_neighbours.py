@@ -1,4 +1,4 @@
-"""The place of a press by the votes of those most like it: the paper's k nearest neighbours."""
+"""Localisation by k nearest neighbours, as in the paper."""
 
 from dataclasses import dataclass
 from functools import cached_property

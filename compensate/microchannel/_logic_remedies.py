@@ -1,4 +1,4 @@
-"""What to change in a sensor whose combinations of places collide: found by trying."""
+"""Search for changes to a sensor in which combinations of places give the same reading."""
 
 from collections.abc import Hashable, Iterable
 from itertools import combinations, permutations, product
@@ -110,7 +110,7 @@ def _words(levels: np.ndarray, table: np.ndarray, names: tuple[Hashable, ...]) -
 
 
 def _rewired(levels: np.ndarray, names: tuple[Hashable, ...]) -> Iterable[tuple[str, np.ndarray]]:
-    """One layer's sections in another order; the first stays as it is if there are several."""
+    """The sections of one layer in another order; the first layer is kept if there are several."""
     for layer in range(min(1, len(levels) - 1), len(levels)):
         for order in _orders(levels.shape[1]):
             table = levels.copy()
@@ -122,7 +122,7 @@ def _rewired(levels: np.ndarray, names: tuple[Hashable, ...]) -> Iterable[tuple[
 def _layered(
     levels: np.ndarray, names: tuple[Hashable, ...], chosen: np.ndarray, ratio: float, margin: float
 ) -> Remedy | None:
-    """Layers added one by one, each the best beside those there are, up to one for each place."""
+    """Layers added greedily, one at a time, up to one for each place."""
     remedy = None
     while len(levels) < levels.shape[1] and (remedy is None or remedy.separation < margin):
         before = "" if remedy is None else f"{remedy.change}; "

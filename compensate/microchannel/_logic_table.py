@@ -1,4 +1,4 @@
-"""Which places of a soft sensor are pressed at once, by sums of levels: no training."""
+"""Logic table: the combination of pressed places from sums of levels, without training."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -230,7 +230,7 @@ class LogicTable:
     def _distances(
         self, reading: Float[np.ndarray, " layers"]
     ) -> tuple[Float[np.ndarray, " combinations"], Float[np.ndarray, " combinations"]]:
-        """Of every combination the least squared Mahalanobis distance, and ln of the mean density."""
+        """For every combination, the least squared Mahalanobis distance and the log of the mean density."""
         low, high = self.unit
         f = np.geomspace(low, high, _UNITS if high > low else 1)[:, None, None, None]
         spread = f**2 * self._scatter + self.noise**2 * np.eye(len(reading))

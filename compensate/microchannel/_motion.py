@@ -1,4 +1,4 @@
-"""A filter for forces that rise and fall steadily between turns, seen through sensors with memory."""
+"""Filter for forces whose rate changes slowly between turns, observed through sensors with memory."""
 
 import abc
 from typing import Any, Generic, NamedTuple
@@ -167,7 +167,7 @@ class MotionFilter(eqx.Module):
         z: Array,
         noise: Array,
     ) -> tuple[Array, Array, Array, Array]:
-        """One way: x and P after the reading, its log-likelihood, and its squared surprise."""
+        """One hypothesis: x and P after the reading, log-likelihood, and squared normalised innovation."""
         contacts = sensor.contacts
         x, P = self._ahead(x, P, turned, dt, contacts)
         force = x[:contacts]
@@ -195,7 +195,7 @@ class MotionFilter(eqx.Module):
     def _ahead(
         self, x: Array, P: Array, turned: Array, dt: Array, contacts: int
     ) -> tuple[Array, Array]:
-        """Forces and rates a time dt later, without looking."""
+        """Forces and rates predicted a time dt ahead."""
         rate, one = x[contacts : 2 * contacts], jnp.eye(contacts)
         on = (
             jnp.array([[1.0, 1.0], [0.0, 1.0]]),
@@ -226,7 +226,7 @@ class MotionFilter(eqx.Module):
 
 
 def _mean(weight: Array, x: Array, P: Array, which: slice) -> tuple[Array, Array]:
-    """Mean and standard deviation of some states over all ways."""
+    """Mean and standard deviation of some states over all hypotheses."""
     share, x = jnp.exp(weight)[:, None], x[:, which]
     mean = (share * x).sum(0)
     own = jnp.diagonal(P, axis1=1, axis2=2)[:, which]

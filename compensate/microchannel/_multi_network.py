@@ -1,4 +1,4 @@
-"""The paper's way to the forces of several contacts: a recurrent network of each, and a search."""
+"""Forces of several contacts as in the paper: a recurrent network for each, and a search."""
 
 import itertools
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Where on a soft sensor of many channels the contact is: a smooth function of their readings."""
+"""Contact position on a soft sensor of many channels, as a smooth function of the readings."""
 
 from typing import NamedTuple
 

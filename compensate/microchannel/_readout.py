@@ -1,4 +1,4 @@
-"""From what a converter counts to the relative change of each channel of a soft sensor."""
+"""From converter counts to the relative change of each channel of a soft sensor."""
 
 from enum import IntEnum
 from typing import Any, NamedTuple

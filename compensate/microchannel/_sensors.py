@@ -1,4 +1,4 @@
-"""What the filter of a contact's force looks through: fitted channels, or nothing at all."""
+"""Observation model of the force filter: the fitted channels of a sensor."""
 
 from collections.abc import Iterable
 
