@@ -16,29 +16,31 @@ SOURCE = """\
 
 typedef {stem}_real real;
 
-void run(long n, const double *dt, const double *y, double *u, double *off, int *status);
-void predict(long n, const double *dt, const double *u, double *y);
+void run(long n, const double *dt, const double *y, const double *c, double *u, double *off, int *status);
+void predict(long n, const double *dt, const double *u, const double *c, double *y);
 int wrong(void);
 int size(void);
 
-void run(long n, const double *dt, const double *y, double *u, double *off, int *status)
+void run(long n, const double *dt, const double *y, const double *c, double *u, double *off, int *status)
 {{
     {stem}_state s;
     {stem}_reset(&s);
     (void)dt;
+    (void)c;
     for (long k = 0; k < n; ++k) {{
         real value, deviation;
-        status[k] = {stem}_step(&s, {dt}(real)y[k], &value, &deviation);
+        status[k] = {stem}_step(&s, {dt}(real)y[k], {c}&value, &deviation);
         u[k] = (double)value;
         off[k] = (double)deviation;
     }}
 }}
 
-void predict(long n, const double *dt, const double *u, double *y)
+void predict(long n, const double *dt, const double *u, const double *c, double *y)
 {{
     {stem}_state s;
     {stem}_reset(&s);
     (void)dt;
+    (void)c;
     for (long k = 0; k < n; ++k) {{
         y[k] = {predict};
     }}
@@ -67,10 +69,13 @@ class Compiled:
             if f"    {stem}_state *s, {stem}_real dt, {stem}_real reading" in self.text
             else ""
         )
+        c = "(real)c[k], " if f"{stem}_real condition" in self.text else ""
         known = f"double {stem}_predict(" in self.text.replace(f"{stem}_real", "double")
-        predict = f"(double){stem}_predict(&s, {dt}(real)u[k])" if known else "u[k]"
+        predict = (
+            f"(double){stem}_predict(&s, {dt}(real)u[k]{c and ', (real)c[k]'})" if known else "u[k]"
+        )
         source = header.with_suffix(".c")
-        source.write_text(SOURCE.format(stem=stem, dt=dt, predict=predict), "utf-8")
+        source.write_text(SOURCE.format(stem=stem, dt=dt, c=c, predict=predict), "utf-8")
         library = header.with_suffix(f".{compiler}.so")
         command = [
             compiler,
@@ -87,22 +92,26 @@ class Compiled:
         assert done.returncode == 0, done.stderr
         self.library = ctypes.CDLL(str(library))
 
-    def run(self, dt: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Estimates and statuses."""
-        return self.run_with_deviation(dt, y)[:2]
+    def run(
+        self, dt: np.ndarray, y: np.ndarray, c: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Estimates and statuses; `c`: the condition, where the header asks for one."""
+        return self.run_with_deviation(dt, y, c)[:2]
 
     def run_with_deviation(
-        self, dt: np.ndarray, y: np.ndarray
+        self, dt: np.ndarray, y: np.ndarray, c: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """And the deviations."""
+        c = np.zeros(len(y)) if c is None else c
         u, off, status = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
-        self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, u, off, status)))
+        self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, c, u, off, status)))
         return u, status, off
 
-    def predict(self, dt: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def predict(self, dt: np.ndarray, u: np.ndarray, c: np.ndarray | None = None) -> np.ndarray:
         """Readings of the model itself."""
         y = np.empty(len(u))
-        self.library.predict(ctypes.c_long(len(u)), *map(_pointer, (dt, u, y)))
+        c = np.zeros(len(u)) if c is None else c
+        self.library.predict(ctypes.c_long(len(u)), *map(_pointer, (dt, u, c, y)))
         return y
 
     @property

@@ -4,7 +4,7 @@ import ctypes
 from typing import Any, NamedTuple
 
 from ..runtime._status import Status
-from ._header_facts import facts, origin, trained
+from ._header_facts import condition, facts, origin, trained
 from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
@@ -15,14 +15,14 @@ HEAD = """\
 
     {stem}_state state;
     {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, &estimate, &deviation);
+    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
 deviation: its standard deviation{unknown}; a null pointer for none.
-{time}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change nothing: the
-last estimate is held. {stem}_reset is the state before the first sample; {stem}_self_test replays what
-the file was made with. {predict}{origin}
+{time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
+nothing: the last estimate is held. {stem}_reset is the state before the first sample;
+{stem}_self_test replays what the file was made with. {predict}{origin}
 
 Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
 {operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
@@ -67,6 +67,7 @@ class _Header:
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.condition: dict[str, Any] | None = document.get("condition")
         self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
 
     def text(self) -> str:
@@ -103,6 +104,7 @@ class _Header:
             tables=self._tables() * (4 if self.single else 8),
             operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
             trained=trained(d, self.stem), origin=origin(d),
+            held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
 
     # Elements and their constants
@@ -270,6 +272,11 @@ class _Header:
     def _wrapped(self, part: _Part) -> dict[str, list[str]]:
         (i,), k = part.inner, part.number
         place, prefix = f"&{self.stem}_{k}", f"{self.stem}_{part.tree['kind']}"
+        if part.tree["kind"] == "share":
+            return {
+                name: [f"    return {prefix}_weighted(&s->n{k}, {self._call(i, name)});"]
+                for name in ("look", "move")
+            }
         kept = f"    s->n{k}.status = s->n{i.number}.status;"
         if part.tree["kind"] == "scaled":
             found = self._call(i, "find", f"{prefix}_back({place}, value)")
@@ -324,6 +331,20 @@ class _Header:
         s->waited += dt;
     }}
 """ if rates else ""  # fmt: skip
+        held = f"{real} condition, " if self.condition else ""
+        takes = "".join(
+            f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
+            for p in self.parts if p.tree["kind"] == "share"
+        )  # fmt: skip
+        usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
+        strange = ""
+        if self.condition:
+            first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
+            strange = f"""
+        if ((condition < {first} || condition > {last})
+            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
+            s->n{k}.status = {upper}_EXTRAPOLATED;
+        }}"""
         e = self.error.number if self.error else 0
         deviation = (
             f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
@@ -332,16 +353,16 @@ class _Header:
         text = f"""\
 /* One reading in, one estimate and its deviation out; what it is worth is returned. */
 static inline int {stem}_step(
-    {stem}_state *s, {time}{real} reading, {real} *estimate, {real} *deviation)
+    {stem}_state *s, {time}{real} reading, {held}{real} *estimate, {real} *deviation)
 {{
     int status = {upper}_INVALID;
-{clock}    if (isfinite(reading)) {{
+{clock}    if ({usable}) {{
         {real} seen = reading < {low} ? {low} : reading;
         if (seen > {high}) {{
             seen = {high};
         }}
-        {real} passed = s->begun ? s->waited : {zero};
-        s->estimate = {stem}_{k}_find(s, passed, seen);
+        {real} passed = s->begun ? s->waited : {zero};{takes}
+        s->estimate = {stem}_{k}_find(s, passed, seen);{strange}
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
 {self._guarded()}
@@ -357,9 +378,9 @@ static inline int {stem}_step(
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. */
-static inline {real} {stem}_predict({stem}_state *s, {time}{real} input)
+static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and f", {real} condition"})
 {{
-{clock}    s->estimate = input;
+{clock}    s->estimate = input;{takes.replace("        (", "    (")}
     {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
     s->waited = {zero};
     s->begun = 1;
@@ -390,7 +411,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input)
     def _self_test(self) -> str:
         stem, real, golden = self.stem, self.real, self.document["golden"]
         n, rates = len(golden["reading"]), self.document["rates"]
-        given = ["dt"] * rates + ["reading", "value"]
+        given = ["dt"] * rates + ["reading"] + ["condition"] * bool(self.condition) + ["value"]
+        passed = "".join(f"{name}[k], " for name in given[:-1])
         arrays = "\n".join(
             f"    static const {real} {k}[{n}] = {self._list(golden[k])};" for k in given
         )
@@ -407,7 +429,7 @@ static inline int {stem}_self_test({stem}_state *s)
     {stem}_reset(s);
     for (int k = 0; k < {n}; ++k) {{
         {real} estimate;
-        (void){stem}_step(s, {"dt[k], " if rates else ""}reading[k], &estimate, 0);
+        (void){stem}_step(s, {passed}&estimate, 0);
         if ({wrong}) {{
             ++wrong;
         }}

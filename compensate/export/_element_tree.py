@@ -9,6 +9,7 @@ import numpy as np
 from hysteresis import (
     AbstractModel,
     AbstractViscoelastic,
+    Conditioned,
     FoamCurve,
     InputError,
     LinearSponge,
@@ -26,6 +27,7 @@ from hysteresis import (
     VelocityFriction,
 )
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
+from hysteresis.models._conditioned import AXES
 from hysteresis.preisach import AbstractGridDensity, saturated_outputs
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
@@ -33,6 +35,7 @@ from ..guards._guarded import GuardedCompensator
 from ..guards._run_in import RunIn
 from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
+from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._preisach import PreisachCompensator
 from ..runtime._status import Status
 from ..uncertainty._calibrated import CalibratedCompensator
@@ -341,6 +344,27 @@ def _(model: Scaled, eps: float, depth: int) -> Tree:
 
 
 @_tree.register
+def _(model: Conditioned, eps: float, depth: int) -> Tree:
+    """A sum of shares, which is looked for as a whole."""
+    compensator = inverse_of(model)
+    assert isinstance(compensator, ConditionedCompensator)
+    sign = -1.0 if compensator.falls else 1.0
+    knots, axis = np.asarray(model.knots, float), AXES.index(model.axis)
+    at = knots if axis == 0 else np.log(knots) if axis == 1 else -1 / knots
+    around = np.concatenate([at[:1] - 1, at, at[-1:] + 1])
+    parts = []
+    for k, one in enumerate(model.models):
+        own = {"before": around[k], "at": around[k + 1], "after": around[k + 2]}
+        ends = {"axis": axis, "low": knots[0], "high": knots[-1]}
+        turned = Scaled(one, sign) if sign < 0 else one
+        parts.append(_node("share", ends | own, {"share": 0.0}, [_tree(turned, eps, depth)]))
+    whole = _bracketed(model, parts, eps)
+    if sign > 0:
+        return whole
+    return _node("scaled", {"factor": sign, "offset": 0.0}, parts=[whole])
+
+
+@_tree.register
 def _(model: Series, eps: float, depth: int) -> Tree:
     return _node_series([_tree(part, eps, depth) for part in model.parts])
 
@@ -370,7 +394,7 @@ def _node_series(parts: list[Tree]) -> Tree:
 
 def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
     compensator = inverse_of(model)
-    assert isinstance(compensator, BracketedCompensator)
+    assert isinstance(compensator, BracketedCompensator | ConditionedCompensator)
     low, high = compensator.low, compensator.high
     return _node(
         "sum",

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError
+from hysteresis import AbstractModel, InputError, condition_of
+from hysteresis.records._common_part import STILL
 
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
@@ -65,8 +66,9 @@ def export_runtime(
     **Arguments:**
 
     - `model`: fitted, of one set of parameters.
-    - `readings`: (samples,) outputs that it was fitted to: their range is what the compensator is good for,
-      the first of them its golden pair.
+    - `readings`: (samples,) outputs that it was fitted to, or (samples, 2) outputs and conditions where the
+      model depends on one: their range is what the compensator is good for, the first of them its golden
+      pair.
 
     **Other arguments:**
 
@@ -143,11 +145,19 @@ class Program:
         require_double()
         compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
         tree = tree_of(model, depth=depth)
-        y = np.asarray(readings, float)
-        finite = np.isfinite(y)
+        y, conditioned = np.asarray(readings, float), condition_of(model)
+        if y.ndim != 1 + (conditioned is not None):
+            raise InputError(
+                "wrong-shape",
+                f"readings of shape {y.shape} for a {type(model).__name__}.",
+                fix="give (samples,) outputs, or (samples, 2) outputs and conditions where it needs them.",
+            )
+        c = y[:, 1] if conditioned else np.zeros(len(y))
+        y = y[:, 0] if conditioned else y
+        finite = np.isfinite(y) & np.isfinite(c)
         if finite.sum() < 2:
             raise InputError("no-rows", "There are fewer than two finite readings to export for.")
-        y = y[finite]
+        y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
         if rates and t is None:
@@ -159,19 +169,29 @@ class Program:
         self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
-        value = np.asarray(compensator.simulate(t[:n], y[:n]).value)
-        begin = compensator.simulate(t[:1], jnp.full(1, jnp.nan)).value[0]
+        given = np.column_stack([y, c]) if conditioned else y
+        value = np.asarray(compensator.simulate(t[:n], given[:n]).value)
+        begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]
         span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
-        self.model, self.depth, self._readings, self._times = model, depth, y, t
+        self.model, self.depth, self._readings, self._times = model, depth, given, t
+        known = None
+        if conditioned is not None:
+            ends = np.asarray(conditioned.knots, float)[[0, -1]]
+            margin = STILL * float(np.ptp(ends))
+            known = {
+                "name": conditioned.condition, "unit": conditioned.unit,
+                "low": float(ends[0]) - margin, "high": float(ends[1]) + margin,
+            }  # fmt: skip
         self._trees: dict[type, Tree] = {np.float64: tree}
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
             "limits": [float(low), float(high)], "rates": rates, "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
-            "error": error and error_tree(error),
+            "error": error and error_tree(error), "condition": known,
             "golden": {
                 "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
+                **({} if known is None else {"condition": c[:n].tolist()}),
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
@@ -238,13 +258,21 @@ def _has_rates(node: dict[str, Any]) -> bool:
     )
 
 
-def deepest(tree: Tree, way: str, dt: Sequence[float], y: Sequence[float]) -> int:
-    """Reversals that are open at once, at most, where a tree is run one way over some readings."""
+def deepest(tree: Tree, way: str, dt: Sequence[float], y: Sequence[Any]) -> int:
+    """Reversals that are open at once, at most, where a tree is run one way over some readings.
+
+    Each is a number, or a pair with the condition.
+    """
     states: list[Any] = []
-    node = node_of(tree, states)
+    takes: list[Any] = []
+    node = node_of(tree, states, takes)
     stacks = [s for s in states if hasattr(s, "forgotten")]
     most = 0
     for step, reading in zip(dt, y, strict=True):
+        if takes:
+            reading, condition = reading
+            for take in takes:
+                take(condition)
         getattr(node, way)(step, reading)
         most = max([most, *(s.depth for s in stacks)])
     return most

@@ -24,6 +24,17 @@ def trained(document: dict[str, Any], stem: str) -> str:
     return f"{text}\nAfter a reset the status is {upper}_RUN_IN until {ends}{wait}."
 
 
+def condition(document: dict[str, Any], stem: str) -> str:
+    """The condition that a step needs beside the reading, and the range in which it is known."""
+    if not (known := document.get("condition")):
+        return ""
+    unit = "" if known["unit"] == "1" or known["unit"] in known["name"] else f" in {known['unit']}"
+    return (
+        f"condition: {known['name']}{unit}, from {known['low']:.6g} to {known['high']:.6g}; beyond, the"
+        f" nearer end is taken,\n{stem.upper()}_EXTRAPOLATED.\n"
+    )
+
+
 def origin(document: dict[str, Any]) -> str:
     """The verdict on the fit, the codes of its reasons, and the date of its data."""
     if not (known := document["origin"]):

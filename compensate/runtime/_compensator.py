@@ -1,5 +1,6 @@
 """`load`, and the compensator that it returns."""
 
+from collections.abc import Callable
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,6 +29,8 @@ class Compensator:
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
     - `rates`: whether `step` needs the time since the last reading.
+    - `condition`: name, unit and known range of the condition that `step` needs beside the reading,
+      {"name", "unit", "low", "high"}; None where the model depends on none.
     - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
       "nan" or "free", what becomes of estimates beyond. Their status is EXTRAPOLATED.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
@@ -57,11 +60,13 @@ class Compensator:
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )
         self.beyond: str = guard["beyond"] if guard else "free"
+        self.condition: dict[str, Any] | None = document.get("condition")
         self.reset()
 
     def reset(self) -> None:
         """The state before the first reading."""
-        self._node = node_of(self._tree)
+        self._takes: list[Callable[[float], float]] = []
+        self._node = node_of(self._tree, takes=self._takes)
         self._find, self._status = self._node.find, self._node.status
         self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
@@ -72,27 +77,43 @@ class Compensator:
         )
         self._deviation = nan
 
-    def step(self, reading: float, dt: float | None = None) -> Estimate:
+    def step(
+        self, reading: float, dt: float | None = None, condition: float | None = None
+    ) -> Estimate:
         """One reading in, one estimate out.
 
-        `dt`: time since the last call; the first one's does not matter. A reading that is NaN or infinite
-        is INVALID: the last estimate is held, and nothing else changes.
+        `dt`: time since the last call; the first one's does not matter. `condition`: at this reading, where
+        the model depends on one; beyond its known range the nearer end is taken, EXTRAPOLATED. A reading or
+        a condition that is NaN or infinite is INVALID: the last estimate is held, and nothing else changes.
 
-        Raises `TypeError` where the model depends on the rate and `dt` is left out.
+        Raises `TypeError` where the model depends on the rate and `dt` is left out, or on a condition and
+        `condition` is.
         """
         if dt is None:
             if self.rates:
                 raise TypeError("this compensator depends on the rate: step(reading, dt)")
         elif 0.0 < dt < inf:
             self._waited += dt
+        strange = False
+        if self.condition is not None:
+            if condition is None:
+                name = self.condition["name"]
+                raise TypeError(f"this compensator depends on {name}: step(reading, dt, condition)")
+            if not isfinite(condition):
+                reading = nan
+            strange = not self.condition["low"] <= condition <= self.condition["high"]
         if not isfinite(reading):
             return Estimate(self._value, Status.INVALID, self._deviation)
         low, high = self.limits
         seen = low if reading < low else high if reading > high else reading
         dt = self._waited if self._begun else 0.0
+        for take in self._takes:
+            take(condition)  # type: ignore[arg-type]
         value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
         status = self._status()
+        if strange and status in (_OK, Status.FLAT):
+            status = _EXTRAPOLATED
         self._deviation = deviation = self._error(value)
         if self._guard is not None:
             value, status = self._guard.of(dt, value, status, seen != reading)
@@ -113,8 +134,11 @@ def load(path: str | Path) -> Compensator:
 
 def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
     compensator, golden = Compensator(document), document["golden"]
-    rows = zip(golden["reading"], golden["dt"], golden["value"], strict=True)
-    return compensator, max(_apart(compensator.step(y, dt).value, value) for y, dt, value in rows)
+    held = golden.get("condition") or [None] * len(golden["dt"])
+    rows = zip(golden["reading"], golden["dt"], held, golden["value"], strict=True)
+    return compensator, max(
+        _apart(compensator.step(y, dt, c).value, value) for y, dt, c, value in rows
+    )
 
 
 def _apart(found: float, wanted: float | None) -> float:

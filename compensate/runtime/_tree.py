@@ -14,7 +14,7 @@ Tree = dict[str, Any]
 
 KINDS = (
     "chain", "clip", "curve", "foam", "friction", "line", "maxwell", "moving", "plays", "polynomial",
-    "preisach", "scaled", "series", "softening", "stops", "sum",
+    "preisach", "scaled", "series", "share", "softening", "stops", "sum",
 )  # fmt: skip
 
 
@@ -54,9 +54,14 @@ class Node(NamedTuple):
     status: Callable[[], int]
 
 
-def node_of(tree: Tree, states: list[Any] | None = None) -> Node:
-    """The functions of a tree, with states of its own, which are appended to `states`."""
-    inner = [node_of(part, states) for part in tree.get("parts", ())]
+def node_of(
+    tree: Tree, states: list[Any] | None = None, takes: list[Callable[[float], float]] | None = None
+) -> Node:
+    """The functions of a tree, with states of its own, which are appended to `states`.
+
+    `takes`: to which is appended whatever takes the condition before a reading.
+    """
+    inner = [node_of(part, states, takes) for part in tree.get("parts", ())]
     kind = tree["kind"]
     if kind not in KINDS:
         raise ValueError(f"no element {kind!r}")
@@ -66,6 +71,10 @@ def node_of(tree: Tree, states: list[Any] | None = None) -> Node:
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     if states is not None:
         states.append(s)
+    if kind == "share":
+        if takes is not None:
+            takes.append(partial(element.take, p, s))
+        return _share(element, s, inner)
     if kind in ("scaled", "sum", "moving"):
         return {"scaled": _scaled, "sum": _sum, "moving": _moving}[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
@@ -117,6 +126,16 @@ def _scaled(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
         lambda dt, y: part.find(dt, element.back(p, y)),
         part.status,
     )
+
+
+def _share(element: Any, s: Any, inner: list[Node]) -> Node:
+    (part,) = inner
+
+    def look(dt: float, u: float) -> float:
+        return element.weighted(s, part.look(dt, u)) if s.share else 0.0
+
+    # It is found as a part of a sum, never by itself.
+    return Node(look, lambda dt, u: element.weighted(s, part.move(dt, u)), part.find, lambda: OK)
 
 
 def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:

@@ -8,7 +8,7 @@ import numpy as np
 import identify
 from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program, wider
-from hysteresis import InputError
+from hysteresis import InputError, with_condition
 
 
 def export(
@@ -36,7 +36,7 @@ def export(
     limits = limits or wider(record.output[record.mask])
     program = Program(
         fitted.model,
-        np.where(record.mask[rows], record.output[rows], np.nan),
+        with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))[rows],
         times=None if record.time is None else record.time[rows],
         reading=Quantity(record.output_name, record.output_unit),
         estimate=Quantity(record.input_name, record.input_unit),

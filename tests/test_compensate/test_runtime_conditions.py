@@ -1,0 +1,71 @@
+"""Exports of a model that depends on a condition: the step takes it beside the reading."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensate import Status, export_c, export_runtime, invert
+from compensate.runtime import load
+from hysteresis import Conditioned, InputError
+from tests.c_harness import COMPILERS, Compiled
+from tests.test_compensate.test_inverses.test_conditioned import model, walk
+
+ROWS = 40
+
+
+def conditioned(sign: float = 1.0, axis: str = "linear") -> Conditioned:
+    return replace(model(sign), axis=axis)
+
+
+def readings(one: Conditioned) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, and pairs of reading and condition, two of which are beyond the knots."""
+    u, c = walk(ROWS)
+    c[[5, 30]] = 5.0, 60.0
+    y = np.asarray(one.simulate(None, np.column_stack([u, c])))
+    return u, y, c
+
+
+@pytest.mark.parametrize(("sign", "axis"), [(1.0, "logarithmic"), (-1.0, "reciprocal")])
+def test_python_and_c_are_the_same(sign: float, axis: str, tmp_path: Path):
+    one = conditioned(sign, axis)
+    u, y, c = readings(one)
+    wanted = invert(one).simulate(None, np.column_stack([y, c]))
+    pairs = np.column_stack([y, c])
+    compensator = load(export_runtime(one, tmp_path / "it.json", pairs).path)
+    rows = zip(y.tolist(), c.tolist(), strict=True)
+    found = [compensator.step(a, None, b) for a, b in rows]
+    np.testing.assert_allclose([each.value for each in found], wanted.value, atol=1e-9 * np.ptp(u))
+    np.testing.assert_array_equal([int(each.status) for each in found], wanted.status)
+    assert [int(s) for s in wanted.status[np.array([5, 30])]] == [Status.EXTRAPOLATED] * 2
+    if not COMPILERS:
+        pytest.skip("no C compiler")
+    for real, tolerance in (("double", 1e-9), ("float", 1e-4)):
+        path = export_c(one, tmp_path / f"{real}_it.h", pairs, real=real).path
+        it = Compiled(path, COMPILERS[0])
+        value, status = it.run(np.zeros(ROWS), y, c)
+        again = one.simulate(None, np.column_stack([value, c]))
+        np.testing.assert_allclose(again, y, atol=tolerance * float(np.ptp(y)))
+        np.testing.assert_allclose(it.predict(np.zeros(ROWS), u, c), y, atol=tolerance * np.ptp(y))
+        assert it.wrong == 0
+        assert f"State: {it.size} bytes" in it.text
+        assert "condition: temperature in degC" in it.text
+        if real == "double":
+            np.testing.assert_array_equal(status, wanted.status)
+
+
+def test_a_step_without_the_condition_is_refused_and_a_bad_one_leaves_no_trace(tmp_path: Path):
+    u, y, c = readings(conditioned())
+    compensator = load(export_runtime(model(), tmp_path / "it.json", np.column_stack([y, c])).path)
+    assert compensator.condition is not None
+    assert compensator.condition["name"] == "temperature"
+    with pytest.raises(TypeError, match="temperature"):
+        compensator.step(float(y[0]))
+    before = compensator.step(float(y[0]), None, float(c[0]))
+    bad = compensator.step(float(y[1]), None, float("nan"))
+    assert (bad.value, bad.status) == (before.value, Status.INVALID)
+    assert compensator.step(float(y[1]), None, float(c[1])).value == pytest.approx(u[1], abs=1e-7)
+    with pytest.raises(InputError) as error:
+        export_runtime(model(), tmp_path / "other.json", y)
+    assert error.value.code == "wrong-shape"
