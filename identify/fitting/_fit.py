@@ -119,6 +119,7 @@ def fit(
         say=say,
     )
     options = _Options(initial, starts, seed, noise, parameters or {})
+    asked, left = _with_condition(asked, data) if model == "auto" else (asked, {})
     tried, skipped = _tried(asked, data, options, say)
     chosen, *others = _ranked(tried)
     best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
@@ -131,9 +132,20 @@ def fit(
     return replace(
         ranked[0],
         candidates=tuple(ranked),
-        skipped=skipped,
+        skipped=left | skipped,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _with_condition(
+    asked: tuple[Candidate, ...], data: TrainingData
+) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+    """The candidates of auto that can depend on the condition, where there is one, and why not others."""
+    if data.condition is None:
+        return asked, {}
+    said = f"its parameters do not depend on {data.condition}; --model {{0}} fits it all the same."
+    left = {one.name: said.format(one.name) for one in asked if one.kind is not None}
+    return tuple(one for one in asked if one.kind is None), left
 
 
 class _Options(NamedTuple):

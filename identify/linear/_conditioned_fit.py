@@ -56,8 +56,7 @@ def fit_conditioned(
     found = []
     for leading in leadings:
         base = ConditionedProblem(record, parts, name, leading, initial)
-        first = _chosen(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes)
-        problem = first.problem
+        problem = _several(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes).problem
         path = _path(problem.of(problem.axis, min(problem.knot_count, GROWN_WITH)))
         last = path[-1]
         strengths, axes = (last.strength,), (problem.axis,)
@@ -176,30 +175,38 @@ def _chosen(
     strengths: tuple[float, ...],
     axes: tuple[str, ...],
 ) -> Tried:
-    """The axis of the best choice, and on it the fewest knots that are as good.
+    """`_several`, or one knot where that is as good.
 
-    Where whole conditions are held out, only those judge several knots, which are for what is between them.
     Whether the condition matters at all is judged on all held-out parts: at the middle of the trained
     values a model of their mean does well too.
     """
+    best = _several(problem, some, strengths, axes)
+    without = simplest(problem.of("linear", 1).tried(some, strength) for strength in strengths)
+    return without if as_good(without.blocks, best.blocks) else best
+
+
+def _several(
+    problem: ConditionedProblem,
+    some: tuple[str, ...],
+    strengths: tuple[float, ...],
+    axes: tuple[str, ...],
+) -> Tried:
+    """The axis of the best choice of several knots, and on it the fewest knots that are as good.
+
+    Where whole conditions are held out, only those judge, because knots are for what is between them.
+    """
     judged = slice(BLOCKS_OF_FOLD * problem.inner_folds or None)
-
-    def best_strength(axis: str, count: int, judged: slice) -> _Judged:
-        tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
-        return simplest(_Judged(one, one.blocks[judged]) for one in tries)
-
     by_axis: list[list[_Judged]] = []
     for axis in axes:
         each: list[_Judged] = []
         for count in problem.counts:
-            new = best_strength(axis, count, judged)
+            tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
+            new = simplest(_Judged(one, one.blocks[judged]) for one in tries)
             if each and np.array_equal(new.blocks, each[-1].blocks):
                 each.pop()
             each.append(new)
         by_axis.append(each)
-    best = simplest(min(by_axis, key=lambda each: best_of(each).blocks.mean())).choice
-    without = best_strength("linear", 1, slice(None)).choice
-    return without if as_good(without.blocks, best.blocks) else best
+    return simplest(min(by_axis, key=lambda each: best_of(each).blocks.mean())).choice
 
 
 class _Judged(NamedTuple):
