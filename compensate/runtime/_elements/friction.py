@@ -3,7 +3,7 @@
 from math import exp, tanh
 
 from ._codes import Reals
-from ._hats import among
+from ._search import among
 
 
 class Parameters:

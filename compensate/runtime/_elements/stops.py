@@ -1,7 +1,7 @@
 """Stop operators whose stiffness depends on where the input was, or on the range it has covered."""
 
 from ._codes import Reals
-from ._hats import among
+from ._search import among
 
 
 class Parameters:
