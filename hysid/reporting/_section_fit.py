@@ -157,6 +157,9 @@ def parameters(case: Case) -> Section:
             if known and not low <= p.value <= high:
                 interval += " *"
                 outside.append(p.name)
+        elif p.status == "inseparable":
+            ends = ("none" if end is None else number(end) for end in (p.low, p.high))
+            interval = "open, {} to {}".format(*ends)
         elif drawn:
             interval = "fixed" if p.status == "fixed" else "not drawn"
         value = number(p.value, p.stderr) if known else "none"
@@ -177,7 +180,9 @@ def parameters(case: Case) -> Section:
         section.text.append(
             f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"
             f" density, and {meaning.cells} increments of the memoryless curve. The table lists their"
-            " sums; the map below shows the weights."
+            " sums; the map below shows the weights. Relays whose thresholds are nearly equal act as the"
+            " memoryless curve does, so offset, reversible rise and mass are not separable: the data leave"
+            " them open between the ends of a range, and determine the sums above them."
         )
     if outside:
         section.notes.append(

@@ -86,10 +86,7 @@ def _result(
     return FitResult(
         name=name,
         model=model,
-        parameters=tuple(
-            Parameter(total, float(value), data.record.output_unit, float(error), "free")
-            for total, value, error in zip(linear.meaning.total_names, totals, errors, strict=True)
-        ),
+        parameters=_parameters(linear, totals, errors, data.record.output_unit),
         covariance=covariance,
         residuals=judged.residuals,
         used=judged.used,
@@ -105,6 +102,25 @@ def _result(
         channels=data.channels,
         seed=seed,
     )
+
+
+def _parameters(
+    linear: LinearFit, totals: np.ndarray, errors: np.ndarray, unit: str
+) -> tuple[Parameter, ...]:
+    """The sums with their errors, where the data know them, and the shares that the data leave open."""
+    known = np.ones(len(totals), bool) if linear.determined is None else linear.determined
+    sums = [
+        Parameter(name, float(value), unit, float(error), "free") if there
+        else Parameter(name, float(value), unit, None, "unidentified")
+        for name, value, error, there in zip(
+            linear.meaning.total_names, totals, errors, known, strict=True
+        )
+    ]  # fmt: skip
+    shares = [
+        Parameter(share.name, share.value, unit, None, "inseparable", share.low, share.high)
+        for share in linear.open_shares()
+    ]
+    return (*sums, *shares)
 
 
 def _condition_in_words(linear: LinearFit, data: TrainingData) -> list[str]:

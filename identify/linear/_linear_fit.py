@@ -1,17 +1,19 @@
 """A model that is linear in its unknowns, fitted: the minimum, and the posterior about it."""
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-from jaxtyping import Float
+import scipy.linalg
+from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import Noise
 from ._composition import CompositionUnknowns
 from ._conditioned_unknowns import ConditionedUnknowns
-from ._preisach_unknowns import GridUnknowns
+from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._projected_draws import Tell, projected_draws, variance_of_unknowns
 
 Unknowns = TypeVar("Unknowns", GridUnknowns, CompositionUnknowns, ConditionedUnknowns)
@@ -22,6 +24,15 @@ the output, and the rows of `totals` sum them up to what `total_names` names.
 """
 
 
+class OpenShare(NamedTuple):
+    """A figure that the data leave open between two ends; None where there is no end."""
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class LinearFit(Generic[Unknowns]):
     """A linear model fitted, and what its posterior needs.
@@ -30,6 +41,8 @@ class LinearFit(Generic[Unknowns]):
     - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
     - `strength`: of the prior; `dropped`: whether the fit leaves out the conditioning cycle.
     - `blocks`: held-out mean squared errors, over scale^2, at that choice.
+    - `spread`: covariance of b by correlated noise and the prior's bias, for the errors of sums; None:
+      draws give them. `determined`: which sums the data know rather than the prior; None: all.
     """
 
     unknowns: Float[np.ndarray, " unknowns"]
@@ -40,6 +53,8 @@ class LinearFit(Generic[Unknowns]):
     strength: float
     blocks: Float[np.ndarray, " blocks"]
     dropped: bool = False
+    spread: Float[np.ndarray, "unknowns unknowns"] | None = None
+    determined: Bool[np.ndarray, " sums"] | None = None
 
     @property
     def model(self) -> AbstractModel:
@@ -66,15 +81,64 @@ class LinearFit(Generic[Unknowns]):
         variance = variance_of_unknowns(noise, self.meaning.scale, self.rows)
         return projected_draws(self.H, self.b, project, variance, count, random, tell)
 
+    def sums_of(
+        self, draws: Float[np.ndarray, "draws unknowns"]
+    ) -> Float[np.ndarray, "draws sums"]:
+        """The sums of draws, in the output's unit.
+
+        With a `spread` those that the data determine are moved and scaled to the value and error of the
+        fit. Signs push all draws to one side: 90 % of the draws of a loop's width held 56 % of the truths.
+        """
+        found = draws @ self.meaning.totals.T * self.meaning.scale
+        if self.spread is None or self.determined is None or len(draws) < 2:
+            return found
+        values = self.meaning.scale * self.meaning.totals @ self.unknowns
+        errors = abs(self.meaning.scale) * self._errors(self.meaning.totals)
+        deviation = np.maximum(found.std(0, ddof=1), 1e-300)
+        moved = values + (found - found.mean(0)) * errors / deviation
+        return np.where(self.determined, moved, found)
+
     def totals(
         self, noise: Noise, count: int, random: np.random.Generator
     ) -> tuple[Float[np.ndarray, " sums"], Float[np.ndarray, "sums sums"]]:
         """The sums that tell what each part of the model does, in the output's unit, and their covariance.
 
-        The covariance is that of projected draws about the fit, not about their mean: where the data leave
-        much open the signs push the draws to one side, and the error has to reach there.
+        With a `spread` the covariance is C G spread G' C' of the sums' rows C, with G the inverse of H
+        among the unknowns that are not held at zero. Without one it is that of projected draws about the
+        fit, not about their mean: where the data leave much open the signs push the draws to one side, and
+        the error has to reach there.
         """
         sums, scale = self.meaning.totals, self.meaning.scale
         values = scale * sums @ self.unknowns
+        if self.spread is not None:
+            return values, scale**2 * self._covariance(sums)
         deviations = scale * self.draws(noise, count, random) @ sums.T - values
         return values, deviations.T @ deviations / count
+
+    def open_shares(self) -> tuple[OpenShare, ...]:
+        """What the data do not separate, with the 90 % interval of each end of its range."""
+        meaning, scale = self.meaning, self.meaning.scale
+        if not isinstance(meaning, GridUnknowns) or self.spread is None:
+            return ()
+        values = scale * meaning.shares @ self.unknowns
+        low, high = (
+            scale * (rows @ self.unknowns + side * NORMAL_95 * self._errors(rows))
+            for side, rows in zip((-1, 1), meaning.share_ranges, strict=True)
+        )
+        # An output that falls has a negative scale, which turns the ends over.
+        turned = (low, high) if scale > 0 else (high, low)
+        ends = ([None if np.isnan(e) else float(e) for e in end] for end in turned)
+        return tuple(map(OpenShare, NOT_SEPARABLE, values.tolist(), *ends))
+
+    def _errors(self, rows: Float[np.ndarray, "sums unknowns"]) -> Float[np.ndarray, " sums"]:
+        return np.sqrt(np.diagonal(self._covariance(rows)))
+
+    def _covariance(
+        self, rows: Float[np.ndarray, "sums unknowns"]
+    ) -> Float[np.ndarray, "sums sums"]:
+        """Of sums of the unknowns, over scale squared; those at zero stay there."""
+        assert self.spread is not None
+        inside = np.flatnonzero((self.unknowns != 0) | self.meaning.free)
+        H, spread = (matrix[np.ix_(inside, inside)] for matrix in (self.H, self.spread))
+        kernel = scipy.linalg.solve(H, rows[:, inside].T, assume_a="pos", check_finite=False)
+        return kernel.T @ spread @ kernel

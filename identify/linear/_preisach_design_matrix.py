@@ -150,19 +150,24 @@ def normal_equations(
     space: NodeSpace, B: sparse.csr_matrix, y: Float[np.ndarray, " samples"], P: Any
 ) -> NormalEquations:
     """P'S'(B'B)S P, P'S'B'y and y'y."""
-    turned = P.T.tocsr()
+    H = normal_matrix(space, (B.T @ B).tocsc(), P)
+    return NormalEquations(H, gathered(space, (B.T @ y)[:, None], P)[:, 0], float(y @ y), len(y))
 
-    def gathered(columns: Any) -> np.ndarray:
-        steps = range(0, columns.shape[1], CHUNK)
-        chunks = (columns[:, k : k + CHUNK] for k in steps)
-        return np.hstack([turned @ space.to_unknowns(_dense(chunk)) for chunk in chunks])
 
-    gram = (B.T @ B).tocsc()
+def normal_matrix(space: NodeSpace, gram: Any, P: Any) -> Float[np.ndarray, "unknowns unknowns"]:
+    """P'S' gram S P, of a symmetric matrix in node space, sparse by columns."""
     used = np.flatnonzero(np.diff(gram.indptr))
     half = np.zeros((space.columns, P.shape[1]))
-    half[used] = gathered(gram[:, used]).T
-    H = gathered(half)
-    return NormalEquations((H + H.T) / 2, gathered((B.T @ y)[:, None])[:, 0], float(y @ y), len(y))
+    half[used] = gathered(space, gram[:, used], P).T
+    H = gathered(space, half, P)
+    return (H + H.T) / 2
+
+
+def gathered(space: NodeSpace, columns: Any, P: Any) -> Float[np.ndarray, "unknowns batch"]:
+    """P'S' of columns in node space."""
+    turned = P.T.tocsr()
+    chunks = (columns[:, k : k + CHUNK] for k in range(0, columns.shape[1], CHUNK))
+    return np.hstack([turned @ space.to_unknowns(_dense(chunk)) for chunk in chunks])
 
 
 def _dense(chunk: Any) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Fitting a Preisach model on a grid: shape, resolution and prior strength, then the weights."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -74,7 +75,7 @@ def fit_preisach(
             break
 
     same = [c for c in choices if c.dropped == best.dropped]
-    return _fitted(simplest(same, best))
+    return _fitted(simplest(same, best), final=True)
 
 
 def _best(choices: list[Tried]) -> Tried:
@@ -83,12 +84,18 @@ def _best(choices: list[Tried]) -> Tried:
     return next(c for c in choices if c.blocks.mean() <= 1.001 * least)
 
 
-def _fitted(choice: Tried) -> LinearFit[GridUnknowns]:
-    """A choice, fitted to all the training parts."""
+def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
+    """A choice, fitted to all the training parts; the `final` one with its spread."""
     problem, meaning = choice.problem, choice.problem.meaning
     which = problem.parts.without_conditioning(problem.parts.all, choice.dropped)
     H, b = problem.objective(which, choice.strength)
-    return LinearFit(
-        meaning.minimum(H, b), meaning, H, b, problem.total(which).rows,
+    unknowns = meaning.minimum(H, b)
+    fit = LinearFit(
+        unknowns, meaning, H, b, problem.total(which).rows,
         choice.strength, choice.blocks, choice.dropped,
     )  # fmt: skip
+    if not final:
+        return fit
+    given = which, choice.strength, unknowns
+    known = problem.determined(*given, meaning.totals)
+    return replace(fit, spread=problem.spread(*given), determined=known)

@@ -16,8 +16,21 @@ from hysteresis.preisach import GridDensity, Preisach
 from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
 
-TOTALS = ("offset", "reversible.rise", "density.mass")
-"""The figures a grid model is summed up in: constant, rise of the memoryless part, relays' mass."""
+SUMS = ("output.middle", "output.rise", "loop.width")
+"""What a record determines, with low and high the ends of the input, from saturation to saturation:
+
+- `output.middle`: mean of the outputs at low and at high, offset + rise / 2.
+- `output.rise`: output at high less that at low, rise + 2 mass (lagging) or rise - 2 mass (leading).
+- `loop.width`: mean distance of the two branches of the loop between low and high, which is twice the mean
+  of (alpha - beta) / (high - low) over the mass.
+"""
+
+NOT_SEPARABLE = ("offset", "reversible.rise", "density.mass")
+"""Constant, rise of the memoryless part, mass of the relays: relays whose thresholds are nearly equal act
+as the memoryless part does, so a record leaves open how a sum is shared out among the three."""
+
+NEAR = 2
+"""Cells beside the diagonal, in which relays count as nearly equal thresholds."""
 
 
 class GridUnknowns:
@@ -117,15 +130,55 @@ class GridUnknowns:
     @property
     def total_names(self) -> tuple[str, ...]:
         """What the rows of `totals` are called."""
-        return TOTALS
+        return SUMS
 
     @property
     def totals(self) -> Float[np.ndarray, "3 unknowns"]:
-        """Rows that sum up the unknowns to `TOTALS`, over `scale`."""
-        n, weights = self.cells, len(self.block)
-        sums = np.zeros((3, self.expansion.shape[0]))
-        sums[0, 0], sums[1, 1 : 1 + n], sums[2, 1 + n : 1 + n + weights] = 1.0, 1.0, 1.0
-        return sums @ self.expansion
+        """Rows that sum up the unknowns to `SUMS`, over `scale`."""
+        offset, rise, mass = self.shares
+        i, j = np.tril_indices(self.cells)
+        # In a half cell thresholds are a third of a cell apart, in the mean.
+        apart = 2 * np.where(i == j, 1 / 3, i - j) / self.cells
+        side = -1.0 if self.leading else 1.0
+        width = np.sign(self.scale) * self._of_weights(apart)
+        return np.stack([offset + rise / 2, rise + 2 * side * mass, width])
+
+    @property
+    def shares(self) -> Float[np.ndarray, "3 unknowns"]:
+        """Rows that sum up the unknowns to `NOT_SEPARABLE`, over `scale`."""
+        n, expansion = self.cells, self.expansion
+        plain = np.zeros((2, expansion.shape[0]))
+        plain[0, 0], plain[1, 1 : 1 + n] = 1.0, 1.0
+        return np.vstack([plain @ expansion, self._of_weights(np.ones(len(self.block)))])
+
+    @property
+    def share_ranges(self) -> Float[np.ndarray, "2 3 unknowns"]:
+        """Rows that sum up the unknowns to the ends between which `NOT_SEPARABLE` are open.
+
+        The relays near the diagonal may as well be a memoryless part, and all of the memoryless part
+        may as well be relays. A leading model has no such end: relays and a memoryless part
+        with the same slope cancel, however large they are.
+        """
+        offset, rise, mass = self.shares
+        i, j = np.tril_indices(self.cells)
+        near = self._of_weights((i - j < NEAR).astype(float))
+        if self.leading:
+            nowhere = np.full_like(mass, np.nan)
+            return np.stack(
+                [[nowhere, rise - 2 * near, mass - near], [offset + near, nowhere, nowhere]]
+            )
+        return np.stack(
+            [
+                [offset - near, 0 * rise, mass - near],
+                [offset + rise / 2, rise + 2 * near, mass + rise / 2],
+            ]
+        )
+
+    def _of_weights(self, factor: Float[np.ndarray, " weights"]) -> Float[np.ndarray, " unknowns"]:
+        """The row that sums up the weights, times a factor each."""
+        z = np.zeros(self.expansion.shape[0])
+        z[1 + self.cells : 1 + self.cells + len(factor)] = factor
+        return z @ self.expansion
 
     def minimum(
         self,

@@ -34,7 +34,7 @@ def sample_weights(
         for k in range(ensembles)
     ]
     meaning, unknowns = linear.meaning, np.concatenate(found)
-    totals = unknowns @ meaning.totals.T * meaning.scale
+    totals = linear.sums_of(unknowns)
     effective = max(noise.effective, 2.0)
     random = np.random.default_rng([seed, ensembles])
     sigma = noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(unknowns), 1)))

@@ -81,7 +81,7 @@ def sample(
 
         >>> drawn = identify.sample(grid_fit, steps=20)
         >>> drawn.names
-        ('offset', 'reversible.rise', 'density.mass', 'sigma')
+        ('output.middle', 'output.rise', 'loop.width', 'sigma')
         >>> drawn.draws.shape
         (4, 20, 4)
     """

@@ -173,7 +173,10 @@ def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel)
 
 
 def _linear_arrays(linear: LinearFit) -> dict[str, Any]:
-    return {"at": linear.unknowns, "H": linear.H, "b": linear.b, "blocks": linear.blocks}
+    found = {"at": linear.unknowns, "H": linear.H, "b": linear.b, "blocks": linear.blocks}
+    if linear.spread is None:
+        return found
+    return found | {"spread": linear.spread, "determined": linear.determined}
 
 
 def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
@@ -181,4 +184,5 @@ def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
     rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
     own = (arrays[name] for name in ("at", "H", "b", "blocks"))
     unknowns, H, b, blocks = own
-    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks)
+    more = {name: arrays.get(name) for name in ("spread", "determined")}
+    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, **more)

@@ -23,7 +23,7 @@ from ._extrapolation import Extrapolation
 from ._metrics import Metrics
 from ._trained_condition import TrainedCondition, trained_condition
 
-Status = Literal["free", "fixed", "at bound", "unidentified"]
+Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
 
 PURPOSES = ("predict", "compensate", "constants")
 """What a fit may be for, and its verdict with it."""
@@ -32,9 +32,10 @@ PURPOSES = ("predict", "compensate", "constants")
 class Parameter(NamedTuple):
     """A fitted parameter: value, unit, standard error, status.
 
-    - `stderr`: None for a parameter that is fixed, at a bound or unidentified.
+    - `stderr`: None for a parameter that is fixed, at a bound, unidentified or inseparable.
     - `low`, `high`: its 90 % interval. Skewed like the posterior under the user's prior if one was given,
-      otherwise under a flat prior on the unconstrained scale; clipped at the bounds.
+      otherwise under a flat prior on the unconstrained scale; clipped at the bounds. Of one that is
+      "inseparable" from others, the ends between which the data leave it open; None where there is none.
     """
 
     name: str
@@ -267,7 +268,8 @@ class FitResult:
 def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
-    interval = "" if p.low is None or p.high is None else f"90 %: {p.low:.4g} to {p.high:.4g}"
+    word = "open:" if p.status == "inseparable" else "90 %:"
+    interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (
         f"  {p.name}",
         f"{p.value:.5g}{error}",

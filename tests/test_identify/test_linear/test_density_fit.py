@@ -120,7 +120,7 @@ def test_refining_splits_what_is_heavy_and_keeps_the_mass() -> None:
     diagonal = int((np.diagonal(bump(8)) > 0.02).sum())
     assert block.max() + 1 == 36 + 3 * (heavy - diagonal) + 2 * diagonal
     x = np.random.default_rng(0).random(fine.count)
-    np.testing.assert_allclose(fine.totals[2] @ x, x[17:].sum())
+    np.testing.assert_allclose(fine.shares[2] @ x, x[17:].sum())
 
 
 def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:

@@ -258,7 +258,7 @@ def test_posterior_comes_back_and_other_tools_read_it(grid_fit, grid_posterior, 
     ):
         np.testing.assert_array_equal(one, other)
     with h5netcdf.File(tmp_path / "posterior.nc") as file:
-        assert file["posterior"]["offset"].dimensions == ("chain", "draw")
+        assert file["posterior"]["output.rise"].dimensions == ("chain", "draw")
     (tmp_path / "posterior.nc").write_bytes(b"cut off")
     with pytest.raises(InputError, match="sample again"):
         load_posterior(tmp_path)
