@@ -53,10 +53,9 @@ def stops(record: Record, radii: Float[np.ndarray, " stops"]) -> Float[np.ndarra
         for run in _monotone(u[:, 0]):
             # On a monotone run the play of each row follows from the one before the run.
             at = u[run]
-            found[rows.start + run.start : rows.start + run.stop] = at - np.clip(
-                play, at - radii, at + radii
-            )
-            play = np.clip(play, at[-1] - radii, at[-1] + radii)
+            reached = np.minimum(np.maximum(play, at - radii), at + radii)
+            found[rows.start + run.start : rows.start + run.stop] = at - reached
+            play = reached[-1:]
     return found
 
 

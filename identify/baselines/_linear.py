@@ -114,7 +114,17 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         step = float(np.median(np.concatenate(steps)))
         times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
 
+    known: list[tuple[Record, np.ndarray]] = []
+
     def design(record: Record) -> np.ndarray:
+        # It takes most of the time, and is the same for all penalties and for held-out rows of one record.
+        for one, found in known:
+            if one is record or _same_inputs(one, record, columns):
+                return found
+        known.append((record, made(record)))
+        return known[-1][1]
+
+    def made(record: Record) -> np.ndarray:
         parts = [record.input[:, None], lags(record, LAGS), stops(record, radii)]
         if times is not None and record.time is not None:
             parts.append(slow_states(record, times))
@@ -126,3 +136,13 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
 
     memory = "lags and stops" if times is None else "lags, stops and slow states"
     return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PENALTIES)
+
+
+def _same_inputs(one: Record, other: Record, columns: tuple[str, ...]) -> bool:
+    """Whether two records differ at most in the rows that count."""
+    pairs = [(one.input, other.input), (one.starts, other.starts)]
+    pairs += [(one.columns[name], other.columns[name]) for name in columns]
+    if one.time is not None and other.time is not None:
+        pairs.append((one.time, other.time))
+    clocks = (one.time is None) == (other.time is None)
+    return clocks and all(np.array_equal(a, b) for a, b in pairs)
