@@ -16,7 +16,7 @@ from . import _section_creep as _report_step
 from ._case import TARGET, Case, Section
 from ._section_channels import channels
 from ._section_diagnostics import believed
-from ._section_fit import candidates, data, loops, parameters, residuals
+from ._section_fit import baselines, candidates, data, loops, parameters, residuals
 from ._section_model import compensator, density, posterior
 
 TEMPLATE = "report.html.j2"
@@ -32,7 +32,7 @@ SECTIONS: tuple[Callable[[Case], Section], ...] = (
     data,
 )  # fmt: skip
 STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, data,
+    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, baselines, data,
 )  # fmt: skip
 
 

@@ -208,18 +208,7 @@ def candidates(case: Case) -> Section:
             c["verdict"]["level"],
             quantity(c["seconds"], "s"),
         ))  # fmt: skip
-    for b in case.fit.baselines:
-        train, test = b.metrics["train"], b.metrics["test"]
-        assert train is not None
-        rows.append((
-            b.name,
-            quantity(b.score, "%"),
-            quantity(train.nrmse_percent, "%"),
-            "none" if test is None else quantity(test.nrmse_percent, "%"),
-            "none" if test is None else quantity(test.rmse, unit),
-            "baseline",
-            "",
-        ))  # fmt: skip
+    rows += _baseline_rows(case)
     columns = (
         "Model",
         "Score",
@@ -249,6 +238,41 @@ def candidates(case: Case) -> Section:
         )
     section.notes += [f"{name} was skipped: {why}" for name, why in document["skipped"].items()]
     return section
+
+
+def baselines(case: Case) -> Section:
+    """Of a hold, whose orders have a table of their own: the fit and its baselines on the same rows."""
+    fit, unit = case.fit, case.units[1]
+    train, test = fit.metrics["train"], fit.metrics["test"]
+    assert train is not None
+    own = (fit.name, "", *_errors(train, test, unit))
+    columns = ("Model", "Score", "Training error", "Held-out error", "Held-out rms")
+    rows: list[tuple[str | Link, ...]] = [own, *(row[:5] for row in _baseline_rows(case))]
+    return Section("Baselines", [
+        "Baselines predict without a spectrum, on the same rows. Their score is the error on held-out parts"
+        " of the training rows."
+    ], tables=[Table("Errors in per cent of the measured range.", columns, rows, strong=0)])  # fmt: skip
+
+
+def _baseline_rows(case: Case) -> list[tuple[str, ...]]:
+    """Cells of the candidates' table."""
+    found = []
+    for one in case.fit.baselines:
+        train, test = one.metrics["train"], one.metrics["test"]
+        assert train is not None
+        errors = _errors(train, test, case.units[1])
+        found.append((one.name, quantity(one.score, "%"), *errors, "baseline", ""))
+    return found
+
+
+def _errors(
+    train: identify.Metrics, test: identify.Metrics | None, unit: str
+) -> tuple[str, str, str]:
+    """Of the training rows and of the held-out ones, in per cent of their ranges, and the rms error."""
+    held_out = ("none", "none")
+    if test is not None:
+        held_out = quantity(test.nrmse_percent, "%"), quantity(test.rmse, unit)
+    return (quantity(train.nrmse_percent, "%"), *held_out)
 
 
 def data(case: Case) -> Section:
