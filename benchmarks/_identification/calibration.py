@@ -39,7 +39,7 @@ from identify.parameters._settings import Settings, numbers_of, with_settings
 from identify.parameters._transform import Transform, transform, transform_for
 from identify.parametric._interval_skewness import Skewness, points_about, skewness
 from identify.parametric._maximum_likelihood import STEP, likeliest_about, linearised, score
-from identify.parametric._multistart import minimum
+from identify.parametric._multistart import levenberg_marquardt
 from identify.posterior._log_posterior import Target
 
 from .._measure import Row, judged, noted
@@ -223,7 +223,7 @@ def _least_squares(
 
     def one(y: Array) -> Array:
         arguments = (model, prepared, y, rows.counted, jnp.ptp(y))
-        return minimum(bounds, arguments, z, 60, 1e-8).value
+        return levenberg_marquardt(bounds, arguments, z, 60, 1e-8).value
 
     return jax.lax.map(one, y)
 

@@ -15,8 +15,8 @@ from hysteresis import Burgers, Record
 from identify.parameters._transform import transform_for
 from identify.parametric._multistart import (
     arguments_of,
+    levenberg_marquardt,
     mean_squared_error,
-    minimum,
     multi_start,
 )
 from identify.records._run_model import prepare
@@ -45,7 +45,7 @@ def start_rows(quick: bool) -> list[Row]:
 
     @eqx.filter_jit
     def objective_from(arguments: Any, point: jax.Array) -> jax.Array:
-        end = minimum(bounds, arguments, point, STEPS, 1e-6).value
+        end = levenberg_marquardt(bounds, arguments, point, STEPS, 1e-6).value
         return mean_squared_error(bounds, end, arguments)
 
     def one_after_another() -> float:

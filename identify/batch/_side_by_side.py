@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, InputError, Record, check_identifiable
@@ -22,8 +23,8 @@ from ..parametric._maximum_likelihood import skewness_at
 from ..parametric._multistart import (
     REFINED,
     SPREADS,
+    levenberg_marquardt,
     mean_squared_error,
-    minimum,
     scaled_residuals,
     thinned_rows,
 )
@@ -322,7 +323,7 @@ def _search(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def from_(z: Array) -> tuple[Array, Array]:
-            end = minimum(own, arguments, z, 40, 1e-6).value
+            end = levenberg_marquardt(own, arguments, z, 40, 1e-6).value
             return end, mean_squared_error(own, end, arguments)
 
         return jax.vmap(from_)(points)
@@ -340,15 +341,15 @@ def _refined(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def from_(z: Array) -> tuple[Array, Array, Array]:
-            end = minimum(own, arguments, z, 200, 1e-10)
+            end = levenberg_marquardt(own, arguments, z, 200, 1e-10)
             objective = jnp.nan_to_num(mean_squared_error(own, end.value, arguments), nan=jnp.inf)
-            return end.value, objective, end.converged
+            return end.value, objective, end.result == optimistix.RESULTS.successful
 
         ends, objective, converged = jax.vmap(from_)(points)
         best = jnp.argmin(objective)
-        last = minimum(own, arguments, ends[best], 200, 1e-10)
+        last = levenberg_marquardt(own, arguments, ends[best], 200, 1e-10)
         # Where the first search has converged the second may find no step that is better.
-        arrived = converged[best] | last.converged
+        arrived = converged[best] | (last.result == optimistix.RESULTS.successful)
         return arrived, *_end(own, arguments, last.value)
 
     return jax.vmap(one)(models, data, scale, points)

@@ -9,12 +9,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 from jaxtyping import Array, Bool, Float
 
 from hysteresis import InputError, parameter_at, parameters
 
 from ..parameters._precision import require_double
-from ..parametric._levenberg_marquardt import levenberg_marquardt
 from ..posterior._chains import Progress
 from ..posterior._emcee import sample_ensembles
 from ..posterior._posterior import Posterior
@@ -266,18 +266,23 @@ def _search(residuals: Callable[[Any], Array], prior: Prior, start: Array, steps
     def residuals_at(z: Array, prior: Prior) -> Array:
         return jnp.ravel(residuals(prior.at(z)))
 
-    def both(z: Array) -> Array:
+    def both(z: Array, prior: Prior) -> Array:
         return jnp.concatenate([residuals_at(z, prior), z])
 
     def value_and_aux(z: Array) -> tuple[Array, Array]:
         value = residuals_at(z, prior)
         return value, value
 
-    z, converged, taken = levenberg_marquardt(both, start, steps, 1e-8)
+    solver = optimistix.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+    solution = optimistix.least_squares(
+        both, solver, start, args=prior, max_steps=steps, throw=False
+    )
+    z = solution.value
     jacobian, remaining = jax.jacfwd(value_and_aux, has_aux=True)(z)
     return _Minimum(
         z, prior.at(z), prior.values(z), jax.jacfwd(prior.values)(z), jacobian,
-        jnp.sqrt(jnp.mean(remaining**2)), converged, taken, jnp.isfinite(residuals_at(start, prior)).all(),
+        jnp.sqrt(jnp.mean(remaining**2)), solution.result == optimistix.RESULTS.successful,
+        solution.stats["num_steps"], jnp.isfinite(residuals_at(start, prior)).all(),
     )  # fmt: skip
 
 

@@ -6,13 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, Record
 
 from ..parameters._transform import Transform
 from ..results._fit_result import Starts
-from ._levenberg_marquardt import Solution, levenberg_marquardt
 
 SPREADS = (1.5, 3.0, 6.0)
 """Standard deviation of the starts on the unconstrained scale: 1.5 is a factor of 4.5 for a positive one.
@@ -140,12 +140,17 @@ def mean_squared_error(transform: Transform, z: Array, arguments: Any) -> Array:
     return jnp.sum((arguments[-1] * scaled_residuals(transform, z, arguments)) ** 2)
 
 
-def minimum(
+def levenberg_marquardt(
     transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
-) -> Solution:
-    """The least mean squared error near z, after at most so many steps."""
-    return levenberg_marquardt(
-        lambda z: scaled_residuals(transform, z, arguments), z, steps, tolerance
+) -> Any:
+    """The solution from z, after at most so many steps."""
+    return optimistix.least_squares(
+        lambda z, arguments: scaled_residuals(transform, z, arguments),
+        optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
+        z,
+        args=arguments,
+        max_steps=steps,
+        throw=False,
     )
 
 
@@ -154,8 +159,14 @@ def _run(
     transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
 ) -> tuple[Array, Array, Array, Array]:
     """Minimum, objective, convergence, steps taken."""
-    end, converged, taken = minimum(transform, arguments, z, steps, tolerance)
-    return end, mean_squared_error(transform, end, arguments), converged, taken
+    solution = levenberg_marquardt(transform, arguments, z, steps, tolerance)
+    end, converged = solution.value, solution.result == optimistix.RESULTS.successful
+    return (
+        end,
+        mean_squared_error(transform, end, arguments),
+        converged,
+        solution.stats["num_steps"],
+    )
 
 
 @eqx.filter_jit
@@ -163,7 +174,7 @@ def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> tupl
     """Minimum and objective from every start."""
 
     def one(z: Array) -> tuple[Array, Array]:
-        end = minimum(transform, arguments, z, steps, 1e-6).value
+        end = levenberg_marquardt(transform, arguments, z, steps, 1e-6).value
         return end, mean_squared_error(transform, end, arguments)
 
     return jax.vmap(one)(z)
