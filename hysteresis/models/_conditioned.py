@@ -1,8 +1,10 @@
 """A model whose output also depends on a condition, such as a temperature or a pressure."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -96,20 +98,7 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
 
     def shares(self, c: Float[Array, "*samples"] | Any) -> Float[Array, "*samples knots"]:
         """h_1(c) ... h_K(c), see the class."""
-        at, knots = self._on_axis(jnp.asarray(c, float)), self._on_axis(self.knots)
-        if len(self.models) == 1:
-            return jnp.ones((*at.shape, 1))
-        k = jnp.clip(jnp.searchsorted(knots, at, side="right") - 1, 0, len(self.models) - 2)
-        upper = jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0)[..., None]
-        each = jnp.eye(len(self.models), dtype=upper.dtype)
-        return (1 - upper) * each[k] + upper * each[k + 1]
-
-    def _on_axis(self, c: Array) -> Array:
-        """The condition on the axis of interpolation, rising with it; beyond the knots their ends."""
-        c = jnp.clip(c, self.knots[0], self.knots[-1])
-        if self.axis == "logarithmic":
-            return jnp.log(c)
-        return -1 / c if self.axis == "reciprocal" else c
+        return _hat_functions(jnp.asarray(c, float), self.knots, self.axis)
 
     def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
         first = None if u0 is None else jnp.asarray(u0)[0]
@@ -152,6 +141,26 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         pairs = zip(self.models, prepared.models, strict=True)
         outputs = jnp.stack([model.evaluate(own) for model, own in pairs], 1)
         return (outputs * prepared.shares).sum(1)
+
+
+# Not compiled, each of its operations is compiled by itself for every length: 0.7 s.
+@partial(jax.jit, static_argnames="axis")
+def _hat_functions(c: Array, knots: Array, axis: str) -> Float[Array, "*samples knots"]:
+    """The hat functions of the knots on an axis, beyond the knots those of their ends."""
+    count = knots.shape[0]
+    if count == 1:
+        return jnp.ones((*c.shape, 1), c.dtype)
+    at, nodes = (_on_axis(jnp.clip(x, knots[0], knots[-1]), axis) for x in (c, knots))
+    k = jnp.clip(jnp.searchsorted(nodes, at, side="right") - 1, 0, count - 2)
+    upper = jnp.clip((at - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)[..., None]
+    each = jnp.eye(count, dtype=upper.dtype)
+    return (1 - upper) * each[k] + upper * each[k + 1]
+
+
+def _on_axis(c: Array, axis: str) -> Array:
+    if axis == "logarithmic":
+        return jnp.log(c)
+    return -1 / c if axis == "reciprocal" else c
 
 
 def condition_of(model: Any) -> Conditioned | None:
