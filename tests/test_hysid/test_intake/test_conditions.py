@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hysid
+from compensate import estimate
+from compensate.runtime import load
 from tests.test_hysid.command import coarse_pictures, run, text
 from tests.test_identify.test_conditions import ROWS, C, U, Y, rig
 
@@ -78,3 +81,15 @@ def test_the_report_names_the_condition(folder, fitted):
     page = (folder / "out" / "report.html").read_text("utf-8")
     assert "depends on temperature (K)" in page
     assert hysid.load(folder / "out").condition.name == C
+
+
+def test_the_exported_compensator_takes_the_condition(folder, fitted):
+    """As `predict --inverse` does, from a known first state."""
+    target = folder / "sensor.json"
+    assert run("export", folder / "out", "--runtime", target, "--start", "known").code == 0
+    compensator = load(target)
+    fresh = hysid.read_csv(folder / "warm.csv", input=U, output=Y, condition=(C,))
+    wanted = estimate(hysid.invert(hysid.load(folder / "out")), fresh).value
+    pairs = zip(fresh.output.tolist(), fresh.columns[C].tolist(), strict=True)
+    found = [compensator.step(y, None, c).value for y, c in pairs]
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.ptp(fresh.input))
