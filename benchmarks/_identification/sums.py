@@ -96,23 +96,28 @@ def sums_rows(quick: bool) -> list[Row]:
         pulls: dict[str, list[float]] = {}
         drawn: dict[str, list[bool]] = {}
         open_: set[str] = set()
+        unknown = 0
         for one, fit in fits(phi, records):
             for p in fit.parameters:
                 value = one.sums[p.name]
-                if p.stderr is None:
+                if p.status == "unidentified":
+                    unknown += 1
+                elif p.stderr is None:
                     open_.add(p.name)
                     low = -np.inf if p.low is None else p.low
                     high = np.inf if p.high is None else p.high
                     held.setdefault(p.name, []).append(low <= value <= high)
-                    continue
-                pulls.setdefault(p.name, []).append((p.value - value) / p.stderr)
-                held.setdefault(p.name, []).append(abs(pulls[p.name][-1]) < NORMAL_95)
+                else:
+                    pull = (p.value - value) / p.stderr
+                    pulls.setdefault(p.name, []).append(pull)
+                    held.setdefault(p.name, []).append(abs(pull) < NORMAL_95)
             if len(drawn.get("loop.width", ())) < 50:
                 posterior = identify.sample(fit, steps=50, ensembles=2)
                 for s in posterior.summaries:
                     if s.name in one.sums:
                         inside = s.q05 <= one.sums[s.name] <= s.q95
                         drawn.setdefault(s.name, []).append(bool(inside))
+        rows.append(noted(f"{name}: sums called unidentified", unknown))
         for sum_, inside in held.items():
             coverage = 100 * float(np.mean(inside))
             what = f"{name}: {sum_}, coverage of its {'range' if sum_ in open_ else '90 % interval'}, %"

@@ -86,7 +86,7 @@ def test_without_noise_the_sums_are_right_and_the_shares_are_open(fits) -> None:
                 assert p.high is not None
                 assert p.low <= sums[p.name] <= p.high
     assert {p.name for p in fits[0][1].parameters} == {*SUMS, *NOT_SEPARABLE}
-    # Measured: 0.1, 0.2 and 0.5 at most.
+    # Of five other truths, of 80 x 80 relays and more rows, the largest was 0.25.
     assert max(abs(b) for of_sum in bias.values() for b in of_sum) < 1.0
 
 
