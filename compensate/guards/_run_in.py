@@ -75,7 +75,8 @@ def run_in(model: AbstractModel, low: float, high: float) -> RunIn | None:
         return None
     margin = END * (high - low)
     ends = (low + margin, high - margin) if memory.turns else (np.inf, -np.inf)
-    return RunIn(*map(_finite, ends), min(TIMES * memory.time, LONGEST))
+    first, last = map(_finite, ends)
+    return RunIn(first, last, min(TIMES * memory.time, LONGEST))
 
 
 def _finite(end: float) -> float:

@@ -269,10 +269,10 @@ def _errors(
     train: identify.Metrics, test: identify.Metrics | None, unit: str
 ) -> tuple[str, str, str]:
     """Of the training rows and of the held-out ones, in per cent of their ranges, and the rms error."""
-    held_out = ("none", "none")
+    percent, rms = "none", "none"
     if test is not None:
-        held_out = quantity(test.nrmse_percent, "%"), quantity(test.rmse, unit)
-    return (quantity(train.nrmse_percent, "%"), *held_out)
+        percent, rms = quantity(test.nrmse_percent, "%"), quantity(test.rmse, unit)
+    return quantity(train.nrmse_percent, "%"), percent, rms
 
 
 def data(case: Case) -> Section:

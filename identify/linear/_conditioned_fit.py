@@ -57,13 +57,16 @@ def fit_conditioned(
     for leading in leadings:
         base = ConditionedProblem(record, parts, name, leading, initial)
         problem = _several(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes).problem
+        assert isinstance(problem, ConditionedProblem)
         path = _path(problem.of(problem.axis, min(problem.knot_count, GROWN_WITH)))
         last = path[-1]
         strengths, axes = (last.strength,), (problem.axis,)
         found.append((path[:-1], _chosen(problem, last.parts, strengths, axes)))
     before, best = min(found, key=lambda one: one[1].blocks.mean())
-    without = best.problem.of("linear", 1).tried(best.parts, best.strength)
-    path = [*before, *([without] if best.problem.knot_count > 1 else []), best]
+    problem = best.problem
+    assert isinstance(problem, ConditionedProblem)
+    without = problem.of("linear", 1).tried(best.parts, best.strength)
+    path = [*before, *([without] if problem.knot_count > 1 else []), best]
     return tuple(choice.problem.fitted(choice) for choice in path)
 
 

@@ -70,9 +70,9 @@ class ConditionedUnknowns(NamedTuple):
     @classmethod
     def rebuilt(cls, words: dict[str, Any]) -> "ConditionedUnknowns":
         """The inverse of `words`, also when lists stand for tuples."""
-        plain = {key: tuple(x) if isinstance(x, list) else x for key, x in words.items()}
-        base = {key: tuple(x) if isinstance(x, list) else x for key, x in words["base"].items()}
-        return cls(**plain | {"base": CompositionUnknowns(**base)})
+        plain = _hashable(words)
+        plain["base"] = CompositionUnknowns(**_hashable(words["base"]))
+        return cls(**plain)
 
     def minimum(
         self,
@@ -103,6 +103,10 @@ class ConditionedUnknowns(NamedTuple):
     def totals(self) -> Float[np.ndarray, "sums unknowns"]:
         """The sums as rows, at every knot."""
         return np.kron(np.eye(len(self.knots)), self.base.totals)
+
+
+def _hashable(words: dict[str, Any]) -> dict[str, Any]:
+    return {key: tuple(x) if isinstance(x, list) else x for key, x in words.items()}
 
 
 def shares_of(

@@ -91,7 +91,7 @@ def fit_density(
         unknowns = solve_fine(
             meaning, prepared, record.output[record.mask] / scale, record.mask, strength, coarse
         )
-    model = meaning.model(unknowns)
+    model = meaning.rising(unknowns)
     residuals = predict(model, record)[record.mask] - y
     return DensityFit(model, unknowns, strength, residuals)
 

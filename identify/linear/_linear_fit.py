@@ -138,6 +138,7 @@ class LinearFit(Generic[Unknowns]):
     ) -> Float[np.ndarray, "sums sums"]:
         """Of sums of the unknowns, over scale squared; those at zero stay there."""
         assert self.spread is not None
+        assert isinstance(self.meaning, GridUnknowns)
         inside = np.flatnonzero((self.unknowns != 0) | self.meaning.free)
         H, spread = (matrix[np.ix_(inside, inside)] for matrix in (self.H, self.spread))
         kernel = scipy.linalg.solve(H, rows[:, inside].T, assume_a="pos", check_finite=False)

@@ -9,6 +9,8 @@ differences of the weights between neighbouring cells of n x n, D_r those of the
 of n make lambda mean the same on every grid.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 import scipy.optimize
@@ -103,7 +105,8 @@ class PreisachProblem:
         ]
         ones = np.ones(len(used)), (np.arange(len(used)), used)
         place = sparse.csc_matrix(ones, shape=(len(used), space.columns))
-        S = normal_matrix(space, (sparse.hstack(parts) @ place).tocsc(), P) / rows
+        spread: Any = sparse.hstack(parts) @ place
+        S = normal_matrix(space, spread.tocsc(), P) / rows
         weaker = np.zeros_like(x)
         H_weaker = (H - 0.9 * strength * self.prior)[np.ix_(inside, inside)]
         weaker[inside] = scipy.linalg.solve(H_weaker, b[inside], assume_a="pos")

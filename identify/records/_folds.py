@@ -21,6 +21,10 @@ MANY_CYCLES = 8
 """Cycles of a single sequence from which on more than the last one is predicted from those before."""
 
 
+KIND = 0.2
+"""Relative difference of neighbouring ranges from which on they are of two kinds."""
+
+
 class Parts(NamedTuple):
     """The rows that count, cut into parts, and the folds made of them.
 
@@ -48,7 +52,8 @@ class Parts(NamedTuple):
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
     """Cut a record into parts: groups of sequences where it has several, else cycles, else a tail.
 
-    Several sequences make up to `most` folds, each held out in turn. In a single one the last cycle is
+    Several sequences make up to `most` folds, each held out in turn, those of a smaller amplitude all at
+    once, see `_by_amplitude`. In a single one the last cycle is
     held out; of eight cycles or more the third quarter, from a fit to those before, and then the last,
     because what creeps or settles shows over many cycles only. The first may be a conditioning cycle where
     two more follow. The last quarter of a record without two cycles is held out.
@@ -56,13 +61,15 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     label = np.full(len(record), -1)
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
     if len(counted) > 1:
-        number = min(most, len(counted))
-        for k, rows in enumerate(counted):
-            label[rows] = k % number
+        groups = _by_amplitude(
+            [np.ptp(record.input[rows][record.mask[rows]]) for rows in counted], most
+        )
+        for k, rows in zip(groups, counted, strict=True):
+            label[rows] = k
         label[~record.mask] = -1
-        every = range(number)
+        every = range(max(groups) + 1)
         folds = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
-        return Parts(label, folds, None, f"{number} groups of sequences, each held out in turn")
+        return Parts(label, folds, None, f"{len(every)} groups of sequences, each held out in turn")
     # Of a cycle that was held out a few rows may be left: it counts whole, or not at all.
     rows = np.bincount(record.cycle)
     share = np.bincount(record.cycle[record.mask], minlength=len(rows)) / np.maximum(rows, 1)
@@ -91,6 +98,26 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+
+
+def _by_amplitude(spans: list[float], most: int) -> list[int]:
+    """Up to `most` groups of sequences, by the range that the input of each covers.
+
+    Where the ranges are of a few kinds, all sequences of one smaller kind make a group, so that a fit is
+    tried on an amplitude that it has not seen. Those of the largest kind are dealt out to the rest of the
+    groups, lest none is left to show that range. Ranges of one kind are all dealt out.
+    """
+    order = np.argsort(spans, kind="stable")
+    ordered = np.asarray(spans)[order]
+    kind = np.zeros(len(spans), int)
+    kind[order] = np.cumsum(np.append(0, np.diff(ordered) > KIND * ordered[1:]))
+    largest = kind.max()
+    alone = np.flatnonzero(kind == largest)
+    if largest > most - 2 or len(alone) < 2:  # too many kinds, or nothing left to show the largest
+        kind, largest, alone = np.zeros(len(spans), int), 0, np.arange(len(spans))
+    for k, sequence in enumerate(alone):
+        kind[sequence] = largest + k % min(most - largest, len(alone))
+    return [int(k) for k in kind]
 
 
 BLOCKS_OF_FOLD = 10

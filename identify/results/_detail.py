@@ -184,5 +184,7 @@ def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
     rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
     own = (arrays[name] for name in ("at", "H", "b", "blocks"))
     unknowns, H, b, blocks = own
-    more = {name: arrays.get(name) for name in ("spread", "determined")}
-    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, **more)
+    spread, determined = arrays.get("spread"), arrays.get("determined")
+    return LinearFit(
+        unknowns, meaning, H, b, rows, 0.0, blocks, spread=spread, determined=determined
+    )

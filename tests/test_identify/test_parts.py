@@ -84,6 +84,24 @@ def test_figures_by_hand() -> None:
     assert found.r2 == pytest.approx(1 - 5 / 49)
 
 
+@pytest.mark.parametrize(
+    ("amplitudes", "groups"),
+    [
+        ([1, 1, 3, 3, 3, 1], [{0, 1, 5}, {2}, {3}, {4}]),  # the smaller ones all at once
+        ([1, 2, 3, 3], [{0}, {1}, {2}, {3}]),
+        ([3, 1], [{0}, {1}]),  # one alone shows the largest range
+        ([1.0, 1.1, 1.2, 1.3, 1.4, 1.5], [{0, 5}, {1}, {2}, {3}, {4}]),  # a continuum is dealt out
+        ([1, 2, 3, 4, 5, 5], [{0, 5}, {1}, {2}, {3}, {4}]),  # more kinds than groups
+    ],
+)
+def test_an_amplitude_is_held_out_whole(amplitudes: list[float], groups: list[set[int]]) -> None:
+    u = np.concatenate([a * np.sin(np.linspace(0, 6, 50)) for a in amplitudes])
+    of = np.repeat(np.arange(len(amplitudes)), 50)
+    label = parts(Record.from_arrays(u, u, groups=of)).label
+    found = [set(of[label == k].tolist()) for k in range(label.max() + 1)]
+    assert sorted(found, key=min) == groups
+
+
 def cycles(n: int) -> Record:
     u = np.abs((np.arange(40 * n + 1) / 20 + 1) % 2 - 1)
     return Record.from_arrays(u, u)
