@@ -13,6 +13,7 @@ from hysid.soft_sensor._sensor_file import load_sensor as load_sensor
 from hysteresis import AbstractModel as AbstractModel
 from hysteresis import BoucWen as BoucWen
 from hysteresis import Burgers as Burgers
+from hysteresis import Conditioned as Conditioned
 from hysteresis import DegradingBoucWen as DegradingBoucWen
 from hysteresis import FoamCurve as FoamCurve
 from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
@@ -20,6 +21,7 @@ from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
 from hysteresis import InputError as InputError
 from hysteresis import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
 from hysteresis import LinearSponge as LinearSponge
+from hysteresis import ModulatedStops as ModulatedStops
 from hysteresis import MonotoneCurve as MonotoneCurve
 from hysteresis import MovingPreisach as MovingPreisach
 from hysteresis import NonlinearMaxwell as NonlinearMaxwell
@@ -33,6 +35,7 @@ from hysteresis import Series as Series
 from hysteresis import Softening as Softening
 from hysteresis import StandardLinearSolid as StandardLinearSolid
 from hysteresis import Sum as Sum
+from hysteresis import VelocityFriction as VelocityFriction
 from hysteresis import read_csv as read_csv
 from hysteresis import register as register
 from hysteresis.preisach import GaussianDensity as GaussianDensity
