@@ -54,8 +54,8 @@ class Compensator:
         self._tree, self._start = document["tree"], document["start"]
         self._error_tree = document["error"]
         # Files of format 1 have neither guard nor origin.
-        self._guard_tree, self.origin = document.get("guard"), document.get("origin")
-        guard = self._guard_tree
+        self.origin: dict[str, Any] | None = document.get("origin")
+        self._guard_tree = guard = document.get("guard")
         self.trained: tuple[float, float] | None = (
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )
