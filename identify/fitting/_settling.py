@@ -34,7 +34,7 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     cut = parts_of(record)
     if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
         return record
-    last = int(cut.label[record.cycle == numbers[-1]].max())
+    last = cut.folds[-1].test[-1]
     fold = Fold(tuple(p for p in cut.all if p != last), (last,))
     counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
     choices = []
