@@ -13,6 +13,7 @@ from .._errors import InputError
 from .._model import AbstractModel, Series
 from .._parameter import is_concrete, parameter
 from .._registry import register
+from ..numerics._hats import hats
 from ..records._record import Record
 from ._compose import Scaled
 from ._compose import Series as Chain
@@ -147,14 +148,7 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
 @partial(jax.jit, static_argnames="axis")
 def _hat_functions(c: Array, knots: Array, axis: str) -> Float[Array, "*samples knots"]:
     """The hat functions of the knots on an axis, beyond the knots those of their ends."""
-    count = knots.shape[0]
-    if count == 1:
-        return jnp.ones((*c.shape, 1), c.dtype)
-    at, nodes = (_on_axis(jnp.clip(x, knots[0], knots[-1]), axis) for x in (c, knots))
-    k = jnp.clip(jnp.searchsorted(nodes, at, side="right") - 1, 0, count - 2)
-    upper = jnp.clip((at - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)[..., None]
-    each = jnp.eye(count, dtype=upper.dtype)
-    return (1 - upper) * each[k] + upper * each[k + 1]
+    return hats(*(_on_axis(jnp.clip(x, knots[0], knots[-1]), axis) for x in (c, knots)))
 
 
 def _on_axis(c: Array, axis: str) -> Array:

@@ -12,6 +12,7 @@ from .._model import AbstractModel, Series, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._recurrence import linear_recurrence
+from ..numerics._relaxation import decay_and_gain
 
 
 class BranchState(NamedTuple):
@@ -195,11 +196,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
 
     def _step(self, dt: Array) -> tuple[Array, Array]:
         """exp(-x) and (1 - exp(-x)) / x of x = dt / tau, (samples, branches)."""
-        x = dt[:, None] / jnp.asarray(self.times)[None]
-        small = x < 1e-3  # where the series is as exact (left out: x^4 / 120)
-        series = 1 - x / 2 * (1 - x / 3 * (1 - x / 4))
-        gain = jnp.where(small, series, -jnp.expm1(-x) / jnp.where(small, 1.0, x))
-        return jnp.exp(-x), gain
+        return decay_and_gain(dt[:, None] / jnp.asarray(self.times)[None])
 
     def _place(self, u: Array) -> tuple[Array, Array]:
         """Cell and fraction of it, below 0 or above 1 beyond the range."""

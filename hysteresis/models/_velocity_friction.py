@@ -13,12 +13,13 @@ from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..numerics._recurrence import linear_recurrence
+from ..numerics._relaxation import decay_and_gain
 
 Values = Float[Array, "..."] | Any
 
 
 class FrictionState(NamedTuple):
-    """Time and input of the last sample, NaN before the first, and the filter's lag q."""
+    """Time and input of the last sample, NaN before the first, and the filter's q."""
 
     t: Array
     u: Array
@@ -121,7 +122,7 @@ class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
         t, u = jnp.asarray(t, state.t.dtype), jnp.asarray(u, state.u.dtype)
         first = jnp.isnan(state.t)
         before = jnp.where(first, u, state.u)
-        decay, gain = self._step(jnp.where(first, 0.0, t - state.t))
+        decay, gain = decay_and_gain(jnp.where(first, 0.0, t - state.t) / self.smoothing)
         lead = decay * state.lead + gain * (u - before)
         return FrictionState(t, u, lead), self._output(lead / self.smoothing, before)
 
@@ -153,17 +154,10 @@ class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
     def velocity(self, prepared: FrictionInput) -> Float[Array, " samples"]:
         """v at every sample."""
         dt, rise, _, start, state = prepared
-        decay, gain = self._step(dt)
+        decay, gain = decay_and_gain(dt / self.smoothing)
         drive = gain * rise + start * decay * state.lead
         (lead,) = linear_recurrence((decay * (1 - start),), (drive,))
         return lead / self.smoothing
-
-    def _step(self, dt: Array) -> tuple[Array, Array]:
-        """exp(-x) and (1 - exp(-x)) / x of x = dt / tau."""
-        x = dt / self.smoothing
-        small = x < 1e-3  # where the series is as exact (left out: x^4 / 120)
-        series = 1 - x / 2 * (1 - x / 3 * (1 - x / 4))
-        return jnp.exp(-x), jnp.where(small, series, -jnp.expm1(-x) / jnp.where(small, 1.0, x))
 
     def _output(self, v: Array, before: Array) -> Array:
         sliding = jnp.tanh(v / jnp.asarray(self.speeds)) @ jnp.asarray(self.weights)

@@ -5,11 +5,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 
-def hats(x: Float[Array, ""], nodes: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
+def hats(x: Float[Array, "*x"], nodes: Float[Array, " nodes"]) -> Float[Array, "*x nodes"]:
     """h_k(x): 1 at node k, 0 at the others, straight between, constant beyond the ends; their sum is 1."""
-    rise = jnp.clip((x - nodes[:-1]) / jnp.diff(nodes), 0.0, 1.0)
+    first, width = (
+        jnp.broadcast_to(each, (*x.shape, len(each))) for each in (nodes[:-1], jnp.diff(nodes))
+    )
+    rise = jnp.clip((x[..., None] - first) / width, 0.0, 1.0)
     # Up to node k its rise is that to it, after it the next one takes away.
-    return jnp.append(jnp.ones_like(rise[:1]), rise) - jnp.append(rise, jnp.zeros_like(rise[:1]))
+    one = jnp.ones((*x.shape, 1), rise.dtype)
+    return jnp.concatenate([one, rise], -1) - jnp.concatenate([rise, 0 * one], -1)
 
 
 def hats_of(

@@ -8,6 +8,7 @@ The model is a sum of parts that are linear in non-negative unknowns (but for th
 Each part rises with its input by construction, but for the strengths; so does a sum of them.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -74,6 +75,7 @@ hard: at rates that were not tried they say what the curve does not."""
 
 Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]
+Stops = Float[np.ndarray, "samples stops"]
 Starts = Int[np.ndarray, " sequences"]
 
 
@@ -163,12 +165,16 @@ class CompositionUnknowns(NamedTuple):
         if self.first:
             u = np.asarray(self._first.simulate(None, u))
         v = (u - self.low) / (self.high - self.low)
+        starts, strained = record.starts, np.empty((len(v), 0))
+        if PLACE_STOPS in self.parts or SPAN_STOPS in self.parts:  # both share the loop over time
+            strained = stops_of(v, THRESHOLDS, self._rest, starts) / THRESHOLDS
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
-            SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
-            SPAN_STOPS: self._span_stops, FRICTION: self._friction,
+            SOFTENING: self._softening, RELAYS: self._relays,
+            PLACE_STOPS: partial(self._place_stops, strained),
+            SPAN_STOPS: partial(self._span_stops, strained), FRICTION: self._friction,
         }  # fmt: skip
-        found = [made[part](v, record.time, record.starts)[rows] for part in self.parts]
+        found = [made[part](v, record.time, starts)[rows] for part in self.parts]
         return np.hstack([np.ones((len(rows), 1)), *found])
 
     def minimum(
@@ -210,7 +216,7 @@ class CompositionUnknowns(NamedTuple):
             if part in values:
                 parts.append(self._stops(part, values[part]))
         if FRICTION in values:
-            coulomb, viscous = self._split(values[FRICTION], len(SPEEDS), len(PLACES))
+            coulomb, viscous = _split(values[FRICTION], len(SPEEDS), len(PLACES))
             parts.append(
                 VelocityFriction(
                     self.low, self.high, self.speed * SPEEDS, self._inputs(PLACES), coulomb,
@@ -227,7 +233,7 @@ class CompositionUnknowns(NamedTuple):
         """Weights of the columns s / r as stiffnesses."""
         by_place, span = part == PLACE_STOPS, self.high - self.low
         levels = PLACES if by_place else SPANS
-        weights, springs = self._split(values, len(THRESHOLDS), len(levels))
+        weights, springs = _split(values, len(THRESHOLDS), len(levels))
         springs = jnp.zeros(len(levels)) if by_place else springs / span
         return ModulatedStops(
             self.low, self.high, span * THRESHOLDS,
@@ -235,11 +241,6 @@ class CompositionUnknowns(NamedTuple):
             weights / (span * THRESHOLDS)[:, None], springs, rest=self.rest,
             by="position" if by_place else "span",
         )  # fmt: skip
-
-    def _split(self, values: Array, rows: int, columns: int) -> tuple[Array, Array]:
-        """A matrix (rows, columns) and what follows it."""
-        count = rows * columns
-        return values[:count].reshape(rows, columns), values[count:]
 
     def _inputs(self, parts: Samples) -> Samples:
         """Inputs at parts of the range."""
@@ -310,19 +311,18 @@ class CompositionUnknowns(NamedTuple):
         i, j = np.tril_indices(n)
         return 2 * (ramps[:, i] + ramps[:, j]) - relays if self.leading else relays
 
-    def _place_stops(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        rest = self._part_of_range(self.rest)
-        stops = stops_of(v, THRESHOLDS, rest, starts) / THRESHOLDS
-        return _modulated(stops, hats_of(_before(v, starts, rest), PLACES))
+    def _place_stops(
+        self, strained: Stops, v: Samples, t: Samples | None, starts: Starts
+    ) -> Columns:
+        return _modulated(strained, hats_of(_before(v, starts, self._rest), PLACES))
 
-    def _span_stops(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        rest = self._part_of_range(self.rest)
-        stops = stops_of(v, THRESHOLDS, rest, starts) / THRESHOLDS
-        covered = np.empty_like(v)
-        for rows in np.split(np.arange(len(v)), starts[1:]):
-            before = np.append(rest, v[rows][:-1])
-            covered[rows] = np.maximum.accumulate(before) - np.minimum.accumulate(before)
-        strained = np.hstack([stops, (v - rest)[:, None]])
+    def _span_stops(
+        self, strained: Stops, v: Samples, t: Samples | None, starts: Starts
+    ) -> Columns:
+        covered = _before(v, starts, self._rest)
+        for run in np.split(covered, starts[1:]):
+            run[:] = np.maximum.accumulate(run) - np.minimum.accumulate(run)
+        strained = np.hstack([strained, (v - self._rest)[:, None]])
         return _modulated(strained, hats_of(covered, SPANS))
 
     def _friction(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
@@ -336,8 +336,10 @@ class CompositionUnknowns(NamedTuple):
         felt = np.column_stack([*np.tanh(np.asarray(speed) / SPEEDS[:, None]), speed])
         return _modulated(felt, hats_of(np.asarray(prepared.before), PLACES))
 
-    def _part_of_range(self, u: float) -> float:
-        return (u - self.low) / (self.high - self.low)
+    @property
+    def _rest(self) -> float:
+        """`rest` in parts of the range."""
+        return (self.rest - self.low) / (self.high - self.low)
 
     def _relaxing(
         self, x: Float[np.ndarray, "samples columns"], t: Samples | None, starts: Starts
@@ -371,6 +373,12 @@ def _modulated(
 ) -> Float[np.ndarray, "samples products"]:
     """Every column of x times every one of h, those of one x side by side."""
     return (x[:, :, None] * h[:, None, :]).reshape(len(x), -1)
+
+
+def _split(values: Array, rows: int, columns: int) -> tuple[Array, Array]:
+    """A matrix (rows, columns) and what follows it."""
+    count = rows * columns
+    return values[:count].reshape(rows, columns), values[count:]
 
 
 def _before(v: Samples, starts: Starts, rest: float) -> Samples:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from hysteresis import AbstractModel, Conditioned
+from hysteresis.numerics._hats import hats_of
 
 from ._composition import CompositionUnknowns
 from ._nnls import nonnegative_least_squares
@@ -114,8 +115,7 @@ def shares_of(
 ) -> Float[np.ndarray, "samples knots"]:
     """The hat functions of `Conditioned`, for many small sets of knots: nothing is compiled."""
     c = np.clip(c, knots[0], knots[-1])
-    at, nodes = on_axis(axis, c), on_axis(axis, knots)
-    return np.stack([np.interp(at, nodes, row) for row in np.eye(len(knots))], -1)
+    return hats_of(on_axis(axis, c), on_axis(axis, knots))
 
 
 def on_axis(axis: str, c: Float[np.ndarray, " values"]) -> Float[np.ndarray, " values"]:

@@ -137,7 +137,7 @@ def test_a_stream_is_the_batch():
 
 
 def test_a_nearly_flat_end_is_not_believed():
-    """A millivolt beyond what was trained is no reading of hundreds of times the range."""
+    """The estimate of a millivolt beyond what was trained is not hundreds of times the range."""
     model = MODELS["curve"]
     y = np.array([0.5, 1.001, 1.5])
     free = np.asarray(invert(model).simulate(None, y).value)
