@@ -4,6 +4,7 @@ from math import exp, tanh
 
 from ._codes import Reals
 from ._search import among
+from .maxwell import gain_of
 
 
 class Parameters:
@@ -38,13 +39,7 @@ def tabulate(p: Parameters, s: State, dt: float) -> None:
     s.dt = dt
     x = p.rate * dt
     s.decay = exp(-x)
-    if x < 0.01:
-        # (1 - exp(-x)) / x by its series: left out is x^6 / 5040.
-        series = 1.0 - x / 5.0 * (1.0 - x / 6.0)
-        series = 1.0 - x / 3.0 * (1.0 - x / 4.0 * series)
-        s.gain = 1.0 - x / 2.0 * series
-    else:
-        s.gain = (1.0 - s.decay) / x
+    s.gain = gain_of(x, s.decay)
 
 
 def look(p: Parameters, s: State, dt: float, u: float) -> float:
