@@ -35,13 +35,14 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
         return record
     last = cut.folds[-1].test[-1]
-    fold = Fold(tuple(p for p in cut.all if p != last), (last,))
     counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
+    trained = [tuple(p for p in cut.all if count <= p != last) for count in counts]
+    folds = tuple(Fold(train, (last,)) for train in trained)
+    few = cut._replace(folds=folds, conditioning=None).merged
     choices = []
     for leading in leadings:
-        problem = Problem(record, cut, leading, "negative", None, (CURVE, RELAYS))
-        folds = [Fold(tuple(p for p in fold.train if p >= count), fold.test) for count in counts]
-        choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)) for fold in folds])
+        problem = Problem(record, few, leading, "negative", None, (CURVE, RELAYS))
+        choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)) for fold in few.folds])
     tried = min(choices, key=lambda trials: best_of(trials).blocks.mean())
     count = counts[tried.index(simplest(tried))]
     if not count:

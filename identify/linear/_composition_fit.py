@@ -45,7 +45,7 @@ def fit_compositions(
     by more than the standard error of the difference, paired by blocks of rows. In the end the input is
     mapped by half of the static curve if that gains as much.
     """
-    paths = []
+    parts, paths = parts.merged, []
     for leading in leadings:
         for floor in (None, *slack(record)):
             paths.append(_path(Problem(record, parts, leading, initial, floor)))
@@ -114,7 +114,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag:
     few = record.take_sequences(labels[:: max(1, min(len(labels), len(record) // LAG_ROWS))])
     assert few.time is not None
     step = float(np.median(np.diff(few.time)))
-    cut, some = parts_of(few), (CURVE, MAXWELL, STRENGTHS)
+    cut, some = parts_of(few).merged, (CURVE, MAXWELL, STRENGTHS)
     found = []
     for leading in (False, True):
 

@@ -40,6 +40,7 @@ def fit_preisach(
     of that difference, paired by blocks of rows, the simplest is taken: fewer cells, then a stronger prior.
     A conditioning cycle is left out of the fit where that predicts the held-out one better.
     """
+    parts = parts.merged
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
     low, high = float(u.min()), float(u.max())

@@ -42,11 +42,33 @@ class Parts(NamedTuple):
     @property
     def all(self) -> tuple[int, ...]:
         """Every part."""
-        return tuple(int(p) for p in np.unique(self.label[self.label >= 0]))
+        return tuple(np.flatnonzero(np.bincount(self.label[self.label >= 0])).tolist())
 
     def without_conditioning(self, which: tuple[int, ...], dropped: bool) -> tuple[int, ...]:
         """These parts, less the conditioning one where it is `dropped`."""
         return tuple(p for p in which if not (dropped and p == self.conditioning))
+
+    @property
+    def merged(self) -> "Parts":
+        """The same folds with as few parts as tell them apart, so that sums over parts are few.
+
+        Cycles that every fold trains on, or holds out, together become one part. The conditioning cycle
+        stays alone. Of 400 cycles that are four parts.
+        """
+
+        sides = [set(side) for fold in self.folds for side in fold]
+        role = {p: (p == self.conditioning, *(p in side for side in sides)) for p in self.all}
+        kinds = list(dict.fromkeys(role.values()))
+        new = {p: kinds.index(role[p]) for p in role}
+        table = np.zeros(max(new, default=0) + 1, int)
+        table[list(new)] = list(new.values())
+        label = np.where(self.label >= 0, table[self.label], -1)
+        folds = tuple(
+            Fold(*(tuple(sorted({new[p] for p in side if p in new})) for side in fold))
+            for fold in self.folds
+        )
+        conditioning = None if self.conditioning is None else new.get(self.conditioning)
+        return Parts(label, folds, conditioning, self.how)
 
 
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:

@@ -143,3 +143,18 @@ def test_rows_that_do_not_count_are_in_no_part() -> None:
     cut = parts(record)
     assert (cut.label[~record.mask] == -1).all()
     assert cut.all == (0, 1, 2)
+
+
+@pytest.mark.parametrize("count", [3, 5, 9, 40])
+def test_merged_parts_have_the_folds_of_all_cycles(count: int) -> None:
+    """Fewer parts, and the same rows in every fold and in the conditioning cycle."""
+    cut = parts(cycles(count))
+    few = cut.merged
+    assert len(few.all) <= min(len(cut.all), 2 + 2 * len(cut.folds))
+    for one, other in zip(cut.folds, few.folds, strict=True):
+        for before, after in zip(one, other, strict=True):
+            np.testing.assert_array_equal(np.isin(cut.label, before), np.isin(few.label, after))
+    assert cut.conditioning is not None
+    assert few.conditioning is not None
+    np.testing.assert_array_equal(cut.label == cut.conditioning, few.label == few.conditioning)
+    np.testing.assert_array_equal(cut.label < 0, few.label < 0)
