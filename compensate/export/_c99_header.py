@@ -3,6 +3,8 @@
 import ctypes
 from typing import Any, NamedTuple
 
+from hysteresis._escape import visible
+
 from ..runtime._status import Status
 from ._header_facts import condition, facts, origin, trained
 from ._operation_count import operations
@@ -54,8 +56,9 @@ def header(document: dict[str, Any], stem: str, *, single: bool) -> str:
 
 
 def _quantity(one: dict[str, str]) -> str:
-    """The name, with the unit where it does not have it."""
-    return one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
+    """The name, with the unit where it does not have it, on one line."""
+    said = one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
+    return visible(said)
 
 
 class _Header:
@@ -94,7 +97,7 @@ class _Header:
         reading, estimate = map(_quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
         return HEAD.format(
-            title=f"{d['title']}: {estimate} from {reading}.", stem=self.stem,
+            title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(), dt="dt, " if rates else "",
             reading=reading, estimate=estimate, low=low, high=high,
             unknown="" if self.error else ", which is not known here: NaN",

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from hysteresis._escape import c_string, visible
+
 BEYOND = {"limit": "is held there", "nan": "is NaN", "free": "is given as it is"}
 
 
@@ -30,8 +32,8 @@ def condition(document: dict[str, Any], stem: str) -> str:
         return ""
     unit = "" if known["unit"] == "1" or known["unit"] in known["name"] else f" in {known['unit']}"
     return (
-        f"condition: {known['name']}{unit}, from {known['low']:.6g} to {known['high']:.6g}; beyond, the"
-        f" nearer end is taken,\n{stem.upper()}_EXTRAPOLATED.\n"
+        f"condition: {visible(known['name'] + unit)}, from {known['low']:.6g} to {known['high']:.6g};"
+        f" beyond, the nearer end is taken,\n{stem.upper()}_EXTRAPOLATED.\n"
     )
 
 
@@ -40,10 +42,11 @@ def origin(document: dict[str, Any]) -> str:
     if not (known := document["origin"]):
         return ""
     codes = f" ({', '.join(known['codes'])})" if known["codes"] else ""
-    return (
-        f"\n\nverdict on the fit: {known['verdict'] or 'not known'}{codes}."
+    said = (
+        f"verdict on the fit: {known['verdict'] or 'not known'}{codes}."
         f" Date of the data: {known['date'] or 'not known'}."
     )
+    return f"\n\n{visible(said)}"
 
 
 def facts(document: dict[str, Any], stem: str, literal: Callable[[float], str]) -> str:
@@ -54,6 +57,6 @@ def facts(document: dict[str, Any], stem: str, literal: Callable[[float], str]) 
         found |= {"TRAINED_LOW": literal(low), "TRAINED_HIGH": literal(high)}
     if known := document["origin"]:
         words = {"VERDICT": "verdict", "DATA_DATE": "date"}
-        found |= {macro: f'"{known[key]}"' for macro, key in words.items()}
-        found["CODES"] = f'"{" ".join(known["codes"])}"'
+        found |= {macro: c_string(known[key]) for macro, key in words.items()}
+        found["CODES"] = c_string(" ".join(known["codes"]))
     return "\n".join(f"#define {stem.upper()}_{name} {text}" for name, text in found.items())

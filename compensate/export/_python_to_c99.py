@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from hysteresis import InputError
+from hysteresis._escape import c_comment
 
 from ..runtime._elements import _codes
 
@@ -120,8 +121,8 @@ def element(kind: str, stem: str, single: bool) -> Element:
 
 
 def comment(text: str, indent: str) -> str:
-    """Text as a C comment."""
-    lines = inspect.cleandoc(text).splitlines() or [""]
+    """Text as a C comment, each of its lines escaped."""
+    lines = [c_comment(line) for line in inspect.cleandoc(text).split("\n")]
     if len(lines) == 1:
         return f"{indent}/* {lines[0]} */"
     body = "\n".join(f"{indent} * {line}".rstrip() for line in lines[1:])

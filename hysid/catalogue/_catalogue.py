@@ -148,13 +148,19 @@ def find(name: str, file: Path = SHIPPED) -> Dataset:
 
 def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
     """The TOML for `hysid fit --config`; `seen`: the checksum of each file."""
+    from hysteresis._escape import toml_comment, toml_string  # late: it loads JAX
+
     lines = [f"# {dataset.what}", f"# {dataset.page}, licence: {dataset.licence or NOT_STATED}"]
     lines += [f"# {dataset.citation}", *(f"# Note: {note}" for note in dataset.notes)]
     lines += [f"# {path} sha256 {sha256}" for path, sha256 in seen.items()]
+    lines = [f"# {toml_comment(line[2:])}" for line in lines]
     for table, values in {"selection": dataset.selection, "fit": dataset.fit}.items():
         lines += ["", f"[{table}]"]
         # JSON writes these kinds of values as TOML does.
-        lines += [f"{key} = {json.dumps(v, ensure_ascii=False)}" for key, v in values.items()]
+        lines += [
+            f"{key} = {toml_string(v) if isinstance(v, str) else json.dumps(v)}"
+            for key, v in values.items()
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -62,14 +62,32 @@ def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) 
     if as_json:
         from hysteresis._format import plain  # late: it loads JAX
 
-        print(json.dumps(plain(document), ensure_ascii=False), flush=True)
+        print(_json(plain(document), sys.stdout.encoding), flush=True)
     else:
-        print("\n".join(lines), flush=True)
+        shown = (_shown(line, sys.stdout.encoding) for one in lines for line in one.split("\n"))
+        print("\n".join(shown), flush=True)
 
 
 def log(line: str) -> None:
     """A line on stderr."""
-    print(line, file=sys.stderr, flush=True)
+    print(_shown(line, sys.stderr.encoding), file=sys.stderr, flush=True)
+
+
+def _shown(text: str, encoding: str | None) -> str:
+    """A line that a terminal only shows, in characters that its encoding has."""
+    if not text.isprintable():
+        from hysteresis._escape import visible  # late: it loads JAX
+
+        text = visible(text)
+    encoding = encoding or "utf-8"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
+
+
+def _json(document: Any, encoding: str | None) -> str:
+    """One JSON object, in ASCII where the stream has no other or the terminal would act on others."""
+    unicode = (encoding or "utf-8").lower().replace("-", "") == "utf8"
+    text = json.dumps(document, ensure_ascii=not unicode)
+    return text if text.isprintable() else json.dumps(document)
 
 
 def verdict_lines(document: dict[str, Any]) -> list[str]:
@@ -151,7 +169,7 @@ class Fault:
 def stop(fault: Fault, text: str, status: int, as_json: bool) -> NoReturn:
     """End with one line on stderr: a sentence, or one JSON object."""
     if as_json:
-        log(json.dumps({"error": asdict(fault)}, ensure_ascii=False))
+        print(_json({"error": asdict(fault)}, sys.stderr.encoding), file=sys.stderr, flush=True)
     else:
         log(f"hysid: {text}")
     raise SystemExit(status)

@@ -1,6 +1,5 @@
 """`hysid datasets`."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -66,7 +65,9 @@ def fetch(
         log("Warning: The source states no licence. Ask its owners before you share the data.")
     for line in warnings(found["notes"]):
         log(line)
-    table, config, fit = (shlex.quote(str(p)) for p in (found["file"], found["config"], out / name))
+    from hysteresis._escape import shell_word  # late: it loads JAX
+
+    table, config, fit = (shell_word(str(p)) for p in (found["file"], found["config"], out / name))
     lines = [f"{found['rows']} rows: {found['file']}", f"Please cite: {found['citation']}"]
     lines.append(f"Next: hysid fit {table} --config {config} --out {fit}")
     print_result(found, as_json, lines)

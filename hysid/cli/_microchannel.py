@@ -1,6 +1,5 @@
 """`hysid microchannel`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -110,8 +109,10 @@ def train(
             )  # fmt: skip
     except KeyboardInterrupt:
         if (out / _train.CHECKPOINT).is_dir():
+            from hysteresis._escape import shell_word  # JAX is loaded now
+
             given = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
-            log(f"To resume: hysid {shlex.join([*given, '--resume'])}")
+            log(f"To resume: hysid {' '.join(map(shell_word, [*given, '--resume']))}")
         raise
     print_result(document, as_json, _trained_lines(document, out))
 

@@ -1,6 +1,5 @@
 """`hysid sample`."""
 
-import shlex
 from typing import Annotated
 
 import typer
@@ -53,8 +52,10 @@ def sample(
             )
     except KeyboardInterrupt:
         if method == "emcee":
+            from hysteresis._escape import shell_word  # JAX is loaded now
+
             given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
-            log(f"To resume: hysid sample {shlex.quote(str(folder))} --resume {' '.join(given)}")
+            log(f"To resume: hysid sample {shell_word(str(folder))} --resume {' '.join(given)}")
         raise
     lines = [f"{'parameter':24}{'mean':>12}{'sd':>12}{'5 %':>12}{'95 %':>12}{'R-hat':>8}{'ESS':>8}"]
     lines += [

@@ -4,7 +4,6 @@ import base64
 import io
 import warnings
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 
 from compensate import AbstractCompensator, Status
 from hysteresis import InputError, Record, check_identifiable, parameters
+from hysteresis._escape import markup
 from identify import FitResult, Posterior
 
 from . import _base as f
@@ -160,21 +160,21 @@ def _page(title: str, parts: Iterable[str], level: str = "", word: str = "") -> 
     badge = ""
     if level:
         style = f"background:{COLOURS[level]};color:#fff;padding:0 0.5em;border-radius:0.6em"
-        badge = f' <span style="{style}">{escape(word or level)}</span>'
-    head = f"<p><strong>{escape(title)}</strong>{badge}</p>"
+        badge = f' <span style="{style}">{markup(word or level)}</span>'
+    head = f"<p><strong>{markup(title)}</strong>{badge}</p>"
     return f'<div class="hysid">{head}{"".join(parts)}</div>'
 
 
 def _listed(before: str, sentences: Sequence[str]) -> list[str]:
     if not sentences:
         return []
-    items = "".join(f"<li>{escape(before + sentence)}</li>" for sentence in sentences)
+    items = "".join(f"<li>{markup(before + sentence)}</li>" for sentence in sentences)
     return [f"<ul>{items}</ul>"]
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     def row(kind: str, cells: Sequence[str]) -> str:
-        filled = "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells)
+        filled = "".join(f"<{kind}>{markup(cell)}</{kind}>" for cell in cells)
         return f"<tr>{filled}</tr>"
 
     if not rows:
@@ -190,7 +190,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _image(figure: Figure, alt: str) -> str:
     """As an image of its own: names inside one drawing cannot clash with those of another."""
     text = base64.b64encode(svg(figure)).decode()
-    return f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,{text}"/>'
+    return f'<img alt="{markup(alt)}" src="data:image/svg+xml;base64,{text}"/>'
 
 
 @f.styled

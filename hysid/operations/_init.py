@@ -1,13 +1,13 @@
 """What `hysid init` writes and says of a guess."""
 
 import json
-import shlex
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hysteresis import InputError
+from hysteresis._escape import shell_word, toml_comment, toml_string
 
 from ..intake._selection import selection_of
 from ..intake._selection_options import FIELDS
@@ -33,7 +33,7 @@ def init(
     config.parent.mkdir(parents=True, exist_ok=True)
     config.write_text(toml(file, found), "utf-8")
     folder = config.with_suffix("")
-    said = [shlex.quote(str(p)) for p in (file, config, folder)]
+    said = [shell_word(str(p)) for p in (file, config, folder)]
     command = f"hysid fit {said[0]} --config {said[1]} --out {said[2]}"
     document = {
         "file": str(config),
@@ -57,7 +57,8 @@ def toml(file: Path, found: Guess) -> str:
     said = {f.what: f for f in found.found}
     held = said["held out"]
     lines = [
-        f"# What hysid init made of {file.name}. Change what is wrong; hysid fit reads it with --config.",
+        f"# What hysid init made of {toml_comment(file.name)}. Change what is wrong; hysid fit reads"
+        " it with --config.",
         "",
         "[selection]",
     ]
@@ -67,17 +68,17 @@ def toml(file: Path, found: Guess) -> str:
         finding = held if key.startswith("test_") else said.get(key)
         lines.append(f"# {field.metadata['help']}")
         if finding is not None and finding.why:
-            lines.append(f"#   {finding.sure}: {_plain(finding.why)}")
+            lines.append(f"#   {finding.sure}: {toml_comment(finding.why)}")
         lines.append(f"{key} = {_value(found.selection[key])}")
     if not any(key.startswith("test_") for key in found.selection):
-        lines += ["# held out: nothing", f"#   {_plain(held.why)}", "# test_tail = 0.2"]
+        lines += ["# held out: nothing", f"#   {toml_comment(held.why)}", "# test_tail = 0.2"]
     if not {"time", "dt"} & set(found.selection):
         lines += [
             "# no clock was found: without one, models that depend on speed are left out",
             "# dt = 0.01",
         ]
     if found.alternatives:
-        lines += ["# other choices:", *(f"#   {_plain(a)}" for a in found.alternatives)]
+        lines += ["# other choices:", *(f"#   {toml_comment(a)}" for a in found.alternatives)]
     lines += ["", "[fit]"]
     is_step = selection_of(found.selection).is_step
     if not is_step:
@@ -87,7 +88,7 @@ def toml(file: Path, found: Guess) -> str:
         ]
     for key, value in found.fit.items():
         why = said[key].why if key in said else ""
-        lines += [f"# {_plain(why)}", f"{key} = {_value(value)}"]
+        lines += [f"# {toml_comment(why)}", f"{key} = {_value(value)}"]
     lines += ["seed = 0"]
     if not is_step:
         lines += [
@@ -100,15 +101,10 @@ def toml(file: Path, found: Guess) -> str:
 
 
 def _value(value: Any) -> str:
-    """As TOML writes it: JSON's strings and numbers are TOML's too."""
+    """As TOML writes it: JSON's numbers and truth values are TOML's too."""
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_value, value))}]"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _plain(text: str) -> str:
-    """One line without control characters, which no comment may hold."""
-    return "".join(c if c.isprintable() else " " for c in text)
+    return toml_string(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _lines(file: Path, config: Path, found: Guess, command: str, again: str) -> list[str]:

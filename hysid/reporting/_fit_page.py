@@ -1,7 +1,6 @@
 """The report of a fit: one self-contained page, made anew from the files in the fit's folder."""
 
 import math
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
+from hysteresis._escape import shell_word, visible
 
 from ..figures._format import pretty, quantity
 from . import _section_creep as _report_step
@@ -159,13 +159,13 @@ def in_words(case: Case) -> str:
 
 
 def next_command(case: Case) -> tuple[str, str]:
-    folder, fit = shlex.quote(str(case.folder)), case.fit
+    folder, fit = shell_word(str(case.folder)), case.fit
     inputs = [fit.train.input_name] if fit.channels is None else fit.channels.names
     columns = " ".join(
-        f"--{role} {shlex.quote(name)}"
+        f"--{role} {shell_word(name)}"
         for role, name in (*(("input", name) for name in inputs), ("output", fit.train.output_name))
     )
-    source = shlex.quote(fit.train.source or "FILE")
+    source = shell_word(fit.train.source or "FILE")
     if isinstance(fit.detail, identify.DiscreteSpectrum):
         return _report_step.next_command(case, source)
     if not fit.trusted:
@@ -182,12 +182,19 @@ def next_command(case: Case) -> tuple[str, str]:
     return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
 
 
+def _visible(value: Any) -> Any:
+    """What the template fills in: text of others without marks of direction; macros are text already."""
+    return visible(value, keep="\n\t") if type(value) is str else value
+
+
 def render(file: Path, **words: Any) -> Path:
     """Fill the template. Raises `InputError` `cannot-write`."""
     import jinja2
 
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
-    page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    page = jinja2.Environment(
+        loader=loader, autoescape=True, finalize=_visible, trim_blocks=True, lstrip_blocks=True
+    )
     text = page.get_template(TEMPLATE).render(**words)
     try:
         file.write_text(text, "utf-8", errors="replace")

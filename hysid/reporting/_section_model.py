@@ -1,12 +1,12 @@
 """Report sections on the model: its posterior, its density, its compensator."""
 
-import shlex
 from collections import Counter
 
 import numpy as np
 
 from compensate import Status
 from hysteresis import InputError, Preisach
+from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from identify import excited_cells
 
@@ -31,7 +31,7 @@ def posterior(case: Case) -> Section:
     if posterior is None:
         section.text.append(
             "The posterior was not sampled; the standard errors are the only measure of uncertainty."
-            f" To sample it, run: hysid sample {shlex.quote(str(case.folder))}"
+            f" To sample it, run: hysid sample {shell_word(str(case.folder))}"
         )
         return section
     ensembles, draws, _ = posterior.draws.shape

@@ -6,12 +6,13 @@ from typing import Any
 
 from hysteresis import InputError
 from hysteresis._atomic_file import atomic_file
+from hysteresis._escape import json_text
 from hysteresis._format import plain
 
 
 def write_json(file: Path, document: dict[str, Any]) -> None:
     """Write a JSON document, whole or not at all."""
-    text = json.dumps(plain(document), indent=2, ensure_ascii=False) + "\n"
+    text = json_text(json.dumps(plain(document), indent=2, ensure_ascii=False)) + "\n"
     with atomic_file(file) as new:
         new.write_text(text, "utf-8")
 

@@ -1,12 +1,12 @@
 """Choice of input and output: the best pair of quantities, and which of the two is the input."""
 
-import shlex
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hysteresis import InputError, Record, Table, loop_direction
+from hysteresis._escape import shell_word
 
 from ._column_pairs import Column, Pair, correlation, duplicates, held, leftover, pairs
 
@@ -260,4 +260,4 @@ def _undecided(columns: list[Column], place: str) -> InputError:
 
 
 def _said(input: str, output: str) -> str:
-    return f"--input {shlex.quote(input)} --output {shlex.quote(output)}"
+    return f"--input {shell_word(input)} --output {shell_word(output)}"

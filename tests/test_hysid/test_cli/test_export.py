@@ -1,6 +1,8 @@
 """`hysid export`: files of a fit that run without JAX, and what is said where there can be none."""
 
 import os
+import shutil
+import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -8,8 +10,10 @@ import numpy as np
 import pytest
 
 import identify
-from compensate import Status, invert
+from compensate import Origin, Quantity, Status, export_c, invert
 from compensate.runtime import load
+from hysteresis import LinearSponge
+from tests.c_harness import COMPILERS, Compiled
 from tests.test_hysid.command import COLUMNS, refused, run, sponge, text
 
 
@@ -74,3 +78,24 @@ def test_what_is_at_fault_is_said(folder: Path):
     refused(run("export", folder), "--c FILE.h")
     refused(run("export", folder, "--c", folder / "1 2.h"), "cannot be a name in C")
     refused(run("export", folder / "none", "--c", folder / "it.h"), "none")
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+@pytest.mark.parametrize("name", ["force */ int planted; /* (N)", "/*raw*/", "a??/", "b\u202e\\"])
+def test_names_of_columns_run_nothing(name: str, tmp_path: Path):
+    """A header says the names in a comment, and compiles as strictly as ever, as C++ too."""
+    model, u = LinearSponge(0.4, 0.0), np.linspace(0.0, 10.0, 50)
+    quantity = Quantity(name, name[::-1])
+    export_c(
+        model, tmp_path / "it.h", model.simulate(None, u), reading=quantity, estimate=quantity,
+        title=f"{name}\n{name}", origin=Origin("PASS", (name,), f'2024" {name}'),
+    )  # fmt: skip
+    it = Compiled(tmp_path / "it.h", COMPILERS[0])
+    assert it.wrong == 0
+    assert "int planted" in it.text or "planted" not in name
+    assert not hasattr(it.library, "planted")
+    if shutil.which("g++"):
+        (tmp_path / "it.cpp").write_text('#include "it.h"\nint main() { return 0; }\n')
+        command = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "it.cpp"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr

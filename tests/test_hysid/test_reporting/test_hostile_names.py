@@ -1,0 +1,62 @@
+"""Pages and pictures about columns that may be called anything."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+import hysid
+import identify
+from hysid.figures._notebook import html
+from hysteresis import Record
+from tests.test_hysid.command import coarse_pictures
+from tests.test_hysteresis.test_escape import HOSTILE
+
+
+class Tags(HTMLParser):
+    """The tags of a page with the names of their attributes; its scripts; its visible text."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.tags: list[tuple[str, ...]] = []
+        self.text = ""
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, *(name for name, _ in attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def fitted(input: str, output: str) -> identify.FitResult:
+    u = np.tile(np.concatenate([np.linspace(0, 5, 20), np.linspace(5, 0, 20)]), 3)
+    y = 0.5 * u + 0.01 * np.random.default_rng(0).standard_normal(u.size)
+    record = Record.from_arrays(u, y, input_name=input, output_name=output, source=input)
+    return identify.fit(record, "LinearSponge", noise="gaussian", starts=1)
+
+
+def test_names_are_text_on_every_page(tmp_path: Path):
+    """A report has the kinds of tags that it has of innocent names, and so has a notebook's page."""
+    pages = []
+    for k, (a, b) in enumerate(
+        [("force (N)", "x (mm)"), ("".join(HOSTILE), "".join(HOSTILE[::-1]))]
+    ):
+        fit = fitted(a, b)
+        with coarse_pictures():
+            page = hysid.report(fit, tmp_path / f"{k}.html").read_bytes().decode("utf-8")
+        pages.append([Tags(page), Tags(html(fit)), Tags(html(fit.train))])
+        assert "&lt;U+202E&gt;" in page or not k
+        assert not set("\0\u202e\u2066\x1b") & set(page)
+    for innocent, hostile in zip(*pages, strict=True):
+        assert set(hostile.tags) == set(innocent.tags)
+
+
+def test_names_are_text_in_a_picture(tmp_path: Path):
+    fit = fitted("".join(HOSTILE), "</text><script>" * 2)
+    file = tmp_path / "it.svg"
+    fit.train.plot().savefig(file)
+    kinds = {node.tag.rpartition("}")[2] for node in ElementTree.parse(file).iter()}
+    assert "script" not in kinds
