@@ -1,0 +1,194 @@
+"""Time and memory of fits against the number of rows, beside other programs on the same file.
+
+python -m benchmarks.scale [--quick] [--json] [--model NAME[,NAME]] [--rows 1e3,1e5]
+
+Of every model and number of rows: the whole of `hysid fit FILE --model NAME`, from the start of Python to
+the written folder, in seconds and peak memory; cold, with no compiled programs kept, and warm, a second
+time. Growth is the exponent of time and of memory between neighbouring numbers of rows. The peer is a whole
+process too, on the same file. "Second fit" is one of another length in a process that has fitted before.
+`--quick` takes 1,000 rows alone.
+"""
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from hysteresis import Burgers
+
+from ._measure import Row, judged, noted, options, report
+
+COLUMNS = ("time", "force", "displacement")
+
+WORDS = ("--time", "time", "--input", "force", "--output", "displacement")
+
+
+LONG = 100_000
+"""Rows from which on the peer's time is a bar."""
+
+
+class Bar(NamedTuple):
+    """Seconds allowed of a cold and of a warm fit, and its peak memory in GB."""
+
+    cold: float | None = None
+    warm: float | None = None
+    memory: float | None = None
+
+
+class Case(NamedTuple):
+    """A model to fit, and what is fitted.
+
+    - `columns`: time, input and output of so many rows. `peer`: a module of `benchmarks._scale` that fits
+      the same file, and whose first line says what it is.
+    - `bars`: what is allowed, by number of rows. `second`: seconds allowed for a second fit.
+    - `over_peer`: how many times the peer's seconds a warm fit of `LONG` rows may take.
+    """
+
+    name: str
+    columns: Callable[[int], tuple[np.ndarray, ...]]
+    bars: Mapping[int, Bar]
+    peer: str | None = None
+    over_peer: float | None = None
+    second: float | None = None
+
+
+class Taken(NamedTuple):
+    """Seconds and peak memory (GB) of a process, and what it printed."""
+
+    seconds: float
+    memory: float
+    output: str
+
+
+def burgers(rows: int) -> tuple[np.ndarray, ...]:
+    """Force ramps and rests on a Burgers element at 100 Hz, white noise of a per cent of the range."""
+    t = 0.01 * np.arange(rows)
+    knots = np.arange(0.0, t[-1] + 5.0, 5.0)
+    levels = np.resize([0.0, 5.0, 5.0, 1.0, 3.0, 3.0, 0.5, 4.0], len(knots))
+    force = np.interp(t, knots, np.random.default_rng(0).permuted(levels))
+    clean = np.asarray(Burgers(2.0, 10 * t[-1], 1.0, 2.0, 0.3).simulate(t, force))
+    noise = np.random.default_rng(1).normal(0.0, 0.01 * np.ptp(clean), rows)
+    return t, force, clean + noise
+
+
+CASES = (
+    Case(
+        "Burgers",
+        burgers,
+        {1_000: Bar(cold=5.0), 100_000: Bar(warm=6.0)},
+        peer="lmfit_burgers",
+        over_peer=3.0,
+        second=0.5,
+    ),
+)
+
+
+def run(words: Sequence[object], cache: Path) -> Taken:
+    """A process, with JAX's programs kept in `cache`."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
+    begin = time.perf_counter()
+    with subprocess.Popen(
+        [sys.executable, "-m", *map(str, words)],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as child:  # fmt: skip
+        assert child.stdout is not None
+        output = child.stdout.read()
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise RuntimeError(output)
+    return Taken(time.perf_counter() - begin, used.ru_maxrss / 1e6, output)
+
+
+def rows_of_size(case: Case, rows: int, folder: Path) -> tuple[list[Row], Taken]:
+    """The figures of one number of rows, and the warm fit."""
+    file, out, what = folder / f"{rows}.csv", folder / "fit", f"{case.name}, {rows:,} rows"
+    # Seven digits, as loggers write them: the printed clock is even to its rounding only.
+    table = np.column_stack(case.columns(rows))
+    np.savetxt(file, table, fmt="%.7g", delimiter=",", header=",".join(COLUMNS), comments="")
+    words = ("hysid", "fit", file, *WORDS, "--model", case.name, "--out", out, "--overwrite")
+    cold, warm = (run(words, folder / f"cache{rows}") for _ in range(2))
+    bar = case.bars.get(rows, Bar())
+    found = [
+        _within(f"{what}: cold, s", cold.seconds, bar.cold),
+        _within(f"{what}: warm, s", warm.seconds, bar.warm),
+        _within(f"{what}: peak memory, GB", warm.memory, bar.memory),
+    ]
+    if case.peer:
+        peer = run((f"benchmarks._scale.{case.peer}", file), folder)
+        name = f"{case.peer.partition('_')[0]} with {peer.output.splitlines()[0]}"
+        found.append(noted(f"{what}: {name}, s", peer.seconds))
+        ratio = warm.seconds / peer.seconds
+        # Of few rows the start of Python and of JAX is all the time there is.
+        allowed = case.over_peer if rows >= LONG else None
+        found.append(_within(f"{what}: warm over {name}", ratio, allowed))
+    return found, warm
+
+
+def second_fit(case: Case, rows: int) -> Row:
+    """A fit of another length in a process that has fitted `rows` rows before."""
+    # Loaded here: what the parent process does with JAX is no part of the other figures.
+    import identify
+    from hysteresis import Record
+
+    seconds = math.nan
+    for count in (rows, rows - rows // 10):
+        t, u, y = case.columns(count)
+        begin = time.perf_counter()
+        identify.fit(Record.from_arrays(u, y, t), case.name)
+        seconds = time.perf_counter() - begin
+    return _within(f"{case.name}, {rows:,} rows: second fit, s", seconds, case.second)
+
+
+def rows_of(case: Case, sizes: Sequence[int]) -> list[Row]:
+    """All figures of a case."""
+    found, taken = [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        for rows in sizes:
+            print(f"{case.name}, {rows:,} rows ...", file=sys.stderr, flush=True)
+            figures, taken[rows] = rows_of_size(case, rows, Path(folder))
+            found += figures
+    if case.second is not None:
+        found.append(second_fit(case, sizes[0]))
+    for few, many in pairwise(sizes):
+        for name in ("seconds", "memory"):
+            ratio = getattr(taken[many], name) / getattr(taken[few], name)
+            exponent = math.log(ratio) / math.log(many / few)
+            what = f"{case.name}, {few:,} to {many:,} rows: exponent of {name}"
+            found.append(noted(what, exponent))
+    return found
+
+
+def _within(what: str, value: float, bar: float | None) -> Row:
+    return noted(what, value) if bar is None else judged(what, value, bar)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fit every case at every number of rows and print; the exit status."""
+    chosen = options(
+        "benchmarks.scale", __doc__, arguments,
+        model="which of the cases, by name", rows="how many rows, with commas between",
+    )  # fmt: skip
+    jax.config.update("jax_enable_x64", True)
+    said = (chosen.rows or ("1e3" if chosen.quick else "1e3,1e5")).split(",")
+    sizes = sorted(int(float(word)) for word in said)
+    names = [word.casefold() for word in (chosen.model or "").split(",") if word]
+    some = [case for case in CASES if not names or case.name.casefold() in names]
+    if not some:
+        print(f"have {', '.join(case.name for case in CASES)}", file=sys.stderr)
+        return 2
+    report([row for case in some for row in rows_of(case, sizes)], chosen.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
