@@ -4,6 +4,7 @@ import re
 
 from .._errors import InputError
 from .._note import Note
+from ._unit_grammar import LIMITS, LONGEST, is_within_grammar
 
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
@@ -75,7 +76,11 @@ def column_unit(
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
     if unit != "1" and unit not in RIG_UNITS and not _known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
-        raise InputError("unknown-unit", f"Unit {unit!r} is unknown.", place=place, fix=mend)
+        shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
+        cause = "" if is_within_grammar(unit) else LIMITS
+        raise InputError(
+            "unknown-unit", f"Unit {shown!r} is unknown.", place=place, cause=cause, fix=mend
+        )
     if unit in ("g", "kg", "mg") and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
@@ -84,6 +89,8 @@ def column_unit(
 
 
 def _known(unit: str) -> bool:
+    if not is_within_grammar(unit):
+        return False
     import pint
 
     # pint reads a.u. as the atomic mass unit times a year; rigs mean arbitrary units.

@@ -1,0 +1,60 @@
+"""Units are read by a grammar with limits; nothing calculates with what a stranger wrote."""
+
+import contextlib
+from pathlib import Path
+from time import perf_counter
+
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError, read_csv
+from hysteresis.records._unit_grammar import LARGEST_POWER, is_within_grammar
+from hysteresis.records._units import RIG_UNITS, column_unit, spelled
+
+UNITS = (
+    "N/mm", "mm**2", "kg*m/s^2", "N·mm", "m s^-1", "1/s", "mm^1.5", "N**0.5", "(N/mm)/s", "µm/m", "V/(mm*N)",
+    "degC", "m²", "mm**(1/2)", "mm**-1", "°", "N per mm", "kilogram * meter / second ** 2", "%",
+)  # fmt: skip
+BOMBS = (
+    "10**10**10", "9^9^9", "m**99", "m**1e9", "m**2.5e3", "m**9**9", "(10**9)**9", "2*m", "(" * 99 + "m" + ")" * 99,
+    "m" * 99, "m*" * 40 + "m", "__import__('os')", "lambda: m", "m[0]", "m.real", "-m", "m**-", "m*",
+    "*m", "()", "m)", "(m", "1e9 m", "", " ",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [*UNITS, *(u for u in RIG_UNITS)])
+def test_units_are_within_the_grammar(unit: str):
+    assert is_within_grammar(unit)
+    assert column_unit("x", "output", unit, None, "run.csv")[0] == spelled(unit)
+
+
+@pytest.mark.parametrize("unit", BOMBS)
+def test_what_is_no_unit_is_refused_at_once(unit: str):
+    begin = perf_counter()
+    assert not is_within_grammar(unit)
+    with contextlib.suppress(InputError):
+        column_unit("force", "output", unit, None, "run.csv")
+    assert perf_counter() - begin < 1.0
+
+
+def test_a_bomb_in_a_header_is_named(tmp_path: Path):
+    file = tmp_path / "run.csv"
+    file.write_text("force (10**10**10),x (mm)\n1,2\n2,3\n3,4\n")
+    with pytest.raises(InputError, match=f"exponents up to {LARGEST_POWER}") as caught:
+        read_csv(file, input="force (10**10**10)", output="x (mm)")
+    assert caught.value.code == "unknown-unit"
+
+
+@given(st.text(st.sampled_from("mN s1290.*/^()+-µ²e"), max_size=40))
+def test_whatever_is_let_through_is_parsed_at_once(unit: str):
+    """Names alone may be unknown to pint; nothing else goes wrong, and nothing takes long."""
+    if not is_within_grammar(unit):
+        return
+    begin = perf_counter()
+    try:
+        pint.get_application_registry().parse_units(unit)
+    except pint.PintError:
+        pass
+    assert perf_counter() - begin < 1.0
