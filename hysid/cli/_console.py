@@ -51,7 +51,8 @@ def start_jax(double: bool = True) -> None:
     """Load JAX in double precision, with one thread for small matrices, and keep compiled programs."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    keep_compiled()
+    if refused := keep_compiled():
+        log(f"Note: {refused}")
     import jax  # late: it takes a second, and --help needs none of it
 
     jax.config.update("jax_enable_x64", double)

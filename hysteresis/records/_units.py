@@ -24,8 +24,9 @@ _BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 
 
 def bare_unit(cell: str) -> str:
-    """A cell without blanks and brackets around its unit."""
-    return cell.strip().strip("[]()").strip()
+    """A cell without blanks and brackets around its unit; those of (N/mm)/s are part of it."""
+    bare = cell.strip().strip("[]()").strip()
+    return cell.strip() if set(bare) & set("[]()") else bare
 
 
 def spelled(unit: str) -> str:

@@ -64,12 +64,64 @@ def test_without_a_home_nothing_is_kept(tmp_path: Path):
 def test_the_oldest_go_when_there_are_too_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     place = {"XDG_CACHE_HOME": str(tmp_path)}
     folder = Path(kept(**place)[FOLDER])
-    for k in range(10):
-        (folder / str(k)).write_bytes(bytes(10))
-        os.utime(folder / str(k), (k, k))
+    names = [f"jit_f-{k:064x}-cache" for k in range(10)]
+    for k, name in enumerate(names):
+        (folder / name).write_bytes(bytes(10))
+        os.utime(folder / name, (k, k))
     monkeypatch.setattr(_compiled, "MOST", 100)
     kept(**place)
     assert len(list(folder.iterdir())) == 10
     monkeypatch.setattr(_compiled, "MOST", 99)
     kept(**place)
-    assert sorted(file.name for file in folder.iterdir()) == ["6", "7", "8", "9"]
+    assert sorted(file.name for file in folder.iterdir()) == names[6:]
+
+
+def test_only_its_own_files_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Neither what others have named, nor what a link of the right name leads to."""
+    place = {"XDG_CACHE_HOME": str(tmp_path)}
+    folder = Path(kept(**place)[FOLDER])
+    (folder / "thesis.tex").write_bytes(bytes(1000))
+    (tmp_path / "mine").write_bytes(bytes(1000))
+    (folder / f"jit_f-{0:064x}-cache").symlink_to(tmp_path / "mine")
+    monkeypatch.setattr(_compiled, "MOST", 10)
+    kept(**place)
+    assert (folder / "thesis.tex").exists()
+    assert (tmp_path / "mine").exists()
+
+
+def test_the_folder_is_for_one_user(tmp_path: Path):
+    place = {"XDG_CACHE_HOME": str(tmp_path)}
+    folder = Path(kept(**place)[FOLDER])
+    for it in (folder, folder.parent):
+        assert it.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o755)  # as earlier versions made it
+    assert kept(**place)[FOLDER] == str(folder)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no modes of files")
+@pytest.mark.parametrize("which", ["cache", "hysid", "compiled"])
+@pytest.mark.parametrize("how", ["writable", "link", "foreign"])
+def test_a_folder_of_others_is_not_used(
+    which: str, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """And the command goes on without."""
+    place = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    folder = Path(kept(**place)[FOLDER])
+    it = {"cache": folder.parents[1], "hysid": folder.parent, "compiled": folder}[which]
+    if how == "writable":
+        it.chmod(0o777)
+    elif how == "link":
+        it.rename(tmp_path / "elsewhere")
+        it.symlink_to(tmp_path / "elsewhere")
+    else:
+        uid = os.getuid()
+        monkeypatch.setattr(os, "getuid", lambda: uid + 1)
+    before = sorted(tmp_path.rglob("*"))
+    if which == "cache" and how == "link":  # a home may lie on another disk
+        assert kept(**place)[FOLDER] == str(folder)
+        return
+    assert FOLDER not in kept(**place)
+    assert sorted(tmp_path.rglob("*")) == before
+    with patch.dict(os.environ, OURS | place, clear=True):
+        assert str(it if how != "foreign" else tmp_path) in keep_compiled()
