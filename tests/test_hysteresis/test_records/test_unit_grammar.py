@@ -15,11 +15,13 @@ from hysteresis.records._units import RIG_UNITS, column_unit, spelled
 
 UNITS = (
     "N/mm", "mm**2", "kg*m/s^2", "N·mm", "m s^-1", "1/s", "mm^1.5", "N**0.5", "(N/mm)/s", "µm/m",
-    "V/(mm*N)",    "degC", "m²", "mm**(1/2)", "mm**-1", "°", "N per mm", "kilogram * meter / second ** 2", "%",
+    "V/(mm*N)", "degC", "m²", "mm**(1/2)", "mm**-1", "°", "N per mm",
+    "kilogram * meter / second ** 2", "%",
 )  # fmt: skip
 BOMBS = (
     "10**10**10", "9^9^9", "m**99", "m**1e9", "m**2.5e3", "m**9**9", "(10**9)**9", "2*m",
-    "(" * 99 + "m" + ")" * 99,    "m" * 99, "m*" * 40 + "m", "__import__('os')", "lambda: m", "m[0]", "m.real", "-m", "m**-", "m*",
+    "(" * 99 + "m" + ")" * 99, "m" * 99, "m*" * 40 + "m", "__import__('os')", "lambda: m", "m[0]", "m.real",
+    "-m", "m**-", "m*",
     "*m", "()", "m)", "(m", "1e9 m", "", " ",
 )  # fmt: skip
 
