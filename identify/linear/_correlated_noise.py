@@ -10,14 +10,15 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
+import scipy.linalg
 from jaxtyping import Float
 
 CORRELATIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95)
 """Of neighbouring rows, that are simulated; between them residuals are interpolated."""
 
-SIMULATED = 32
-"""Series of noise for each; the same random numbers for all, so that what is interpolated is smooth."""
+SIMULATED, VALUES = 32, 320_000
+"""Series of noise for each, and fewer if there are so many rows that they have more values together. The
+random numbers are the same for all, so that what is interpolated is smooth."""
 
 Noises = Float[np.ndarray, "rows series"]
 
@@ -49,14 +50,17 @@ def noise_behind(
 
     **Returns:** sigma, in the unit of the residuals, and phi between 0 and 0.95.
     """
-    shape = len(residuals), SIMULATED
-    squares, products = np.empty(len(CORRELATIONS)), np.empty(len(CORRELATIONS))
+    count = int(np.clip(VALUES // len(residuals), 1, SIMULATED))
+    white = np.random.default_rng(0).normal(size=(len(residuals), count))
+    noise = np.empty((len(residuals), len(CORRELATIONS), count))
     for k, phi in enumerate(CORRELATIONS):
-        noise = np.random.default_rng(0).normal(size=shape)
         for rows in sequences:
-            noise[rows][1:] *= np.sqrt(1 - phi**2)
-            noise[rows] = scipy.signal.lfilter([1.0], [1.0, -phi], noise[rows], axis=0)
-        squares[k], products[k] = _moments(left(noise), sequences)
+            one = white[rows] * np.sqrt(1 - phi**2)
+            one[0] = white[rows][0]
+            noise[rows, k] = _followed(one, phi)
+    followed = left(noise.reshape(len(residuals), -1)).reshape(noise.shape)
+    moments = [_moments(followed[:, k], sequences) for k in range(len(CORRELATIONS))]
+    squares, products = np.array(moments).T
     found, neighbours = _moments(residuals[:, None], sequences)
     if found == 0:
         return CorrelatedNoise(0.0, 0.0)
@@ -70,10 +74,14 @@ def spread_over_rows(columns: Noises, phi: float, sequences: Sequence[slice]) ->
     spread = np.empty_like(columns)
     for rows in sequences:
         one = columns[rows]
-        ahead = scipy.signal.lfilter([1.0], [1.0, -phi], one, axis=0)
-        back = scipy.signal.lfilter([1.0], [1.0, -phi], one[::-1], axis=0)[::-1]
-        spread[rows] = ahead + back - one
+        spread[rows] = _followed(one, phi) + _followed(one[::-1], phi)[::-1] - one
     return spread
+
+
+def _followed(x: Noises, phi: float) -> Noises:
+    """e_i = phi e_(i-1) + x_i of each column; scipy.signal has it too, and takes half a second to load."""
+    band = np.stack([np.ones(len(x)), np.full(len(x), -phi)])
+    return scipy.linalg.solve_banded((1, 0), band, x, check_finite=False)
 
 
 def _moments(series: Noises, sequences: Sequence[slice]) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel
@@ -41,8 +40,9 @@ class LinearFit(Generic[Unknowns]):
     - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
     - `strength`: of the prior; `dropped`: whether the fit leaves out the conditioning cycle.
     - `blocks`: held-out mean squared errors, over scale^2, at that choice.
-    - `spread`: covariance of b by correlated noise and the prior's bias, for the errors of sums; None:
-      draws give them. `determined`: which sums the data know rather than the prior; None: all.
+    - `sums`: of a grid, the covariance of `GridUnknowns.sums` over scale^2, by correlated noise and the
+      prior's bias; None: draws give errors. `determined`: which sums the data know rather than the prior;
+      None: all.
     """
 
     unknowns: Float[np.ndarray, " unknowns"]
@@ -53,7 +53,7 @@ class LinearFit(Generic[Unknowns]):
     strength: float
     blocks: Float[np.ndarray, " blocks"]
     dropped: bool = False
-    spread: Float[np.ndarray, "unknowns unknowns"] | None = None
+    sums: Float[np.ndarray, "all_sums all_sums"] | None = None
     determined: Bool[np.ndarray, " sums"] | None = None
 
     @property
@@ -86,14 +86,14 @@ class LinearFit(Generic[Unknowns]):
     ) -> Float[np.ndarray, "draws sums"]:
         """The sums of draws, in the output's unit.
 
-        With a `spread` those that the data determine are moved and scaled to the value and error of the
+        With `sums` those that the data determine are moved and scaled to the value and error of the
         fit. Signs push all draws to one side: 90 % of the draws of a loop's width held 56 % of the truths.
         """
         found = draws @ self.meaning.totals.T * self.meaning.scale
-        if self.spread is None or self.determined is None or len(draws) < 2:
+        if self.sums is None or self.determined is None or len(draws) < 2:
             return found
         values = self.meaning.scale * self.meaning.totals @ self.unknowns
-        errors = abs(self.meaning.scale) * self._errors(self.meaning.totals)
+        errors = abs(self.meaning.scale) * self._errors[: found.shape[1]]
         deviation = np.maximum(found.std(0, ddof=1), 1e-300)
         moved = values + (found - found.mean(0)) * errors / deviation
         return np.where(self.determined, moved, found)
@@ -103,43 +103,33 @@ class LinearFit(Generic[Unknowns]):
     ) -> tuple[Float[np.ndarray, " sums"], Float[np.ndarray, "sums sums"]]:
         """The sums that tell what each part of the model does, in the output's unit, and their covariance.
 
-        With a `spread` the covariance is C G spread G' C' of the sums' rows C, with G the inverse of H
-        among the unknowns that are not held at zero. Without one it is that of projected draws about the
-        fit, not about their mean: where the data leave much open the signs push the draws to one side, and
-        the error has to reach there.
+        Without `sums` the covariance is that of projected draws about the fit, not about their mean: where
+        the data leave much open the signs push the draws to one side, and the error has to reach there.
         """
         sums, scale = self.meaning.totals, self.meaning.scale
         values = scale * sums @ self.unknowns
-        if self.spread is not None:
-            return values, scale**2 * self._covariance(sums)
+        if self.sums is not None:
+            return values, scale**2 * self.sums[: len(values), : len(values)]
         deviations = scale * self.draws(noise, count, random) @ sums.T - values
         return values, deviations.T @ deviations / count
 
     def open_shares(self) -> tuple[OpenShare, ...]:
         """What the data do not separate, with the 90 % interval of each end of its range."""
         meaning, scale = self.meaning, self.meaning.scale
-        if not isinstance(meaning, GridUnknowns) or self.spread is None:
+        if not isinstance(meaning, GridUnknowns) or self.sums is None:
             return ()
         values = scale * meaning.shares @ self.unknowns
+        errors = self._errors[len(meaning.total_names) :].reshape(2, -1)
         low, high = (
-            scale * (rows @ self.unknowns + side * NORMAL_95 * self._errors(rows))
-            for side, rows in zip((-1, 1), meaning.share_ranges, strict=True)
+            scale * (rows @ self.unknowns + side * NORMAL_95 * error)
+            for side, rows, error in zip((-1, 1), meaning.share_ranges, errors, strict=True)
         )
         # An output that falls has a negative scale, which turns the ends over.
         turned = (low, high) if scale > 0 else (high, low)
         ends = ([None if np.isnan(e) else float(e) for e in end] for end in turned)
         return tuple(map(OpenShare, NOT_SEPARABLE, values.tolist(), *ends))
 
-    def _errors(self, rows: Float[np.ndarray, "sums unknowns"]) -> Float[np.ndarray, " sums"]:
-        return np.sqrt(np.diagonal(self._covariance(rows)))
-
-    def _covariance(
-        self, rows: Float[np.ndarray, "sums unknowns"]
-    ) -> Float[np.ndarray, "sums sums"]:
-        """Of sums of the unknowns, over scale squared; those at zero stay there."""
-        assert self.spread is not None
-        assert isinstance(self.meaning, GridUnknowns)
-        inside = np.flatnonzero((self.unknowns != 0) | self.meaning.free)
-        H, spread = (matrix[np.ix_(inside, inside)] for matrix in (self.H, self.spread))
-        kernel = scipy.linalg.solve(H, rows[:, inside].T, assume_a="pos", check_finite=False)
-        return kernel.T @ spread @ kernel
+    @property
+    def _errors(self) -> Float[np.ndarray, " all_sums"]:
+        assert self.sums is not None
+        return np.sqrt(np.diagonal(self.sums))

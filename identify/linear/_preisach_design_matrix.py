@@ -2,22 +2,21 @@
 
 The output is linear in z = (offset, reversible increments, weights). In *node space*, where a
 column is an entry of the Everett table, each sample touches few entries: the matrix B is sparse. The table
-is a double cumulative sum S of the weights, and z = P x of the unknowns, so their normal matrix is
-P'S'(B'B)S P, without ever forming the dense design matrix.
+is a double cumulative sum S of the weights. B is made in blocks of rows, which bound the memory.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import scipy.sparse as sparse
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from hysteresis.preisach import GridDensity, GridPairs, Preisach, PreisachInput
 
-from ._cross_validation import NormalEquations
-
-CHUNK = 1024
-"""Columns of the normal matrix worked on at once: bounds the memory."""
+ROWS = 1 << 16
+"""Rows of a block."""
 
 
 class NodeSpace(NamedTuple):
@@ -103,75 +102,104 @@ class NodeSpace(NamedTuple):
         return np.concatenate(found)
 
 
-def design_rows(model: Preisach, prepared: PreisachInput) -> sparse.csr_matrix:
-    """B: one row per sample in node space, for a model with a `GridDensity` and a reversible part."""
-    p = prepared
+class DesignBlock(NamedTuple):
+    """Rows of B in two factors, `own + path[anchor]`: samples of a branch share all but their last step.
+
+    - `rows`: which samples they are. `own`: what each reads by itself, in node space.
+    - `path` (anchors,): what the anchors read along their paths to the root. `anchor`: that of each row.
+    """
+
+    rows: slice
+    own: Any
+    path: Any
+    anchor: Int[np.ndarray, " rows"]
+
+    def product(self, nodes: Float[np.ndarray, "columns batch"]) -> np.ndarray:
+        """B nodes."""
+        return self.own @ nodes + (self.path @ nodes)[self.anchor]
+
+    def transposed(self, values: Float[np.ndarray, "rows batch"]) -> np.ndarray:
+        """B' values."""
+        return self.own.T @ values + self.path.T @ (self.by_anchor() @ values)
+
+    def by_anchor(self, taken: Any = slice(None)) -> Any:
+        """(anchors, taken rows), sparse: sums the rows of each anchor."""
+        anchor = self.anchor[taken]
+        each = np.ones(len(anchor)), (anchor, np.arange(len(anchor)))
+        return sparse.csr_matrix(each, shape=(self.path.shape[0], len(anchor)))
+
+    @property
+    def matrix(self) -> Any:
+        """B, sparse."""
+        return self.own + self.path[self.anchor]
+
+
+def design_rows(model: Preisach, prepared: PreisachInput) -> Any:
+    """B, sparse: one row per sample in node space, for a model with a `GridDensity`."""
+    return sparse.vstack([block.matrix for block in design_blocks(model, prepared)]).tocsr()
+
+
+def design_blocks(model: Preisach, prepared: PreisachInput) -> Iterator[DesignBlock]:
+    """B in blocks of at most `ROWS` rows, for a model with a `GridDensity` and a reversible part."""
     assert isinstance(model.density, GridDensity)
     space = NodeSpace(model.density.cells, model.up is not None)
-    own = _everett_rows(space, p.sample, np.asarray(p.sign))
-    past = _everett_rows(space, p.past, np.asarray(p.past_sign))
-    edge = sparse.vstack([past, own]).tocsr()[np.asarray(p.place)]
+    prepared = jax.tree.map(np.asarray, prepared)
+    for begin in range(0, len(prepared.sign), ROWS):
+        rows = slice(begin, min(begin + ROWS, len(prepared.sign)))
+        anchors, anchor = np.unique(prepared.tree.anchor[rows], return_inverse=True)
+        own = _everett_rows(space, _taken(prepared.sample, rows), prepared.sign[rows])
+        path = _paths(space, prepared, anchors)
+        if model.orientation < 0:
+            own, path = -own, -path
+        own = own + _memoryless_rows(space, prepared, rows, model.orientation)
+        if space.occupancy:
+            own = own + model.orientation * _occupancy_rows(space, _taken(prepared.unvisited, rows))
+        yield DesignBlock(rows, own.tocsr(), path, anchor)
 
-    # The level at an anchor is the sum of the edges on its way to the root: (I + P + P^2 + ...) edge.
-    parent = np.asarray(p.tree.parent)
-    anchors = len(parent)
-    up = sparse.csr_matrix(
-        (np.ones(anchors - 1), (np.arange(1, anchors), parent[1:])), shape=(anchors, anchors)
+
+def _paths(space: NodeSpace, prepared: PreisachInput, anchors: Int[np.ndarray, " some"]) -> Any:
+    """The sums of the edges on the way of some anchors to the root, as rows in node space."""
+    parent = prepared.tree.parent
+    rows, on_way = [], []
+    at, here = np.arange(len(anchors)), anchors
+    while len(at):
+        rows.append(at)
+        on_way.append(here)
+        at, here = at[here > 0], parent[here[here > 0]]
+    used, column = np.unique(np.concatenate(on_way), return_inverse=True)
+    each = np.ones(len(column)), (np.concatenate(rows), column)
+    reached = sparse.csr_matrix(each, shape=(len(anchors), len(used)))
+    # The change from an anchor's parent to the anchor is that of the sample at which the input turned.
+    place, past = prepared.place[used], len(prepared.past_sign)
+    before, place_past, place = (
+        place < past,
+        np.minimum(place, past - 1),
+        np.maximum(place - past, 0),
     )
-    level: Any = edge
-    step: Any = edge
-    while step.nnz:
-        step = up @ step
-        level = level + step
-    level.eliminate_zeros()
-    relays = (own + level[np.asarray(p.tree.anchor)]).tocsr()
-
-    samples = np.arange(len(p.sign))
-    cell, within = np.asarray(p.cell), np.asarray(p.within)
-    ones = np.ones(len(samples))
-    memoryless = sparse.csr_matrix(
-        (
-            np.concatenate([ones, 1 - within, within]),
-            (np.tile(samples, 3), np.concatenate([0 * cell, 1 + cell, 2 + cell])),
-        ),
-        shape=relays.shape,
+    pairs = jax.tree.map(
+        lambda a, b: np.where(before, a[place_past], b[place]), prepared.past, prepared.sample
     )
-    mass = sparse.csr_matrix(
-        (ones, (samples, np.full(len(samples), space.everett + space.cells * space.nodes))),
-        shape=relays.shape,
-    )
-    relays = relays - mass
-    if space.occupancy:
-        relays = relays + _occupancy_rows(space, p.unvisited)
-    return (memoryless + model.orientation * relays).tocsr()
+    sign = np.where(before, prepared.past_sign[place_past], prepared.sign[place])
+    return (reached @ _everett_rows(space, pairs, sign)).tocsr()
 
 
-def normal_equations(
-    space: NodeSpace, B: sparse.csr_matrix, y: Float[np.ndarray, " samples"], P: Any
-) -> NormalEquations:
-    """P'S'(B'B)S P, P'S'B'y and y'y."""
-    H = normal_matrix(space, (B.T @ B).tocsc(), P)
-    return NormalEquations(H, gathered(space, (B.T @ y)[:, None], P)[:, 0], float(y @ y), len(y))
+def _taken(pairs: GridPairs, rows: slice) -> GridPairs:
+    return GridPairs(*(part[rows] for part in pairs))
 
 
-def normal_matrix(space: NodeSpace, gram: Any, P: Any) -> Float[np.ndarray, "unknowns unknowns"]:
-    """P'S' gram S P, of a symmetric matrix in node space, sparse by columns."""
-    used = np.flatnonzero(np.diff(gram.indptr))
-    half = np.zeros((space.columns, P.shape[1]))
-    half[used] = gathered(space, gram[:, used], P).T
-    H = gathered(space, half, P)
-    return (H + H.T) / 2
-
-
-def gathered(space: NodeSpace, columns: Any, P: Any) -> Float[np.ndarray, "unknowns batch"]:
-    """P'S' of columns in node space."""
-    turned = P.T.tocsr()
-    chunks = (columns[:, k : k + CHUNK] for k in range(0, columns.shape[1], CHUNK))
-    return np.hstack([turned @ space.to_unknowns(_dense(chunk)) for chunk in chunks])
-
-
-def _dense(chunk: Any) -> np.ndarray:
-    return chunk.toarray() if sparse.issparse(chunk) else np.ascontiguousarray(chunk)
+def _memoryless_rows(
+    space: NodeSpace, prepared: PreisachInput, rows: slice, orientation: int
+) -> Any:
+    """Offset, reversible part, and negative saturation, where all relays together give -mass."""
+    assert prepared.cell is not None
+    assert prepared.within is not None
+    cell, within = prepared.cell[rows], prepared.within[rows]
+    ones, samples = np.ones(len(cell)), np.arange(len(cell))
+    mass = np.full(len(cell), space.everett + space.cells * space.nodes)
+    values = np.concatenate([ones, 1 - within, within, -orientation * ones])
+    columns = np.concatenate([0 * cell, 1 + cell, 2 + cell, mass])
+    where = np.tile(samples, 4), columns
+    return sparse.csr_matrix((values, where), shape=(len(cell), space.columns))
 
 
 def _occupancy_rows(space: NodeSpace, pairs: GridPairs) -> sparse.csr_matrix:

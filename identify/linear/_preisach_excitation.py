@@ -20,7 +20,8 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
 
 from ..records._run_model import prepare
-from ._preisach_design_matrix import CHUNK, NodeSpace, design_rows
+from ._preisach_design_matrix import NodeSpace, design_rows
+from ._preisach_normal_equations import CHUNK
 
 
 class Identifiability(NamedTuple):

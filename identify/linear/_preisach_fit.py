@@ -1,5 +1,6 @@
 """Fitting a Preisach model on a grid: shape, resolution and prior strength, then the weights."""
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeAlias
@@ -14,6 +15,7 @@ from ..records._orientation import output_falls
 from ._cross_validation import STRENGTHS, Choice
 from ._linear_fit import LinearFit
 from ._preisach_problem import COARSE, PreisachProblem
+from ._preisach_sums import known_sums
 from ._preisach_unknowns import GridUnknowns, refined
 
 Tried: TypeAlias = Choice[PreisachProblem]
@@ -49,10 +51,12 @@ def fit_preisach(
 
     def tried(meaning: GridUnknowns, strengths: Iterable[float]) -> list[Tried]:
         problem = PreisachProblem(record, parts, meaning)
+        pairs = list(itertools.product(strengths, drops))
         return [
-            Choice(problem, strength, problem.held_out_errors(strength, dropped), dropped=dropped)
-            for strength in strengths
-            for dropped in drops
+            Choice(problem, strength, blocks, dropped=dropped)
+            for (strength, dropped), blocks in zip(
+                pairs, problem.held_out_errors(pairs), strict=True
+            )
         ]
 
     coarse, *finer = cells
@@ -86,7 +90,7 @@ def _best(choices: list[Tried]) -> Tried:
 
 
 def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
-    """A choice, fitted to all the training parts; the `final` one with its spread."""
+    """A choice, fitted to all the training parts; the `final` one with what it knows of sums."""
     problem, meaning = choice.problem, choice.problem.meaning
     which = problem.parts.without_conditioning(problem.parts.all, choice.dropped)
     H, b = problem.objective(which, choice.strength)
@@ -97,6 +101,6 @@ def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
     )  # fmt: skip
     if not final:
         return fit
-    given = which, choice.strength, unknowns
-    known = problem.determined(*given, meaning.totals)
-    return replace(fit, spread=problem.spread(*given), determined=known)
+    known = known_sums(problem, which, choice.strength, unknowns)
+    totals = len(meaning.totals)
+    return replace(fit, sums=known.covariance, determined=known.determined[:totals])

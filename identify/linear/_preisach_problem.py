@@ -9,7 +9,7 @@ differences of the weights between neighbouring cells of n x n, D_r those of the
 of n make lambda mean the same on every grid.
 """
 
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
@@ -19,18 +19,12 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
-from ..records._folds import Parts, held_out_errors
+from ..records._folds import Parts, block_errors
 from ..records._run_model import prepare
-from ._correlated_noise import noise_behind, spread_over_rows
 from ._cross_validation import JITTER, NormalEquations, total
 from ._nnls import nonnegative_least_squares
-from ._preisach_design_matrix import (
-    CHUNK,
-    design_rows,
-    gathered,
-    normal_equations,
-    normal_matrix,
-)
+from ._preisach_design_matrix import DesignBlock, design_blocks
+from ._preisach_normal_equations import normal_equations
 from ._preisach_unknowns import GridUnknowns
 
 COARSE = 20
@@ -47,16 +41,25 @@ class PreisachProblem:
         self.meaning, self.parts = meaning, parts
         self.starts = record.starts
         self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
-        template = meaning.rising(np.zeros(meaning.count))
-        self.B = design_rows(template, prepare(template, record))
+        self.template = meaning.rising(np.zeros(meaning.count))
+        self.prepared = prepare(self.template, record)
         P = meaning.expansion
         self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())
-        self.normal = {
-            p: normal_equations(
-                meaning.space, self.B[parts.label == p], self.y[parts.label == p], P
-            )
-            for p in parts.all
-        }
+        self.normal = dict(normal_equations(meaning.space, self.blocks(), self.y, parts.label, P))
+
+    def blocks(self) -> Iterator[DesignBlock]:
+        """The design, block by block: it is made anew each time, which takes less than to keep it."""
+        return design_blocks(self.template, self.prepared)
+
+    def outputs(self, unknowns: Float[np.ndarray, "unknowns batch"]) -> np.ndarray:
+        """The output of every sample, over `scale`, for columns of unknowns."""
+        nodes = self.nodes(unknowns)
+        return np.concatenate([block.product(nodes) for block in self.blocks()])
+
+    def nodes(self, unknowns: Float[np.ndarray, "unknowns batch"]) -> np.ndarray:
+        """Columns of unknowns in node space."""
+        z = np.asarray(self.meaning.expansion @ unknowns)
+        return np.stack([self.meaning.space.from_unknowns(one) for one in z.T], 1)
 
     def objective(
         self, which: tuple[int, ...], strength: float
@@ -67,87 +70,38 @@ class PreisachProblem:
         H[0, 0] *= 1 + JITTER
         return H, b
 
-    def spread(
-        self, which: tuple[int, ...], strength: float, x: Float[np.ndarray, " unknowns"]
-    ) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Covariance of the b of a fit to some parts: what could as well have been measured.
+    def held_out_errors(
+        self, tried: Sequence[tuple[float, bool]]
+    ) -> list[Float[np.ndarray, " blocks"]]:
+        """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part.
 
-            A' V A sigma^2 / N^2 + d d',      d = H (x_(lambda / 10) - x)
-
-        The noise, AR(1), is that behind the residuals. The second term is the bias: how far the unknowns
-        move under a prior of a tenth of the strength. Strengths are chosen by held-out errors, and a strong
-        one that predicts well moves sums by up to two standard errors.
+        `tried`: pairs of a prior strength and whether the conditioning cycle is dropped. All share one pass
+        over the rows.
         """
-        meaning, space, P = self.meaning, self.meaning.space, self.meaning.expansion
-        chosen = np.isin(self.parts.label, which)
-        B, rows = self.B[chosen].tocsc(), int(chosen.sum())
-        sequences = _runs(self.starts, chosen)
-        H, b = self.objective(which, strength)
-        inside = np.flatnonzero((x != 0) | meaning.free)
-        factor = scipy.linalg.cho_factor(H[np.ix_(inside, inside)])
-
-        def left(noise: np.ndarray) -> np.ndarray:
-            """What the fit leaves of noise, the signs of its unknowns held."""
-            followed = np.zeros((len(x), noise.shape[1]))
-            moved = gathered(space, B.T @ noise, P)[inside] / rows
-            followed[inside] = scipy.linalg.cho_solve(factor, moved)
-            nodes = [space.from_unknowns(z) for z in np.asarray(P @ followed).T]
-            return noise - B @ np.stack(nodes, 1)
-
-        residuals = self.y[chosen] - B @ space.from_unknowns(P @ x)
-        noise = noise_behind(residuals, left, sequences)
-        used = np.flatnonzero(np.diff(B.indptr))
-        parts = [
-            sparse.csc_matrix(
-                B.T @ spread_over_rows(B[:, used[k : k + CHUNK]].toarray(), noise.phi, sequences)
-            )
-            for k in range(0, len(used), CHUNK)
+        folds, columns = self.parts.folds, []
+        for strength, dropped in tried:
+            start: Bool[np.ndarray, " n"] | None = None
+            for fold in folds:
+                # Without the slope constraints of a leading model: close enough to rank by.
+                which = self.parts.without_conditioning(fold.train, dropped)
+                x = nonnegative_least_squares(
+                    *self.objective(which, strength), self.meaning.free, start
+                )
+                columns.append(x)
+                start = x != 0
+        nodes = self.nodes(np.stack(columns, 1))
+        # Of each fold, the columns of all that is tried.
+        of_fold = [slice(k, None, len(folds)) for k in range(len(folds))]
+        errors = [[np.zeros((0, len(tried)))] for _ in folds]
+        for block in self.blocks():
+            label, y = self.parts.label[block.rows], self.y[block.rows]
+            for fold, at, found in zip(folds, of_fold, errors, strict=True):
+                if (rows := np.isin(label, fold.test)).any():
+                    found.append(block.product(nodes[:, at])[rows] - y[rows, None])
+        each = [np.concatenate(found) for found in errors]
+        return [
+            np.concatenate([block_errors(error[:, k]) for error in each]) for k in range(len(tried))
         ]
-        ones = np.ones(len(used)), (np.arange(len(used)), used)
-        place = sparse.csc_matrix(ones, shape=(len(used), space.columns))
-        spread: Any = sparse.hstack(parts) @ place
-        S = normal_matrix(space, spread.tocsc(), P) / rows
-        weaker = np.zeros_like(x)
-        H_weaker = (H - 0.9 * strength * self.prior)[np.ix_(inside, inside)]
-        weaker[inside] = scipy.linalg.solve(H_weaker, b[inside], assume_a="pos")
-        bias = H @ (weaker - x)
-        return noise.sigma**2 / rows * S + np.outer(bias, bias)
-
-    def determined(
-        self,
-        which: tuple[int, ...],
-        strength: float,
-        x: Float[np.ndarray, " unknowns"],
-        sums: Float[np.ndarray, "sums unknowns"],
-    ) -> Bool[np.ndarray, " sums"]:
-        """Which sums C x the data know rather than the prior: c'G H_d G c >= c'G c / 2.
-
-        H_d is H without the prior, and G the inverse of H among the unknowns that are not zero.
-        """
-        H, _ = self.objective(which, strength)
-        inside = np.flatnonzero((x != 0) | self.meaning.free)
-        at, C = np.ix_(inside, inside), sums[:, inside]
-        kernel = scipy.linalg.solve(H[at], C.T, assume_a="pos")
-        of_prior = np.einsum("is,ij,js->s", kernel, strength * self.prior[at], kernel)
-        return of_prior <= 0.5 * np.einsum("si,is->s", C, kernel)
-
-    def held_out_errors(self, strength: float, dropped: bool) -> Float[np.ndarray, " blocks"]:
-        """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part."""
-        meaning, start = self.meaning, None
-
-        def solve(train: tuple[int, ...]) -> np.ndarray:
-            nonlocal start
-            # Without the slope constraints of a leading model: close enough to rank by.
-            H, b = self.objective(self.parts.without_conditioning(train, dropped), strength)
-            x = nonnegative_least_squares(H, b, meaning.free, start)
-            start = x != 0
-            return x
-
-        def error(x: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
-            rows = np.isin(self.parts.label, test)
-            return self.B[rows] @ meaning.space.from_unknowns(meaning.expansion @ x) - self.y[rows]
-
-        return held_out_errors(self.parts.folds, solve, error)
 
     def log_evidence(
         self, strength: float, start: Bool[np.ndarray, " n"] | None = None
@@ -216,14 +170,6 @@ def smoothness(meaning: GridUnknowns) -> sparse.csr_matrix:
     fitted = [0.01 * weights] * (meaning.initial == "fit")
     blocks = [sparse.csr_matrix((1, 1)), increments, weights, *fitted]
     return sparse.csr_matrix(sparse.block_diag(blocks))
-
-
-def _runs(starts: np.ndarray, chosen: Bool[np.ndarray, " samples"]) -> list[slice]:
-    """Among the chosen rows, those of one sequence that follow one another without a gap."""
-    rows = np.flatnonzero(chosen)
-    new = np.append(True, (np.diff(rows) > 1) | np.isin(rows[1:], starts))
-    first = np.flatnonzero(new)
-    return [slice(*ends) for ends in zip(first, [*first[1:], len(rows)], strict=True)]
 
 
 def _log_determinant(H: np.ndarray, at: np.ndarray) -> float:

@@ -174,6 +174,11 @@ class GridUnknowns:
             ]
         )
 
+    @property
+    def sums(self) -> Float[np.ndarray, "sums unknowns"]:
+        """The rows of `totals`, and those of both ends of `share_ranges`."""
+        return np.vstack([self.totals, *self.share_ranges])
+
     def _of_weights(self, factor: Float[np.ndarray, " weights"]) -> Float[np.ndarray, " unknowns"]:
         """The row that sums up the weights, times a factor each."""
         z = np.zeros(self.expansion.shape[0])

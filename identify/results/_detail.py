@@ -174,9 +174,9 @@ def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel)
 
 def _linear_arrays(linear: LinearFit) -> dict[str, Any]:
     found = {"at": linear.unknowns, "H": linear.H, "b": linear.b, "blocks": linear.blocks}
-    if linear.spread is None:
+    if linear.sums is None:
         return found
-    return found | {"spread": linear.spread, "determined": linear.determined}
+    return found | {"sums": linear.sums, "determined": linear.determined}
 
 
 def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
@@ -184,7 +184,5 @@ def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
     rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
     own = (arrays[name] for name in ("at", "H", "b", "blocks"))
     unknowns, H, b, blocks = own
-    spread, determined = arrays.get("spread"), arrays.get("determined")
-    return LinearFit(
-        unknowns, meaning, H, b, rows, 0.0, blocks, spread=spread, determined=determined
-    )
+    sums, determined = arrays.get("sums"), arrays.get("determined")
+    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, sums=sums, determined=determined)

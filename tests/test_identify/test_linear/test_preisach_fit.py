@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from compensate import invert
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify.linear._preisach_design_matrix import NodeSpace, design_rows, normal_equations
+from identify.linear import _preisach_design_matrix
+from identify.linear._preisach_design_matrix import NodeSpace, design_blocks, design_rows
 from identify.linear._preisach_fit import fit_preisach
+from identify.linear._preisach_normal_equations import normal_equations
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import parts
@@ -52,10 +54,19 @@ def test_design_times_unknowns_is_the_model(n: int, leading: bool, initial: str,
     np.testing.assert_allclose(B @ space.from_unknowns(z), y, atol=1e-11)
     A = space.to_unknowns(B.toarray().T).T
     np.testing.assert_allclose(A @ z, y, atol=1e-11)
-    normal = normal_equations(space, B, y, sparse.eye(len(z)))
-    np.testing.assert_allclose(normal.H, A.T @ A, atol=1e-9)
-    np.testing.assert_allclose(normal.b, A.T @ y, atol=1e-9)
-    assert normal.squared_error(z) <= 1e-9
+    # In blocks of rows, and in parts of them.
+    label = random.integers(-1, 2, len(u))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_preisach_design_matrix, "ROWS", 7)
+        blocks = list(design_blocks(model, prepared))
+    assert len(blocks) == 6
+    parts_of = dict(normal_equations(space, blocks, y, label, sparse.eye(len(z))))
+    for part, normal in parts_of.items():
+        rows = label == part
+        np.testing.assert_allclose(normal.H, A[rows].T @ A[rows], atol=1e-9)
+        np.testing.assert_allclose(normal.b, A[rows].T @ y[rows], atol=1e-9)
+        assert normal.squared_error(z) <= 1e-9
+        assert normal.rows == rows.sum()
 
 
 @pytest.mark.parametrize("leading", [False, True])

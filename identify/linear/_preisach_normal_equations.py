@@ -1,0 +1,70 @@
+"""The normal equations of a Preisach model's unknowns, from sums over blocks of rows.
+
+With the sparse design B in node space, the double cumulative sum S and z = P x of the unknowns, the normal
+matrix is P'S'(B'B)S P, without ever forming the dense design. In a block of rows B = own + path[anchor], so
+
+    B'B = own'own + own'path + path'own + path'n path
+
+with the rows of each anchor summed in own'path, and n their number: the paths to the root, which are most
+of B, cost as much as there are anchors, not rows.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from jaxtyping import Float, Int
+
+from ._cross_validation import NormalEquations
+from ._preisach_design_matrix import DesignBlock, NodeSpace
+
+CHUNK = 1024
+"""Columns of the normal matrix worked on at once: bounds the memory."""
+
+
+def normal_equations(
+    space: NodeSpace,
+    blocks: Iterable[DesignBlock],
+    y: Float[np.ndarray, " samples"],
+    label: Int[np.ndarray, " samples"],
+    P: Any,
+) -> Iterator[tuple[int, NormalEquations]]:
+    """P'S'(B'B)S P, P'S'B'y and y'y of the rows of every label that is not negative, one by one."""
+    gram: dict[int, Any] = {}
+    right = {p: np.zeros(space.columns) for p in np.unique(label[label >= 0]).tolist()}
+    for block in blocks:
+        here = label[block.rows]
+        for p in np.unique(here[here >= 0]).tolist():
+            taken = np.flatnonzero(here == p)
+            own, sums = block.own[taken], block.by_anchor(taken)
+            values = y[block.rows][taken]
+            crossed = (sums @ own).T @ block.path
+            path = block.path.multiply(np.asarray(sums.sum(1))).tocsr()
+            found = own.T @ own + crossed + crossed.T + path.T @ block.path
+            gram[p] = gram[p] + found if p in gram else found
+            right[p] += own.T @ values + block.path.T @ (sums @ values)
+    for p, b in right.items():
+        rows = label == p
+        H, z = normal_matrix(space, gram.pop(p).tocsc(), P), gathered(space, b[:, None], P)[:, 0]
+        yield p, NormalEquations(H, z, float(y[rows] @ y[rows]), int(rows.sum()))
+
+
+def normal_matrix(space: NodeSpace, gram: Any, P: Any) -> Float[np.ndarray, "unknowns unknowns"]:
+    """P'S' gram S P, of a symmetric matrix in node space, sparse by columns."""
+    used = np.flatnonzero(np.diff(gram.indptr))
+    half = np.zeros((space.columns, P.shape[1]))
+    half[used] = gathered(space, gram[:, used], P).T
+    H = gathered(space, half, P)
+    return (H + H.T) / 2
+
+
+def gathered(space: NodeSpace, columns: Any, P: Any) -> Float[np.ndarray, "unknowns batch"]:
+    """P'S' of columns in node space."""
+    turned = P.T.tocsr()
+    chunks = (columns[:, k : k + CHUNK] for k in range(0, columns.shape[1], CHUNK))
+    return np.hstack([turned @ space.to_unknowns(_dense(chunk)) for chunk in chunks])
+
+
+def _dense(chunk: Any) -> np.ndarray:
+    return chunk.toarray() if sparse.issparse(chunk) else np.ascontiguousarray(chunk)
