@@ -1,9 +1,17 @@
 """Files that are complete or not there: written beside, then given the name."""
 
+import contextlib
 import os
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
+from typing import Any
+
+_FORGOTTEN = 3600.0
+"""Seconds after which a file that a killed process left beside is removed."""
 
 
 @contextmanager
@@ -16,7 +24,7 @@ def atomic_file(
             new.write_text(text)
 
     A reader finds the old file or the new one, whole. If the block raises, the old file stays and the
-    temporary one is removed.
+    temporary one is removed. Of two writers the later one's file stays, whole too.
 
     **Arguments:**
 
@@ -24,7 +32,9 @@ def atomic_file(
       milliseconds, so it is for checkpoints and not for every file.
     - `previous`: where the old file is kept.
     """
-    new = file.with_name(f"{file.stem}.new{file.suffix}")
+    _forget(file)
+    mine = f"{os.getpid()}-{threading.get_native_id()}"
+    new = file.with_name(f"{file.stem}.new-{mine}{file.suffix}")
     try:
         yield new
         if durable:
@@ -37,6 +47,36 @@ def atomic_file(
         raise
     if durable and os.name == "posix":  # Windows cannot open a folder to synchronise its names.
         _synchronise(file.parent)
+
+
+def write_whole(file: Path, content: str | bytes) -> None:
+    """Write a file, whole or not at all: text as UTF-8, its line ends as they are.
+
+    Half a character, as the name of a file may hold, is written as an escape.
+    """
+    with atomic_file(file) as new:
+        raw = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+        new.write_bytes(raw)
+
+
+def open_csv(file: Path) -> TextIOWrapper:
+    """A file to write a table to; half a character is written as an escape."""
+    return file.open("w", newline="", encoding="utf-8", errors="backslashreplace")
+
+
+def write_figure(figure: Any, file: Path, **how: Any) -> None:
+    """Write a figure of matplotlib's, whole or not at all, in the format of the file's name."""
+    with atomic_file(file) as new:
+        figure.savefig(new, **how)
+
+
+def _forget(file: Path) -> None:
+    """Remove what killed processes have left beside a file long ago."""
+    with contextlib.suppress(OSError):
+        for old in file.parent.iterdir():
+            beside = old.name.startswith(f"{file.stem}.new-") and old.suffix == file.suffix
+            if beside and abs(time.time() - old.stat().st_mtime) > _FORGOTTEN:
+                old.unlink()
 
 
 def _synchronise(path: Path) -> None:

@@ -3,8 +3,8 @@
 These functions are documented and tested, and hysid uses them. They are not part of the public interface:
 they may change with any release.
 
-- Files: `plain`, `read_json`, `write_json`, `check_free`, `read_document`, `read_fit`, `write_fit`,
-  `to_json`, `posterior_json`, `versions`.
+- Files: `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`, `read_fit`,
+  `write_fit`, `write_set`, `whole_files`, `check_unedited`, `to_json`, `posterior_json`, `versions`.
 - Units: `check_unit`.
 - Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
@@ -17,12 +17,14 @@ from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .records._folds import block_errors, root_difference
 from .results._fit_result import check_unit
+from .storage._file_set import check_unedited, sealed, whole_files, write_set
 from .storage._json import check_free, read_json, write_json
 from .storage._provenance import versions
 
 __all__ = [
     "block_errors",
     "check_free",
+    "check_unedited",
     "check_unit",
     "is_at_first_row",
     "kind_of",
@@ -32,9 +34,12 @@ __all__ = [
     "read_fit",
     "read_json",
     "root_difference",
+    "sealed",
     "stepped",
     "to_json",
     "versions",
+    "whole_files",
     "write_fit",
     "write_json",
+    "write_set",
 ]

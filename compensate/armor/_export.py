@@ -11,10 +11,11 @@ from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError
 
+from ..export._document import write
 from ..export._element_tree import program_of
 from ..export._precision import require_double
 from ..runtime._armor import KIND
-from ..runtime._file import SCHEMA, number, write
+from ..runtime._file import SCHEMA, number
 from ._cover import Cover
 from ._faces import METRES
 from ._fields import AbstractField, Bumps, Grid, Uniform

@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, condition_of
+from hysteresis._atomic_file import write_whole
 from hysteresis.records._common_part import STILL
 
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..runtime._compensator import KIND
-from ..runtime._file import COMPENSATOR_SCHEMA, number, write
+from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._c99_header import header
+from ._document import write
 from ._element_tree import Tree, error_tree, guard_tree, tree_of
 from ._precision import require_double
 
@@ -233,7 +235,7 @@ class Program:
         if real not in ("double", "float"):
             raise InputError("bad-option", f"real={real!r} is unknown.", fix="double or float.")
         document = self.document(np.float32 if real == "float" else np.float64)
-        path.write_text(header(document, path.stem, single=real == "float"), "utf-8")
+        write_whole(path, header(document, path.stem, single=real == "float"))
         return Exported(path, self.notes)
 
 

@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Scaled, Series
 from hysteresis.networks import StaircaseNetwork
 
+from ..export._document import write
 from ..export._element_tree import tree_of
 from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest
 from ..export._precision import require_double
 from ..inverses._compose import ScaledCompensator, SeriesCompensator
 from ..inverses._viscoelastic import ViscoelasticCompensator
-from ..runtime._file import SCHEMA, number, write
+from ..runtime._file import SCHEMA, number
 from ..runtime._network import KIND
 from ._everett_network import EverettNetwork
 from ._force import BackwardsModel, ForceEstimator

@@ -45,13 +45,6 @@ def checksum(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write(path: str | Path, document: Mapping[str, Any]) -> Path:
-    """Write a document with its checksum, as `read` takes it."""
-    path = Path(path)
-    path.write_text(json.dumps({**document, "checksum": checksum(document)}) + "\n", "utf-8")
-    return path
-
-
 def number(value: Any) -> float | None:
     """None for what is not finite, which JSON does not have."""
     return float(value) if isfinite(value) else None

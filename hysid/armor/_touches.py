@@ -24,6 +24,7 @@ from jaxtyping import Float, Int
 import identify
 from compensate.armor import AbstractShape, Contact, ContactStatus
 from hysteresis import InputError
+from hysteresis._atomic_file import write_whole
 
 FILE = "touches.json"
 COLUMNS = {
@@ -104,9 +105,7 @@ def save_touches(
     document |= {"time": time, "surface": surface, "status": status}
     document |= {name: _rounded(np.asarray(values)) for name, values in columns.items()}
     file = folder / FILE
-    file.write_text(
-        json.dumps(identify.internal.plain(document), separators=(",", ":")) + "\n", "utf-8"
-    )
+    write_whole(file, json.dumps(identify.internal.plain(document), separators=(",", ":")) + "\n")
     return file
 
 

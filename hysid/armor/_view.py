@@ -9,6 +9,8 @@ import jinja2
 import numpy as np
 import scipy
 
+from hysteresis._atomic_file import write_whole
+
 from ._touches import read_touches
 
 PAGE = "armor.html"
@@ -45,7 +47,7 @@ def view(folder: Path) -> dict[str, Any]:
         has_truth="truth" in record,
     )
     target = folder / PAGE
-    target.write_text(html, "utf-8")
+    write_whole(target, html)
     return {"file": str(target), "rows": len(record["time"])}
 
 

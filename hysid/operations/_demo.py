@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import identify
+from hysteresis._atomic_file import write_whole
 from hysteresis.rigs import SpongeRig
 
 from ..intake._selection import Selection
@@ -47,5 +48,5 @@ def demo_data(out: Path, datasets: Path = DATASETS) -> Path:
     file = out / name
     rows = zip(*SpongeRig().five_cycles(noise=0.05, seed=50), strict=True)
     lines = [f"{t:.1f},{F:.3f},{round(float(d), 3) + 0.0:.3f},{n}\n" for t, F, d, n in rows]
-    file.write_text("time (s),force (N),displacement (mm),cycle\n" + "".join(lines), newline="")
+    write_whole(file, "time (s),force (N),displacement (mm),cycle\n" + "".join(lines))
     return file

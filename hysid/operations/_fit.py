@@ -64,7 +64,7 @@ def fit(
         return written
     failed = {value: str(error) for value, error in faults.items()}
     document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
-    document = identify.internal.plain(document)
+    document = identify.internal.sealed(document)
     identify.internal.write_json(out / "fit.json", document)
     return document
 

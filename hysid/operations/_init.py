@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hysteresis import InputError
+from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, toml_comment, toml_string
 
 from ..intake._selection import selection_of
@@ -31,7 +32,7 @@ def init(
         )
     found = guess(file, given)
     config.parent.mkdir(parents=True, exist_ok=True)
-    config.write_text(toml(file, found), "utf-8")
+    write_whole(config, toml(file, found))
     folder = config.with_suffix("")
     said = [shell_word(str(p)) for p in (file, config, folder)]
     command = f"hysid fit {said[0]} --config {said[1]} --out {said[2]}"

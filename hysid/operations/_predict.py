@@ -11,6 +11,7 @@ import numpy as np
 import identify
 from compensate import Status, estimate, invert
 from hysteresis import InputError, Record
+from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
 
 from ..intake._constant_input import RANGE, later, on_the_clock_of, open_range
@@ -87,7 +88,7 @@ def predict(
     names = [selection.input_words, selection.output]
     header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
-    with target.open("w", newline="", encoding="utf-8") as handle:
+    with atomic_file(target) as new, open_csv(new) as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
     return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
 

@@ -9,6 +9,7 @@ import numpy as np
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
+from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 
 from ..figures._format import pretty, quantity
@@ -197,7 +198,7 @@ def render(file: Path, **words: Any) -> Path:
     )
     text = page.get_template(TEMPLATE).render(**words)
     try:
-        file.write_text(text, "utf-8", errors="replace")
+        write_whole(file, text)
     except OSError as error:
         raise InputError(
             "cannot-write",

@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from hysteresis._atomic_file import write_figure
+
 from . import _armor_figures as figures
 from ._armor import DISPLACEMENTS, METHODS, OURS, Rig, body_errors, surface_errors
 from ._armor_rows import BETTER, PUBLISHED, findings
@@ -70,7 +72,7 @@ def _draw(rigs: list[Rig], asked: Asked) -> dict[str, str]:
         "fig14": figures.body(rigs, _some(METHODS, asked.with_ours)),
     }
     for name, figure in drawn.items():
-        figure.savefig(asked.out / f"{name}.png", dpi=160)
+        write_figure(figure, asked.out / f"{name}.png", dpi=160)
     return {name: f"{name}.png" for name in drawn}
 
 

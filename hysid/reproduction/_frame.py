@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import identify
+from hysteresis._atomic_file import write_whole
 from identify.internal import versions
 
 from ..intake._folders import check_writable
@@ -63,7 +64,7 @@ def reproduce(
     document["files"] = {"table": "table.md"} | document["files"]
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))
-    (out / "table.md").write_text(_markdown(document, of.title), "utf-8")
+    write_whole(out / "table.md", _markdown(document, of.title))
     identify.internal.write_json(out / RESULT, document)
     return document
 

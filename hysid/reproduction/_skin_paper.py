@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from hysteresis._atomic_file import write_figure
+
 from . import _skin_figures as figures
 from ._frame import Asked, Paper
 from ._published import compared
@@ -54,7 +56,7 @@ def carry_out(asked: Asked) -> dict[str, Any]:
 
 
 def _save(figure: Figure, path: Path) -> str:
-    figure.savefig(path.with_suffix(".png"), dpi=160)
+    write_figure(figure, path.with_suffix(".png"), dpi=160)
     return f"{path.name}.png"
 
 

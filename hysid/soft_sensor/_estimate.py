@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 import identify
 from hysteresis import InputError, Table, parse_condition
+from hysteresis._atomic_file import atomic_file, open_csv
 
 from ..intake._selection import Selection
 from ._sensor import SoftSensor
@@ -328,7 +329,7 @@ def _write(
         columns |= {name: getattr(found, name) for name in ("position_sd", "position_status")}
     columns["channels"] = found.channels
     target.parent.mkdir(parents=True, exist_ok=True)
-    with target.open("w", newline="", encoding="utf-8") as handle:
+    with atomic_file(target) as new, open_csv(new) as handle:
         writer = csv.writer(handle)
         writer.writerow(columns)
         for row in zip(*columns.values(), strict=True):

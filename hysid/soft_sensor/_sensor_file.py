@@ -3,9 +3,8 @@
 soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 """
 
-import hashlib
-import io
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -15,7 +14,7 @@ import numpy as np
 from compensate.runtime._file import checksum
 from hysteresis import InputError
 from hysteresis._serialisation import Arrays, described, rebuilt
-from identify.internal import plain, write_json
+from identify.internal import check_unedited, plain, whole_files, write_set
 
 from ._sensor import Quantity, SoftSensor
 
@@ -34,8 +33,6 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
     folder = Path(folder)
     arrays: Arrays = {}
     parts = {name: described(getattr(sensor, name), name, arrays)[0] for name in PARTS}
-    packed = io.BytesIO()
-    np.savez_compressed(packed, allow_pickle=False, **arrays)  # type: ignore[arg-type]
     document = {
         "schema": SCHEMA, "kind": KIND,
         "channels": [channel._asdict() for channel in sensor.channels], "step": sensor.step,
@@ -43,11 +40,9 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
         "force_in": sensor.force_in._asdict(),
         "position_in": [coordinate._asdict() for coordinate in sensor.position_in],
         **parts,
-        "files": {ARRAYS: hashlib.sha256(packed.getvalue()).hexdigest()},
     }  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / ARRAYS).write_bytes(packed.getvalue())
-    write_json(folder / WORDS, document | {"checksum": checksum(plain(document))})
+    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
+    write_set(folder, WORDS, document, {ARRAYS: pack})
     return folder
 
 
@@ -72,10 +67,8 @@ def load_sensor(folder: str | Path) -> SoftSensor:
     folder = Path(folder)
     document = _document(folder)
     try:
-        data = (folder / ARRAYS).read_bytes()
-        if hashlib.sha256(data).hexdigest() != document["files"][ARRAYS]:
-            raise ValueError(f"it is not the file that was saved with {WORDS}")
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
+        place = whole_files(folder, {"files": {ARRAYS: document["files"][ARRAYS]}})[ARRAYS]
+        with np.load(place, allow_pickle=False) as found:
             arrays = dict(found)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise _damaged(folder, ARRAYS, error) from error
@@ -107,8 +100,12 @@ def _document(folder: Path) -> dict[str, Any]:
             f"{WORDS} has schema {document.get('schema')}, but this version reads {SCHEMA}.",
             place=str(folder), fix="Update hysid, or train again.",
         )  # fmt: skip
-    if document.get("checksum") != checksum(plain(document)):
+    # Earlier versions wrote one checksum of the whole.
+    if ("checksum" in document or "checksums" not in document) and document.get(
+        "checksum"
+    ) != checksum(plain(document)):
         raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
+    check_unedited(folder, WORDS, document)
     return document
 
 

@@ -12,6 +12,7 @@ import identify
 from compensate.microchannel import ForceEstimator, export_force
 from compensate.runtime import load_force
 from hysteresis import InputError
+from hysteresis._atomic_file import write_figure
 from identify.internal import versions
 
 from ..figures._format import plain_name
@@ -282,7 +283,7 @@ def _draw(
         units = [unit for _, unit in sensor.position_in]
         drawn[PICTURES[3]] = figures.positions(truth[known], found[known], plain, units)
     for name, figure in drawn.items():
-        figure.savefig(out / name, format="png", dpi=144)
+        write_figure(figure, out / name, dpi=144)
     return list(drawn)
 
 

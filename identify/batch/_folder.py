@@ -4,8 +4,6 @@ import csv
 import hashlib
 import io
 import json
-import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,10 +12,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
+from hysteresis._atomic_file import write_whole
 from hysteresis._format import plain
 
-from ..files._fit_folder import load, save, summary
+from ..files._fit_folder import load, rewrite_fit, save, summary, to_json, write_fit
 from ..results._fit_result import FitResult
 from ..storage._json import check_free, read_json, write_json
 
@@ -152,22 +150,12 @@ class Folder:
 
     def put(self, name: str, fit: FitResult | Mapping[str, bytes], digest: str) -> Kept:
         """Write a fit, or the files of one, to its folder."""
-        folder = self.place / name
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        new = Path(tempfile.mkdtemp(prefix=".new-", dir=self.place))
-        try:
-            if isinstance(fit, FitResult):
-                save(fit, new, extra={**self.extra, "batch": {"digest": digest}})
-            else:
-                write_files(fit, new)
-                document = read_json(new / "fit.json")
-                write_json(new / "fit.json", document | {**self.extra, "batch": {"digest": digest}})
-            row = row_of(read_json(new / "fit.json"))
-            new.chmod(0o755)  # mkdtemp's is for nobody else
-            shutil.rmtree(folder, ignore_errors=True)
-            os.replace(new, folder)
-        finally:
-            shutil.rmtree(new, ignore_errors=True)
+        folder, extra = self.place / name, {**self.extra, "batch": {"digest": digest}}
+        if isinstance(fit, FitResult):
+            document = write_fit(fit, folder, to_json(fit), overwrite=True, extra=extra)
+        else:
+            document = rewrite_fit(folder, fit, extra)
+        row = row_of(document)
         return Kept(lambda: row, lambda: load(folder))
 
     def write(self, batch: Batch, seconds: float, finished: bool) -> None:
@@ -183,8 +171,7 @@ class Folder:
             "seconds": round(seconds, 3), **self.extra, "fits": rows[: len(batch)],
         }  # fmt: skip
         write_json(self.place / "batch.json", document)
-        with atomic_file(self.place / "batch.csv") as new:
-            new.write_text(csv_of(rows), "utf-8", newline="")
+        write_whole(self.place / "batch.csv", csv_of(rows))
         self._written = time.monotonic()
         self._took = self._written - begin
 

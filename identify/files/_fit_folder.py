@@ -6,9 +6,13 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 """
 
 import hashlib
+import json
 import math
+import time
 import zipfile
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +33,18 @@ from ..results._detail import detail_of
 from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Candidate, FitResult, Parameter, Starts
 from ..results._metrics import Metrics
-from ..storage._json import check_free, read_json, write_json
+from ..storage._file_set import check_unedited, whole_files, write_set
+from ..storage._json import check_free, read_json
 from ..storage._provenance import versions
 
 SCHEMA = 1
+ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
+"""How often a folder is looked at that another process may be writing, and for which faults."""
+_OF_EARLIER = (
+    "posterior.json", "posterior.nc", "posterior_models.npz", "chains.h5", "chains.previous.h5",
+    "report.html",
+)  # fmt: skip
+"""What belongs to an earlier fit in the same folder."""
 _RECORD_ARRAYS = ("input", "output", "time", "starts", "mask", "line")
 
 
@@ -78,40 +90,47 @@ def write_fit(
     """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back."""
     check_free(folder, overwrite)
     structure, arrays = described(fit.model)
-    folder.mkdir(parents=True, exist_ok=True)
-    posterior = ("posterior.json", "posterior.nc", "posterior_models.npz")
-    for old in (*posterior, "chains.h5", "chains.previous.h5", "report.html"):
-        (folder / old).unlink(missing_ok=True)
     channels: dict[str, Any] = {}
     if fit.channels is not None:
         curves, _ = described(fit.channels, "channels", arrays)
         channels["channels"] = curves | {"names": fit.channels.names, "units": fit.channels.units}
-    _write_arrays(folder / "model.npz", arrays)
     records = {"train": fit.train, **({} if fit.test is None else {"test": fit.test})}
-    _write_arrays(
-        folder / "data.npz",
-        {
-            f"{part}_{name}": value
-            for part, record in records.items()
-            for name, value in _record_arrays(record).items()
-        },
-    )
-    _write_arrays(folder / "fit.npz", _fit_arrays(fit))
+    data = {
+        f"{part}_{name}": value
+        for part, record in records.items()
+        for name, value in _record_arrays(record).items()
+    }
+    files = {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)}
     document = (
         words
         | channels
         | {
             "structure": structure,
             "records": {part: _record_words(record) for part, record in records.items()},
-            "files": {
-                name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
-                for name in ("model.npz", "data.npz", "fit.npz")
-            },
         }
+        | fit.detail.words()
+        | (extra or {})
     )
-    document = plain(document | fit.detail.words() | (extra or {}))
-    write_json(folder / "fit.json", document)
-    return document
+    return write_set(
+        folder,
+        "fit.json",
+        document,
+        {name: partial(_write_arrays, arrays=arrays) for name, arrays in files.items()},
+        remove=_OF_EARLIER,
+        check=partial(check_free, folder, overwrite),
+    )
+
+
+def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any]) -> dict[str, Any]:
+    """Write the `files` of a saved fit, with plain data added to its fit.json, over what is there."""
+    document = json.loads(files["fit.json"])
+    return write_set(
+        folder,
+        "fit.json",
+        document | extra,
+        {name: partial(_write_bytes, content=files[name]) for name in document["files"]},
+        remove=_OF_EARLIER,
+    )
 
 
 def load(folder: str | Path) -> FitResult:
@@ -135,7 +154,16 @@ def load(folder: str | Path) -> FitResult:
 
 def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
     """`load`, and the document of the fit: fit.json is read once."""
-    document = read_document(folder)
+    for again in range(ATTEMPTS):
+        try:
+            document = read_document(folder)
+            files = {} if "files" not in document else whole_files(folder, document)
+            break
+        except (InputError, FileNotFoundError) as error:
+            # Another process may be writing the folder: its next look is at one whole set.
+            if again == ATTEMPTS - 1 or getattr(error, "code", "") not in MAY_PASS:
+                raise
+            time.sleep(0.05)
     if several := [*document.get("folders", {}).values()] or [*document.get("each", ())]:
         raise InputError(
             "several-fits",
@@ -144,7 +172,7 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
             fix=f"name one of them: {', '.join(several[:5])}.",
         )
     try:
-        return _load(folder, document), document
+        return _load(document, files), document
     except (
         AttributeError, EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile,
     ) as error:  # fmt: skip
@@ -159,27 +187,10 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
         ) from error
 
 
-def _load(folder: Path, document: dict[str, Any]) -> FitResult:
-    for name, digest in document["files"].items():
-        file = folder / Path(name).name
-        if not file.is_file():
-            raise InputError(
-                "file-not-found",
-                f"{name} is missing.",
-                place=str(folder),
-                fix="fit again, or copy the whole folder.",
-            )
-        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
-            raise InputError(
-                "wrong-checksum",
-                f"{name} is not the file that was saved.",
-                place=str(folder),
-                cause="it was cut off or edited.",
-                fix="fit again.",
-            )
-    data, extra = (_read_arrays(folder / name) for name in ("data.npz", "fit.npz"))
+def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
+    data, extra = (_read_arrays(files[name]) for name in ("data.npz", "fit.npz"))
     records = {part: _record(part, words, data) for part, words in document["records"].items()}
-    arrays = _read_arrays(folder / "model.npz")
+    arrays = _read_arrays(files["model.npz"])
     model = rebuilt(document["structure"], arrays)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
@@ -245,6 +256,7 @@ def read_document(folder: str | Path) -> dict[str, Any]:
             place=str(folder),
             fix="update hysid, or fit again.",
         )
+    check_unedited(Path(folder), "fit.json", document)
     return document
 
 
@@ -368,6 +380,10 @@ def _notes(said: list[Any]) -> tuple[Note, ...]:
 
 def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
     np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def _write_bytes(file: Path, content: bytes) -> None:
+    file.write_bytes(content)
 
 
 def _read_arrays(file: Path) -> dict[str, np.ndarray]:

@@ -1,5 +1,6 @@
 """A posterior beside its fit: a summary to read, draws for any tool that reads netCDF."""
 
+import hashlib
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
 from hysteresis._serialisation import described, rebuilt
 
 from ..posterior._posterior import Posterior, Summary
-from ..storage._json import read_json, write_json
+from ..storage._file_set import check_unedited, whole_files, write_set
+from ..storage._json import read_json
 
 Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
 
@@ -50,12 +51,29 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
         >>> identify.save_posterior(posterior, folder).name
         'posterior.nc'
     """
-    import h5netcdf
-
     folder = Path(folder)
     structure, arrays = described(posterior.model)
-    np.savez_compressed(folder / "posterior_models.npz", allow_pickle=False, **arrays)
-    with atomic_file(folder / "posterior.nc") as new, h5netcdf.File(new, "w") as file:
+    document = posterior_json(posterior) | {
+        "structure": structure, "names": list(posterior.names), "fit": _fit_in(folder),
+    }  # fmt: skip
+    files: dict[str, Any] = {
+        "posterior.nc": partial(_write_netcdf, posterior),
+        "posterior_models.npz": partial(np.savez_compressed, allow_pickle=False, **arrays),
+    }
+    write_set(folder, "posterior.json", document, files)
+    return folder / "posterior.nc"
+
+
+def _fit_in(folder: Path) -> str | None:
+    """The checksum of the fit that the folder holds."""
+    file = folder / "fit.json"
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
+
+
+def _write_netcdf(posterior: Posterior, place: Path) -> None:
+    import h5netcdf
+
+    with h5netcdf.File(place, "w") as file:
         for name, variables in _groups(posterior).items():
             group = file.create_group(name)
             sizes = {
@@ -68,9 +86,6 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
             for variable, (dims, array) in variables.items():
                 packed = {"compression": "gzip"} if array.ndim == 3 else {}
                 group.create_variable(variable, dims, data=array, **packed)
-    document = posterior_json(posterior) | {"structure": structure, "names": list(posterior.names)}
-    write_json(folder / "posterior.json", document)
-    return folder / "posterior.nc"
 
 
 def _groups(posterior: Posterior) -> Groups:
@@ -116,12 +131,26 @@ def load_posterior(folder: str | Path) -> Posterior | None:
     if not (folder / "posterior.json").is_file():
         return None
     document = read_json(folder / "posterior.json")
+    check_unedited(folder, "posterior.json", document)
+    names = ("posterior.nc", "posterior_models.npz")
+    # Earlier versions wrote neither the checksums of the files nor that of the fit.
+    places = {name: folder / name for name in names} | whole_files(
+        folder, {"files": {}} | document, "sample again: hysid sample DIR."
+    )
+    if document.get("fit") not in (None, _fit_in(folder)):
+        raise InputError(
+            "other-checkpoint",
+            "the posterior was sampled for another fit than the one in this folder.",
+            place=str(folder),
+            cause="the fit was made again.",
+            fix="sample again: hysid sample DIR.",
+        )
     try:
-        with h5netcdf.File(folder / "posterior.nc", "r") as file:
+        with h5netcdf.File(places["posterior.nc"], "r") as file:
             group = file["posterior"]
             columns: list[Any] = [group[name][...] for name in document["names"]]
             draws = np.stack(columns, -1)
-        with np.load(folder / "posterior_models.npz", allow_pickle=False) as arrays:
+        with np.load(places["posterior_models.npz"], allow_pickle=False) as arrays:
             # Under vmap each model has its own shapes; together their arrays keep the draw axis.
             rebuild = partial(rebuilt, document["structure"])
             model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})

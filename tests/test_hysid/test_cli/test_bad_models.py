@@ -16,7 +16,7 @@ from hysteresis import (
     StandardLinearSolid,
 )
 from hysteresis._serialisation import described
-from identify.internal import read_document
+from identify.internal import read_document, sealed
 from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
 
 # What kind the noise is, and far starts, are nobody's question here.
@@ -113,7 +113,7 @@ def test_a_saved_model_with_a_negative_modulus_is_refused(line):
     digest = sha256(Path("out/model.npz").read_bytes()).hexdigest()
     document = read_document("out") | {"structure": structure}
     document["files"]["model.npz"] = digest
-    Path("out/fit.json").write_text(json.dumps(document))
+    Path("out/fit.json").write_text(json.dumps(sealed(document)))
     words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[parameter-out-of-bounds]")
     refused(run("predict", "out", "run.csv"), *words)
 

@@ -16,6 +16,7 @@ from hysid.reporting._specimens_page import write_many
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, sample, save, save_posterior
+from identify.internal import sealed
 from tests.test_hysid.command import coarse_pictures
 
 HEADINGS = [
@@ -201,7 +202,7 @@ def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
     broken = shutil.copytree(preisach, tmp_path / "broken")
     document = json.loads((broken / "fit.json").read_text())
     del document["structure"]
-    (broken / "fit.json").write_text(json.dumps(document))
+    (broken / "fit.json").write_text(json.dumps(sealed(document)))
     with pytest.raises(InputError, match="damaged-file"):
         write_report(broken)
     (broken / "fit.json").write_text(json.dumps({"schema": 1, "each": {"a": {}, "b": {}}}))

@@ -10,7 +10,7 @@ import pytest
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, load, save
-from identify.internal import plain, read_document, to_json
+from identify.internal import read_document, sealed, to_json
 
 
 def creep_record(
@@ -228,13 +228,13 @@ def _cut(folder) -> None:
 
 def _newer(folder) -> None:
     document = read_document(folder)
-    (folder / "fit.json").write_text(json.dumps(plain(document | {"schema": 99})))
+    (folder / "fit.json").write_text(json.dumps(sealed(document | {"schema": 99})))
 
 
 def _foreign(folder) -> None:
     document = read_document(folder)
     document["structure"]["class"] = "os.system"
-    (folder / "fit.json").write_text(json.dumps(plain(document)))
+    (folder / "fit.json").write_text(json.dumps(sealed(document)))
 
 
 @pytest.mark.parametrize(

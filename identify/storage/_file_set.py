@@ -1,0 +1,172 @@
+"""Files that belong together: a JSON document and the files it names, replaced all at once."""
+
+import contextlib
+import hashlib
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from hysteresis import InputError
+from hysteresis._format import plain
+
+from ._json import write_json
+
+Writer = Callable[[Path], None]
+
+
+def write_set(
+    folder: Path,
+    name: str,
+    document: Mapping[str, Any],
+    files: Mapping[str, Writer],
+    *,
+    remove: Collection[str] = (),
+    check: Callable[[], None] = lambda: None,
+) -> dict[str, Any]:
+    """Write `files` {name: what writes one} and the document that holds their checksums; all or none.
+
+    The files are written beside the old ones. Then one rename puts the new document in the place of the old
+    one: before it the old set is whole, after it the new one is, because `whole_files` finds a file under
+    either name. Last the files get their names. So a process that is killed, or a disk that is full, loses
+    nothing. Of two writers, the second waits for the first.
+
+    **Arguments:**
+
+    - `remove`: files of the old set that the new one makes wrong.
+    - `check`: is called when no other writer is at work, and may refuse.
+
+    Returns the document as it was written, with `files` and `checksums`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder), _uninterrupted():
+        check()
+        aside = {one: _aside(folder, one) for one in files}
+        try:
+            for one, write in files.items():
+                write(aside[one])
+            digests = {one: _digest(place) for one, place in aside.items()}
+            document = sealed({**document, "files": digests})
+            write_json(folder / name, document)
+        except BaseException:
+            for place in aside.values():
+                place.unlink(missing_ok=True)
+            raise
+        for old in remove:
+            (folder / old).unlink(missing_ok=True)
+        for one, place in aside.items():
+            os.replace(place, folder / one)
+    return document
+
+
+def whole_files(
+    folder: Path, document: Mapping[str, Any], fix: str = "fit again, or copy the whole folder."
+) -> dict[str, Path]:
+    """Where the files are that a document names, by name: each is the one that was written with it.
+
+    Raises `InputError` for a file that is missing, or another than was written.
+    """
+    found = {}
+    for name, digest in document["files"].items():
+        name = Path(name).name
+        places = [p for p in (folder / name, _aside(folder, name)) if p.is_file()]
+        if not places:
+            raise InputError(
+                "file-not-found",
+                f"{name} is missing.",
+                place=str(folder),
+                fix=fix,
+            )
+        whole = [place for place in places if _digest(place) == digest]
+        if not whole:
+            raise InputError(
+                "wrong-checksum",
+                f"{name} is not the file that was saved.",
+                place=str(folder),
+                cause="it was cut off or edited.",
+                fix=fix,
+            )
+        found[name] = whole[0]
+    return found
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A document with a checksum of each of its entries."""
+    found = {key: value for key, value in plain(dict(document)).items() if key != "checksums"}
+    return found | {"checksums": {key: _of_entry(value) for key, value in found.items()}}
+
+
+def edited(document: Mapping[str, Any]) -> list[str]:
+    """The entries of a document that are not those it was written with; none without checksums."""
+    if (known := document.get("checksums")) is None:
+        return []
+    known = known if isinstance(known, dict) else {}
+    now = {key: value for key, value in document.items() if key != "checksums"}
+    return [
+        key for key in {**now, **known} if key not in now or _of_entry(now[key]) != known.get(key)
+    ]
+
+
+def check_unedited(folder: Path, name: str, document: Mapping[str, Any]) -> None:
+    """Raise `InputError` `edited-file` where a document is not the one that was written."""
+    if changed := edited(document):
+        raise InputError(
+            "edited-file",
+            f"{name} was changed since it was written: {', '.join(changed[:8])}.",
+            place=str(folder),
+            cause="it was edited, or files of two results were mixed.",
+            fix=f'make it again. To use it as it is, remove the entry "checksums" from {name}.',
+        )
+
+
+def _of_entry(value: Any) -> str:
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def _aside(folder: Path, name: str) -> Path:
+    """Where a file is until its set is complete."""
+    return folder / f"{Path(name).stem}.new{Path(name).suffix}"
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Wait until no other process writes a set into the folder; a killed one waits for nobody.
+
+    Where the system knows no such locks, nothing is waited for.
+    """
+    handle = None
+    with contextlib.suppress(ImportError, OSError):
+        import fcntl  # Windows has none
+
+        handle = os.open(folder, os.O_RDONLY)
+        fcntl.flock(handle, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits for the end of the block: HDF5 cannot be interrupted in mid-write without harm."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed = []
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(True))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt

@@ -1,0 +1,191 @@
+"""Files that belong together change at once: whatever stops a writer, one whole set is there."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hysteresis import InputError
+from identify.storage import _file_set
+from identify.storage._file_set import check_unedited, edited, sealed, whole_files, write_set
+from identify.storage._json import read_json, write_json
+from tests.test_hysid.command import ENVIRONMENT
+
+NAMES = ("model.npz", "data.npz", "fit.npz")
+
+
+def written(folder: Path, word: str) -> None:
+    files = {name: lambda place: place.write_text(word) and None for name in NAMES}
+    write_set(folder, "fit.json", {"word": word}, files, remove=["report.html"])
+
+
+def read(folder: Path) -> tuple[str, set[str]]:
+    """The word of the document, and the words of the files that belong to it."""
+    document = read_json(folder / "fit.json")
+    check_unedited(folder, "fit.json", document)
+    return document["word"], {p.read_text() for p in whole_files(folder, document).values()}
+
+
+class Killed(BaseException):
+    """As if the process ended here."""
+
+
+@pytest.mark.parametrize("moment", range(12))
+def test_a_process_killed_at_any_moment_leaves_a_whole_set(
+    moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Before each of its changes of the folder in turn: nothing of ours runs after that."""
+    written(tmp_path, "old")
+    (tmp_path / "report.html").write_text("old")
+    calls = iter(range(100))
+
+    def mortal(function):
+        def called(*arguments, **named):
+            if next(calls) >= moment:
+                raise Killed
+            return function(*arguments, **named)
+
+        return called
+
+    for owner, name in (
+        (os, "replace"),
+        (Path, "unlink"),
+        (Path, "write_text"),
+        (Path, "write_bytes"),
+    ):
+        monkeypatch.setattr(owner, name, mortal(getattr(owner, name)))
+    ended = False
+    try:
+        written(tmp_path, "new")
+        ended = True
+    except Killed:
+        pass
+    monkeypatch.undo()
+    word, held = read(tmp_path)
+    assert held == {word}
+    assert word == "new" or not ended
+    if ended:
+        assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*NAMES, "fit.json"])
+    written(tmp_path, "last")
+    assert read(tmp_path) == ("last", {"last"})
+
+
+def test_killed_for_good(tmp_path: Path):
+    """Processes killed by the system while they write one set after the other."""
+    written(tmp_path, "0")
+    code = """if True:
+        import sys
+        from pathlib import Path
+        from tests.test_identify.test_file_set import written
+        print("begun", flush=True)
+        for k in range(100_000):
+            written(Path(sys.argv[1]), str(k))"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], env=ENVIRONMENT, stdout=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    for _ in range(20):
+        word = None
+        for _ in range(20):  # a reader between two renames may have to look again
+            try:
+                word, held = read(tmp_path)
+                break
+            except (InputError, FileNotFoundError):
+                continue
+        assert word is not None
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    word, held = read(tmp_path)
+    assert held == {word}
+
+
+def test_a_full_disk_leaves_the_old_set(tmp_path: Path):
+    written(tmp_path, "old")
+    before = sorted(p.name for p in tmp_path.iterdir())
+
+    def full(place: Path) -> None:
+        place.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        write_set(tmp_path, "fit.json", {}, {"model.npz": full})
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+    assert read(tmp_path) == ("old", {"old"})
+
+
+def test_an_interrupt_waits_for_the_end(tmp_path: Path):
+    """Ctrl-C while a file is written: the set is complete, then the interrupt comes."""
+
+    def pressed(place: Path) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        place.write_text("new")
+
+    with pytest.raises(KeyboardInterrupt):
+        write_set(tmp_path, "fit.json", {"word": "new"}, {"model.npz": pressed})
+    assert read(tmp_path) == ("new", {"new"})
+
+
+def test_two_writers_take_turns(tmp_path: Path):
+    """The second one waits; what it is asked to check is asked when the first is done."""
+    pytest.importorskip("fcntl")
+    seen: list[bool] = []
+    check = lambda: seen.append((tmp_path / "first").exists())  # noqa: E731
+    second = threading.Thread(
+        target=write_set, args=(tmp_path, "fit.json", {}, {}), kwargs={"check": check}
+    )
+    with _file_set._alone(tmp_path):
+        second.start()
+        second.join(0.2)
+        assert second.is_alive()
+        assert seen == []
+        (tmp_path / "first").touch()
+    second.join()
+    assert seen == [True]
+
+
+values = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-9, 9)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.text("abc", min_size=1, max_size=3), values, min_size=1), st.data())
+def test_what_was_edited_is_named(document: dict, data: st.DataObject):
+    whole = json.loads(json.dumps(sealed(document)))
+    assert edited(whole) == []
+    key = data.draw(st.sampled_from(sorted(document)))
+    changed = data.draw(values)
+    different = json.dumps(changed, sort_keys=True) != json.dumps(whole[key], sort_keys=True)
+    assert edited(whole | {key: changed}) == [key] * different
+    assert edited({k: v for k, v in whole.items() if k != key}) == [key]
+    assert edited(whole | {"more": 1}) == ["more"]
+    assert edited({k: v for k, v in whole.items() if k != "checksums"}) == []
+
+
+def test_an_edited_document_says_how_to_take_it(tmp_path: Path):
+    written(tmp_path, "old")
+    document = read_json(tmp_path / "fit.json") | {"word": "better"}
+    write_json(tmp_path / "fit.json", document)
+    with pytest.raises(InputError, match="changed since it was written: word") as caught:
+        read(tmp_path)
+    assert caught.value.code == "edited-file"
+    assert '"checksums"' in caught.value.fix
+    del document["checksums"]
+    write_json(tmp_path / "fit.json", document)
+    assert read(tmp_path) == ("better", {"old"})
