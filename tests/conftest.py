@@ -70,6 +70,16 @@ def measured_data() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def vendor_files() -> Path:
+    """Folder of files as makers of rigs wrote them, with their right answers in `key.json`."""
+    named = os.environ.get("HYSID_VENDOR")
+    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "vendor"
+    if not (folder / "key.json").is_file():
+        pytest.skip(f"no files of makers at {folder}; name their folder in HYSID_VENDOR")
+    return folder
+
+
 @pytest.fixture(scope="module", autouse=True)
 def forget_compiled():
     """Programs and traces are kept for the next module while there is room for them: Linux gives a process

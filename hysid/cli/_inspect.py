@@ -31,7 +31,7 @@ def check(
     )
 
 
-@takes_selection("input", "output", "time", "dt", "step", "group", "each", optional=True)
+@takes_selection(optional=True)
 def init(
     file: File,
     selection: dict[str, Any],

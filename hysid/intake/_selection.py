@@ -11,7 +11,7 @@ import numpy as np
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
 
 from ._constant_input import CONSTANT, at_hold, with_constant
-from ._selection_options import FIELDS, SelectionOptions
+from ._selection_options import FIELDS, OF_READING, SelectionOptions
 
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
@@ -108,10 +108,9 @@ class Selection(SelectionOptions):
                 fix=f"Name another column (--{role} COL, or --output COL).",
             )
 
-    def table(self, file: Path) -> Table:
+    def read(self, file: Path) -> Table:
         """The whole file."""
-        names = ("decimal", "units_row", "na_values")
-        return read_table(file, **{name: getattr(self, name) for name in names})
+        return read_table(file, **{name: getattr(self, name) for name in OF_READING})
 
     def records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
         """Training and test record for every value of `each`, "" without it; the faults of others.

@@ -76,7 +76,8 @@ class SelectionOptions:
         "Hold out this last fraction of each sequence for testing.", None, metavar="FRACTION"
     )
     nan: str = _option(
-        "Missing values: raise an error, omit (rows without output do not count), or interpolate.",
+        "Missing values: raise an error, omit (rows without output do not count, rows without both are left"
+        " out), or interpolate.",
         "raise",
         choices=("raise", "omit", "interpolate"),
     )
@@ -90,6 +91,15 @@ class SelectionOptions:
     na_values: tuple[str, ...] = _option(
         "Words that mean a missing value.", (), joined=True, metavar="WORD[,WORD]"
     )
+    table: int | None = _option(
+        "Which of the file's tables with different headers; the longest if not given.",
+        None,
+        least=1,
+        metavar="N",
+    )
+    dialects: str | None = _option(
+        "TOML file of further layouts of rig files.", None, metavar="FILE"
+    )
     input_unit: str | None = _option(
         "Unit of the input or of --step, where the header does not give it.", None, metavar="UNIT"
     )
@@ -100,6 +110,9 @@ class SelectionOptions:
 
 FIELDS: dict[str, Field[Any]] = {one.name: one for one in fields(SelectionOptions)}
 """By name, in the order in which help and configuration files list them."""
+
+OF_READING = ("decimal", "units_row", "na_values", "table", "dialects")
+"""The options that say how a file is read, before any column is chosen."""
 
 HELD_OUT = tuple(name for name in FIELDS if name.startswith("test_"))
 """The options that hold out rows: a command that only looks at a file has none of them."""

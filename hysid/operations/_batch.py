@@ -80,7 +80,7 @@ class _Files:
         """Name, and record with what is held out, or why there is none."""
         for name, file in zip(_names(self.files), self.files, strict=True):
             try:
-                records, faults = self.selection.records(self.selection.table(file))
+                records, faults = self.selection.records(self.selection.read(file))
             except InputError as error:
                 yield name, error
                 continue

@@ -12,7 +12,7 @@ from ..intake._selection import Selection, all_of
 def check(file: Path, selection: Selection) -> dict[str, Any]:
     """What is in a record, whether a model can be identified from it, and what to mind."""
     selection.check_columns()
-    records, faults = selection.without_hold_out().records(selection.table(file))
+    records, faults = selection.without_hold_out().records(selection.read(file))
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:

@@ -27,7 +27,7 @@ def fit(
 ) -> dict[str, Any]:
     """Fit, and write the folder. With `each` every value gets a folder of its own below."""
     selection.check_columns()
-    records, faults = selection.records(selection.table(file))
+    records, faults = selection.records(selection.read(file))
     folders = folder_names(records)
     for name in (".", *folders.values()):
         identify.internal.check_free(out / name, overwrite)

@@ -18,7 +18,7 @@ from ..intake.guess._guess import Guess, guess
 def init(
     file: Path, out: Path | None, given: Mapping[str, Any], *, overwrite: bool = False
 ) -> dict[str, Any]:
-    """Guess, write the configuration, and say what was seen.
+    """Guess, write the configuration, and say what was seen; without an input and output, only say it.
 
     Raises `InputError` `exists` where a configuration is there already, and as `guess` does.
     """
@@ -31,6 +31,8 @@ def init(
             fix="Name another file (--out FILE.toml), or use --overwrite.",
         )
     found = guess(file, given)
+    if found.no_roles:
+        return _without_roles(file, found)
     config.parent.mkdir(parents=True, exist_ok=True)
     write_whole(config, toml(file, found))
     folder = config.with_suffix("")
@@ -44,6 +46,7 @@ def init(
         "found": [asdict(f) for f in found.found],
         "alternatives": found.alternatives,
         "warnings": found.warnings,
+        "columns": found.columns,
         "rows": found.rows,
         "sequences": found.sequences,
         "cycles": found.cycles,
@@ -51,6 +54,22 @@ def init(
     }
     again = f"hysid init {said[0]}{f' --out {said[1]}' if out else ''} --overwrite"
     return document | {"lines": _lines(file, config, found, command, again)}
+
+
+def _without_roles(file: Path, found: Guess) -> dict[str, Any]:
+    """What is said of a table in which no column drives another; no configuration is written."""
+    names = [shell_word(c["name"]) for c in found.columns][-2:]
+    command = f"hysid init {shell_word(str(file))} --input {names[0]} --output {names[-1]}"
+    lines = [f"{file}: {found.rows} rows, and no input or output: {found.no_roles}.", ""]
+    for f in found.found:
+        lines.append(f"  {f.what}  {f.value} ({f.sure}{f': {f.why}' if f.why else ''})")
+    lines += ["", "No configuration was written. If one column drove another, name them, as in"]
+    return {
+        "file": None, "source": str(file), "selection": found.selection, "fit": found.fit,
+        "found": [asdict(f) for f in found.found], "alternatives": [], "warnings": [],
+        "columns": found.columns, "rows": found.rows, "sequences": 0, "cycles": 0,
+        "no_roles": found.no_roles, "next": command, "lines": [*lines, f"  {command}"],
+    }  # fmt: skip
 
 
 def toml(file: Path, found: Guess) -> str:

@@ -42,7 +42,7 @@ def predict(
             fix="Predict without --inverse, or fit one input.",
         )
     selection = replace(asked, **(changes or {})).without_hold_out()
-    source = selection.table(file)
+    source = selection.read(file)
     selection, compared, said = for_new_file(selection, source, inverse)
     folders = folders_of(folder, document)
     table, measured_all, found_all, flagged = [], [], [], 0

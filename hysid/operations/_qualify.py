@@ -46,7 +46,7 @@ def qualify(
             fix="Qualify a fit of one input that changes over time.",
         )
     selection = replace(asked, **(changes or {}))
-    source = selection.table(file)
+    source = selection.read(file)
     narrowed, compared, said = for_new_file(selection, source, inverse=True)
     if not compared:  # both readings are needed: reading them says which is not there
         narrowed = replace(narrowed, input=asked.input, output=asked.output)

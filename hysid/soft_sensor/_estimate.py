@@ -181,7 +181,7 @@ def estimate(
     selection = replace(selection, na_values=(*selection.na_values, *na_values))
     words = document["targets"]
     targets = Targets(words["force"], words["place"], tuple(words["position"]))
-    table = selection.table(file)
+    table = selection.read(file)
     _check_channels(table, sensor)
     rows, notes = _rows(table, selection, where)
     readings = np.column_stack([table.number(c.name)[rows] for c in sensor.channels])

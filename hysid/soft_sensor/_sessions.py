@@ -105,7 +105,7 @@ def read_sessions(
 
 
 def _session(file: Path, selection: Selection, targets: Targets) -> Session:
-    table = selection.table(file)
+    table = selection.read(file)
     if targets.place is not None and targets.place not in table.columns:
         read_csv(
             table, input=_first(selection), output=targets.place

@@ -4,7 +4,7 @@ import csv
 import hashlib
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import reduce
 from pathlib import Path
@@ -18,8 +18,18 @@ from ._cells import floats, missing, parsed
 from ._dialect import header_of, headless, made_square, separator_of, trimmed
 from ._record import Record
 from ._two_clocks import on_one_clock
-from ._units import are_units, bare_unit, column_unit
-from .importers import Sheet, arranged, decode, fault, file_bytes, labview, tdms, workbook
+from ._units import are_units, bare_unit, column_unit, spelled
+from .importers import (
+    Sheet,
+    arranged,
+    decode,
+    fault,
+    file_bytes,
+    labview,
+    tdms,
+    without_table,
+    workbook,
+)
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
@@ -35,7 +45,7 @@ class Table:
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str.
     - `text`: (n,) str, every column as it stands in the file, blanks stripped.
     - `line`: (n,) the line of each row, from 1.
-    - `units`: from a row of units, by column; empty without one.
+    - `units`: from a row of units, by column; empty without one. `written_units`: as the file writes them.
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
     - `decimal`, `na_values`: what the numbers were read with.
 
@@ -55,6 +65,7 @@ class Table:
     notes: tuple[Note, ...]
     decimal: str = "."
     na_values: tuple[str, ...] = ()
+    written_units: Mapping[str, str] = field(default_factory=dict)
 
     def number(self, name: str, rows: np.ndarray | None = None) -> np.ndarray:
         """A column, or those `rows` (n,) of it, as float64, NaN where missing.
@@ -112,6 +123,8 @@ def read_table(
     separator: str | None = None,
     units_row: int | None = None,
     na_values: Collection[str] = (),
+    dialects: str | Path | None = None,
+    table: int | None = None,
 ) -> Table:
     """Columns of a CSV file with one header, or of a file that a machine wrote
     (`hysteresis.records.importers`).
@@ -127,6 +140,8 @@ def read_table(
     - `separator`: one character; found from the first lines if not given.
     - `units_row`: line of the row of units; found if not given, 0 for none.
     - `na_values`: texts that mean a missing value, besides the empty cell and NaN.
+    - `dialects`: a TOML file of dialects, which go before those of `importers/dialects.toml`.
+    - `table`: which of a file's tables with different headers, from 1; the longest if not given.
 
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
     `binary-file`, `no-rows`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,
@@ -144,21 +159,38 @@ def read_table(
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
     data = file_bytes(path)
     read_with = decimal, tuple(na_values)
-    if sheet := tdms(path, data) or workbook(path, data):
+    if sheet := tdms(path, data) or workbook(path, data, table):
         return _table(path, data, sheet, *read_with)
     text, notes = decode(path, data)
     if sheet := labview(path, text):
         return _table(path, data, sheet, *read_with)
-    numbered = [
-        (k, s)
-        for k, s in enumerate(re.split(r"\r\n|\r|\n", text), 1)
-        if s and not s.isspace() and s[0] != "#"
-    ]
+    every = re.split(r"\r\n|\r|\n", text)
+    numbered = [(k, s) for k, s in enumerate(every, 1) if s and not s.isspace() and s[0] != "#"]
     if not numbered:
         raise fault("empty-file", path, "nothing but blank or comment lines.")
-    plain = separator is not None or units_row is not None
-    if sheet := None if plain else arranged(numbered, decimal):
-        return _table(path, data, sheet, *read_with, notes)
+    if separator is None and units_row is None:
+        above = every[numbered[0][0] - 2] if numbered[0][0] > 1 else ""
+        if sheet := arranged(path, numbered, decimal, above, dialects, table):
+            return _table(path, data, sheet, *read_with, notes)
+    read = separator, decimal, units_row
+    try:
+        sheet = _plain(path, numbered, *read)
+    except InputError as error:
+        if error.code in ("ragged-line", "decimal-comma", "duplicate-column", "no-rows"):
+            without_table(path, numbered)
+        raise
+    return _table(path, data, sheet, *read_with, notes)
+
+
+def _plain(
+    path: Path,
+    numbered: Sequence[tuple[int, str]],
+    separator: str | None,
+    decimal: str,
+    units_row: int | None,
+) -> Sheet:
+    """The columns of a text of a header, perhaps a row of units, and rows that are all as long."""
+    notes: list[Note] = []
     lines = [s for _, s in numbered]
     sep = separator or separator_of(lines[:30])
     rows, line, start = [], [], 0
@@ -192,7 +224,7 @@ def read_table(
     line = np.array(line[1:])
     made_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
-    return _table(path, data, Sheet(columns, line, units, tuple(notes), decimal), *read_with)
+    return Sheet(columns, line, units, tuple(notes), decimal)
 
 
 def _table(
@@ -206,11 +238,11 @@ def _table(
     decimal = sheet.decimal if decimal == "." else decimal
     text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
     columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
-    notes = (*notes, *sheet.notes)
-    digest = hashlib.sha256(data).hexdigest()
+    units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
     return Table(
-        columns, text, sheet.line, sheet.units, str(path), digest, notes, decimal, na_values
-    )
+        columns, text, sheet.line, units, str(path), hashlib.sha256(data).hexdigest(),
+        (*notes, *sheet.notes), decimal, na_values, sheet.units,
+    )  # fmt: skip
 
 
 def read_csv(
@@ -244,8 +276,8 @@ def read_csv(
     - `dt`: step in seconds where there is no time column: `t = k dt` within each sequence.
     - `group`: column(s) whose values name independent sequences, joined by "/".
     - `where`: `{column: values}`, the rows to use; numbers compare as numbers.
-    - `nan`: "raise"; "omit" masks rows without output, history still runs over them;
-        "interpolate" fills input and output linearly.
+    - `nan`: "raise"; "omit" masks rows without output, history still runs over them, and drops rows that
+        have neither input nor output, unless `dt` counts them; "interpolate" fills them linearly.
     - `keep`: further columns to carry along in `Record.columns`.
     - `segments`: "auto" starts a new sequence wherever time goes back.
     - `input_time`: the clock of the input(s), where it is another than that of the output, which is
@@ -300,6 +332,13 @@ def read_csv(
         raise InputError("no-match", f"No row has {asked}.", place=table.path)
     if not rows.all():
         notes.append(Note("selected", f"Used {rows.sum()} of {len(rows)} rows: {asked}."))
+    if nan == "omit" and dt is None and input_time is None:
+        cells = [np.isnan(table.number(name, rows)) for name in (*inputs, output)]
+        empty = np.flatnonzero(rows)[np.logical_and.reduce(cells)]
+        if 0 < len(empty) < rows.sum():
+            rows[empty] = False
+            without = f"Left out {len(empty)} rows that have neither {said} nor {output!r}."
+            notes.append(Note("skipped", without))
     names = [group] if isinstance(group, str) else list(group or ())
     for name in (*names, *keep):
         _column(table, name)
@@ -389,10 +428,14 @@ def _column(table: Table | Record, name: str) -> np.ndarray:
     names = list(table.columns)
     alike = [x for x in names if name.lower() in x.lower()]
     have = dict.fromkeys([*alike, *get_close_matches(name, names, len(names), 0.4), *names])
+    cause = headless(names)
+    if isinstance(table, Table) and any(note.code == "no-header" for note in table.notes):
+        first = ", ".join(repr(str(cells[0])) for cells in table.text.values())
+        cause = f"the file has no header: its first line is {first}."
     raise InputError(
-        "no-column",
+        "no-header" if cause else "no-column",
         f"No column {name!r}; have {', '.join(map(repr, have))}.",
         place=getattr(table, "path", ""),
-        cause=headless(names),
+        cause=cause,
         fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
     )

@@ -14,13 +14,23 @@ emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm cou
 RIG_UNITS = tuple(_UNITS.split())
 FORCES = ("N", "mN", "uN", "kN", "gf", "kgf")
 LENGTHS = ("mm", "um", "cm", "m")
-_SPELLING = {"": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm"}
+_SPELLING = {
+    "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Nm": "N*m", "Nmm": "N*mm",
+    "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",
+}  # fmt: skip
 _IN_WORDS = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
     "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
     "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "inches": "inch",
+    "torr": "torr", "kgf": "kgf", "cycles": "count", "segments": "count",
+    "秒": "s", "毫米": "mm", "牛": "N", "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "分": "min",
 }  # fmt: skip
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
+# Words in brackets behind a name that say which one it is: "Stress (step)" has no unit "step".
+_QUALIFIERS = """
+step cmd command raw sample filtered trigger average avg mean abs absolute rel relative calculated measured
+true engineering corrected sequence action static dynamic
+"""
 
 
 def bare_unit(cell: str) -> str:
@@ -30,15 +40,17 @@ def bare_unit(cell: str) -> str:
 
 
 def spelled(unit: str) -> str:
-    """A unit as this package spells it: "Sec" is s, "Volts" is V, "-" is 1."""
+    """A unit as this package spells it: "Sec" is s, "Volts" is V, "-" is 1, "s-¹" is 1/s."""
     bare = bare_unit(unit)
-    return _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+    bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+    return f"1/{bare[:-2]}" if re.fullmatch(r"[A-Za-z]+(-¹|⁻¹|-1)", bare) else bare
 
 
 def is_unit(text: str) -> bool:
     """Whether this is a unit, in the spelling of rigs or of pint."""
     text = spelled(text)
-    return text == "1" or text in RIG_UNITS or (not text[:1].isdigit() and _known(text))
+    number = text[:1].isdigit() and not text.startswith("1/")
+    return text == "1" or text in RIG_UNITS or (not number and _known(text))
 
 
 def are_units(cells: list[str]) -> bool:
@@ -49,19 +61,26 @@ def are_units(cells: list[str]) -> bool:
     )
 
 
+def written_unit(name: str, in_row: str | None) -> str | None:
+    """The unit of a column as the file writes it, without brackets; None without any.
+
+    It comes from the row of units (`in_row`, "" where that row has none for the column), or the header.
+    """
+    bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
+    if in_row is not None:
+        return bare_unit(in_row) or None
+    if bracket and bracket["unit"].strip().lower() not in _QUALIFIERS.split():
+        return bracket["unit"].strip()
+    return suffix if "_" in name and suffix in RIG_UNITS else None
+
+
 def named_unit(name: str, given: str | None, in_row: str | None) -> str | None:
     """The unit of a column in our spelling, whether or not there is one like it; None without any.
 
     It comes from the caller (`given`), the row of units (`in_row`) or the header (`name`), in that order.
     """
-    bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
-    if given is not None:
-        return spelled(given)
-    if in_row:
-        return spelled(in_row)
-    if bracket:
-        return spelled(bracket["unit"].strip())
-    return spelled(suffix) if "_" in name and suffix in RIG_UNITS else None
+    unit = written_unit(name, in_row) if given is None else given
+    return None if unit is None else spelled(unit)
 
 
 def column_unit(

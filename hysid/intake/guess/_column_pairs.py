@@ -16,11 +16,13 @@ PAIRS: dict[tuple[str, str], float] = {
     ("force", "displacement"): 1.0,
     ("stress", "strain"): 1.0,
     ("torque", "angle"): 1.0,
+    ("rate", "stress"): 0.95,
     ("force", "strain"): 0.9,
     ("stress", "displacement"): 0.9,
     ("field", "moment"): 1.0,
     ("current", "field"): 1.0,
     ("current", "moment"): 1.0,
+    ("temperature", "moment"): 0.9,
     ("voltage", "displacement"): 0.9,  # a piezo actuator
     ("voltage", "strain"): 0.9,
     ("current", "displacement"): 0.8,
@@ -69,11 +71,12 @@ def columns_of(table: Table) -> dict[str, Column]:
     return found
 
 
-def pairs(columns: list[Column]) -> list[Pair]:
+def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
     """Pairs of an input and an output, the best first.
 
-    A pair's score is the product of how usual it is, how sure the kinds are, and how far one column
-    follows the other (the rank correlation). Without any known pair, all of unknown kind are tried.
+    A pair's score is the product of how usual it is, how sure the kinds are, how far one column follows the
+    other (the rank correlation), and the shares of its rows in which both are measured and have a time of
+    the `clock` (n,).
     """
     found = []
     for a in columns:
@@ -85,8 +88,19 @@ def pairs(columns: list[Column]) -> list[Pair]:
                 follows = abs(rank_correlation(a.x, b.x))
                 sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
                 sure *= 0.5 if b.kind.commanded else 1.0
+                sure *= _shared(a.x, b.x, clock)
                 found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows)))
     return sorted(found, key=lambda pair: -pair.score)
+
+
+def _shared(x: np.ndarray, y: np.ndarray, clock: np.ndarray | None) -> float:
+    """The share of the rows of the emptier column where both are numbers, and half of it without times."""
+    both = np.isfinite(x) & np.isfinite(y)
+    rows = min(np.isfinite(x).sum(), np.isfinite(y).sum())
+    share = float(both.sum() / rows) if rows else 0.0
+    if clock is None or not both.any():
+        return share
+    return share * (0.5 + 0.5 * float(np.isfinite(clock[both]).mean()))
 
 
 def rank_correlation(x: np.ndarray, y: np.ndarray, most: int = 4000) -> float:
@@ -135,10 +149,17 @@ def held(x: np.ndarray) -> float:
     return float(counts[-2:].sum() / good.size)
 
 
+def noise(x: np.ndarray) -> float:
+    """The median size of the second differences, relative to the range."""
+    good = x[np.isfinite(x)]
+    span = float(np.ptp(good)) if good.size > 2 else 0.0
+    return float(np.median(np.abs(np.diff(good, 2)))) / span if span else np.inf
+
+
 def duplicates(columns: list[Column]) -> list[Column]:
     """The same columns, but only the better one of two that hold one quantity in two units or signs.
 
-    Better: a reading before a command, a unit of its own, then SI's, then positive values.
+    Better: a reading before a command, a unit of its own, then SI's, then positive values; else the first.
     """
     kept: list[Column] = []
     for column in columns:
@@ -154,6 +175,6 @@ def _same(a: Column, b: Column) -> bool:
     return a.kind.name == b.kind.name and abs(correlation(a.x, b.x)) > 1 - 1e-9
 
 
-def _worth(column: Column) -> tuple[bool, bool, bool, float]:
+def _worth(column: Column) -> tuple[bool, bool, bool, bool]:
     read = not column.kind.commanded
-    return read, column.unit != "1", column.unit in _PLAIN, float(np.nanmean(column.x))
+    return read, column.unit != "1", column.unit in _PLAIN, bool(np.nanmean(column.x) > 0)

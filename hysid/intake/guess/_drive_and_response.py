@@ -8,7 +8,20 @@ import numpy as np
 from hysteresis import InputError, Record, Table, loop_direction
 from hysteresis._escape import shell_word
 
-from ._column_pairs import Column, Pair, correlation, duplicates, held, leftover, pairs
+from ._column_pairs import (
+    Column,
+    Pair,
+    columns_of,
+    correlation,
+    duplicates,
+    held,
+    leftover,
+    noise,
+    pairs,
+)
+from ._exceptions import NothingDrivenError
+from ._quantities import OSCILLATION
+from ._unnamed_columns import by_shape
 
 MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""
@@ -16,6 +29,8 @@ FAINT = 0.4
 """Below this score a pair is rejected if another pair scores almost as high."""
 HELD = 0.7
 """Above this share of rows at two levels a column is held constant, so the rig commanded it."""
+ALIKE = 0.99
+"""Correlation of two readings of one quantity."""
 FLAT = 2.0
 """Factor by which the unexplained part must be smaller in the other direction, which is then chosen."""
 
@@ -57,11 +72,16 @@ def choose(
     usable += duplicates([c for c in columns if c not in usable])
     if len(usable) < 2 and asked_in is None:
         return _step(table, columns, still, time, given)
+    usable = _sampled(table, usable, {asked_in, asked_out})
+    if any(note.code == "no-header" for note in table.notes) and not (asked_in and asked_out):
+        usable = by_shape(table, usable, time, {asked_in, asked_out} - {None})
+    clock = table.columns[time] if time else None
+    every = pairs(usable, clock)
     found = [
-        p for p in pairs(usable)
+        p for p in every
         if asked_in in (None, p.input.name) and asked_out in (None, p.output.name)
     ]  # fmt: skip
-    turned = [Pair(p.output, p.input, p.score) for p in pairs(usable)]
+    turned = [Pair(p.output, p.input, p.score) for p in every]
     if not found and (asked_in or asked_out):
         found = [
             p for p in turned
@@ -86,9 +106,54 @@ def choose(
         raise _undecided(columns, place)
     clear = second is None or second.score < 0.8 * best.score
     sure = "sure" if clear and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
+    best = _quietest(best, found, asked_out)
     choice = _directed(table, best, options, asked_in, asked_out)
     more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
     return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
+
+
+def _quietest(best: Pair, found: list[Pair], asked_out: str | None) -> Pair:
+    """Of several readings of one output, as two fits of one signal, the one with the least noise."""
+    readings = [
+        p for p in found
+        if p.input.name == best.input.name and p.output[1:3] == best.output[1:3]
+        and abs(correlation(p.output.x, best.output.x)) > ALIKE
+    ]  # fmt: skip
+    return best if asked_out else min([best, *readings], key=lambda p: noise(p.output.x))
+
+
+def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> list[Column]:
+    """Columns whose rows are samples over time, beside those `asked` for.
+
+    Left out: results of oscillations, one a row, with their storage and loss modulus beside them; strains
+    and angles that only add up under a shear rate; the current of a magnet whose field is known.
+
+    Raises `NothingDrivenError` where only results of oscillations are left.
+    """
+    every = columns_of(table).values()
+    moduli = [np.isfinite(c.x) for c in every if c.kind.name == OSCILLATION]
+    results = np.logical_and.reduce(moduli) if len(moduli) > 1 else np.zeros(len(table.line), bool)
+    flow = [c for c in columns if c.kind.name == "rate"]
+    field = any(c.kind.name == "field" for c in every)
+    found, spectrum = [], 0
+    for c in columns:
+        good = np.isfinite(c.x)
+        if c.name not in asked and results[good].mean() > 0.5:
+            spectrum += 1
+            continue
+        step = np.diff(c.x[good])
+        adds_up = bool(flow) and c.kind.name in ("strain", "angle") and np.mean(step < 0) < 0.05
+        supply = (
+            field and c.kind.name == "current" and any(d.kind.name == "moment" for d in columns)
+        )
+        if c.name in asked or not (adds_up or supply):
+            found.append(c)
+    if spectrum and not found:
+        raise NothingDrivenError(
+            "each row is the result of an oscillation, with its storage and loss modulus, and no sample"
+            " over time"
+        )
+    return found
 
 
 def _directed(
@@ -232,6 +297,9 @@ def _unknown(
 ) -> Choice:
     """Two columns with unknown names: the direction of the loop shows which one lags."""
     asked = {given.get("output"), *(given.get("input") or ())} - {None}
+    if len(columns) > 2 and not asked and all(c.kind.name != "unknown" for c in columns):
+        kinds = ", ".join(dict.fromkeys(c.kind.name for c in columns))
+        raise NothingDrivenError(f"its columns are readings ({kinds}) of which none drives another")
     if len(columns) != 2:
         raise _undecided(columns, place)
     a, b = columns

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, Table, check_identifiable, read_table
+from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of
+from .._selection_options import OF_READING
 from ._column_pairs import Column, columns_of, held
 from ._drive_and_response import Choice, choose
+from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
 from ._number_format import reading
-from ._quantities import words_of
+from ._quantities import OSCILLATION, words_of
 from ._remedies import settle
 from ._sequence_columns import (
     RUNS,
@@ -25,8 +28,13 @@ from ._sequence_columns import (
     counts_rows,
     sequences_of,
 )
+from ._unnamed_columns import LEAST, no_header
 
 SURE, LIKELY, GUESS = "sure", "likely", "guess"
+_SURE_OF = {"encoding-guessed": LIKELY, "no-header": GUESS}
+"""How sure notes of reading are that say no more than what is likely."""
+_ASIDE = ("time", "index", "aside", "label", "speed", "frequency", "viscosity", OSCILLATION)
+"""Kinds of columns that are no input and no output."""
 STAYS = 0.7
 """Share of rows above which an input counts as held constant."""
 
@@ -48,6 +56,8 @@ class Guess:
     - `selection`, `fit`: options as a configuration file has them.
     - `found`: what was seen and assumed; `alternatives`: options that would do as well.
     - `warnings`: what stands against identifying a model; `text`: the record, as `hysid check` says it.
+    - `columns`: every column of the table with its unit as the file writes it, `rows` of it.
+    - `no_roles`: why no column is an input or an output; "" where some are.
     """
 
     selection: dict[str, Any] = field(default_factory=dict)
@@ -56,7 +66,9 @@ class Guess:
     alternatives: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     text: str = ""
+    columns: list[dict[str, str]] = field(default_factory=list)
     rows: int = 0
+    no_roles: str = ""
     sequences: int = 0
     cycles: int = 0
 
@@ -75,12 +87,21 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     out = Guess()
     table = _read(file, out, given)
     columns = columns_of(table)
+    out.rows = len(table.line)
+    out.columns = [
+        {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
+        for name in table.columns
+    ]
     time = _time(table, columns, given, out)
     sequences = sequences_of(table, time)
     _sequences(sequences, given, out)
     still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}
     measured = _measured(table, columns, sequences, {*still, time or ""}, given)
-    choice = choose(table, measured, [columns[n] for n in still], time, out.selection, given)
+    try:
+        choice = choose(table, measured, [columns[n] for n in still], time, out.selection, given)
+    except NothingDrivenError as nothing:
+        out.no_roles = str(nothing)
+        return out
     _columns(choice, given, out)
     _clocks(columns, choice, time, given, out)
     selection, notes = settle(table, out.selection)
@@ -98,44 +119,31 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
 
 def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
     try:
-        table = read_table(file)
+        table = read_table(file, **{key: given[key] for key in OF_READING if given.get(key)})
     except InputError as error:
         if error.code == "no-header":
-            raise _no_header(str(file), error.problem) from None
+            raise no_header(str(file), error.problem) from None
         if error.code != "decimal-comma":
             raise
         table = None
     options, notes = reading(file, table, given)
     if options or table is None:
         table = read_table(file, **options)
-    if all(_number(name) for name in table.columns):
-        raise _no_header(str(file), f"{len(table.columns)} columns.")
+    nameless = any(note.code == "no-header" for note in table.notes)
+    if nameless and not (given.get("input") and given.get("output")) and len(table.line) < LEAST:
+        problem = f"{len(table.line)} rows are too few to tell the columns by their shape."
+        raise no_header(str(file), problem)
+    if nameless:
+        names = ", ".join(table.columns)
+        out.warnings.append(f"The file names no columns, so {names} are told by their shape alone.")
     out.selection |= {k: list(v) if isinstance(v, tuple) else v for k, v in options.items()}
     names = ", ".join(f"{name!r}" for name in table.columns)
     out.says("file", f"{len(table.line)} rows", SURE, f"columns {names}")
     for note in table.notes:
-        out.says("reading", note, SURE, "")
+        out.says("reading", note, _SURE_OF.get(note.code, SURE), "")
     for what, value, why in notes:
         out.says(what, value, SURE, why)
     return table
-
-
-def _no_header(place: str, problem: str) -> InputError:
-    return InputError(
-        "no-header",
-        f"The first line contains numbers, so the columns have no names. {problem}",
-        place=place,
-        fix="Write a line above it that names each column with its unit, as in "
-        "time (s),force (N),displacement (mm).",
-    )
-
-
-def _number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _time(
@@ -167,7 +175,10 @@ def _time(
             "no column rises like a clock; give --dt SECONDS if speed matters",
         )
         return None
-    best = max(clocks, key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0))
+    best = max(
+        clocks,
+        key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0, -len(words_of(c.name))),
+    )
     sure = SURE if best.kind.name == "time" else GUESS
     out.selection["time"] = best.name
     out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
@@ -205,9 +216,10 @@ def _sequences(sequences: Sequences, given: Mapping[str, Any], out: Guess) -> No
         value = given.get(key) or getattr(sequences, key)
         if value:
             out.selection[key] = list(value) if isinstance(value, tuple) else value
-    for key in ("where", "segments", "input_unit", "output_unit", "input_time"):
-        if given.get(key):
-            out.selection[key] = given[key]
+    chosen_elsewhere = ("input", "output", "time", "dt", "step", "group", "each", *OF_READING)
+    for key, value in given.items():
+        if key not in chosen_elsewhere:
+            out.selection[key] = list(value) if isinstance(value, tuple) else value
     for what, value, why in sequences.said:
         if not given.get(what):
             out.says(what, value, LIKELY, why)
@@ -222,10 +234,11 @@ def _measured(
 ) -> list[Column]:
     """Columns that can be an input or an output."""
     keys = sequences.group + ((sequences.each,) if sequences.each else ())
+    magnetic = any(column.kind.name == "moment" for column in columns.values())
     found = []
     for name, column in columns.items():
         asked = name in (given.get("output"), *(given.get("input") or ()))
-        aside = column.kind.name in ("time", "index", "aside", "label", "speed", "temperature")
+        aside = column.kind.name in _ASIDE or (column.kind.name == "temperature" and not magnetic)
         few = len(np.unique(column.x[np.isfinite(column.x)])) < min(5, 2 + len(column.x) // 8)
         if not asked and (
             name in not_these or name in sequences.labels or aside or few
@@ -320,7 +333,6 @@ def _check(table: Table, out: Guess) -> None:
     if not good:
         raise all_of(faults)
     records: list[Record] = [train for train, _ in good.values()]
-    out.rows = sum(len(r) for r in records)
     out.sequences = sum(len(r.labels) for r in records)
     out.cycles = sum(r.n_cycles for r in records)
     (first, (record, _)), *_ = good.items()

@@ -11,6 +11,8 @@ from hysteresis import Table, read_table
 from hysteresis.records._units import is_unit
 from hysteresis.records.importers import is_number
 
+from .._selection_options import OF_READING
+
 LARGEST = 1e300
 """No measurement is larger."""
 Notes = list[tuple[str, str, str]]
@@ -23,11 +25,11 @@ def reading(
 
     `table`: as read without options; None where only a decimal comma can be read.
     """
-    options = {k: given[k] for k in ("decimal", "units_row", "na_values") if given.get(k)}
+    options = {k: given[k] for k in OF_READING if given.get(k)}
     notes: Notes = []
     if table is None:
         options.setdefault("decimal", ",")
-        table = read_table(file, decimal=options["decimal"])
+        table = read_table(file, **options)
     commas = [x for x in table.text.values() if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
     if commas and "decimal" not in options and table.decimal == ".":
         options["decimal"] = ","

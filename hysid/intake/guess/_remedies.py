@@ -12,6 +12,8 @@ from ._quantities import unit_of, words_of
 
 Options = dict[str, Any]
 Note = tuple[str, str, str]
+SPARSE = 0.05
+"""Above this share of gaps, rows without input and output belong to another part of the file."""
 _INSIDE = ("N", "mN", "kN", "gf", "mm", "um", "V", "mV", "A", "mA", "Pa", "kPa", "MPa")
 
 
@@ -63,6 +65,12 @@ def _units(table: Table, options: Options, notes: list[Note]) -> Options:
 
 
 def _interpolate(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    inputs = options["input"] if isinstance(options["input"], list) else [options["input"]]
+    if options.get("nan") is None and "dt" not in options and "input_time" not in options:
+        gaps = np.logical_or.reduce([np.isnan(table.number(name)) for name in inputs])
+        both = np.isnan(table.number(options["output"])[gaps]).all()
+        if both and gaps.mean() > SPARSE:
+            return {"nan": "omit"}, "rows that have neither input nor output are left out"
     return {"nan": "interpolate"}, f"gaps of the input are interpolated linearly: {fault.problem}"
 
 

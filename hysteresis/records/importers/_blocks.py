@@ -5,18 +5,20 @@ then its header. Those of one header are one table in pieces, told apart by a fu
 different ones the one with most rows is meant, as a summary of results is shorter than the data.
 """
 
-import csv
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ..._errors import InputError
 from ..._note import Note
-from ._dialects import Dialect, dialect_of
+from .._units import written_unit
+from ._dialects import Dialect
 from ._sheet import Sheet, decimal_of, distinct, is_number, units_of
 
-_LOOK = 400
-"""Lines from which the separator is found."""
+Rows = Sequence[tuple[int, list[str]]]
+"""Rows of cells, each with its line number."""
 
 
 class Block(NamedTuple):
@@ -33,31 +35,39 @@ class Block(NamedTuple):
     skipped: list[int]
 
 
-def arranged(numbered: Sequence[tuple[int, str]], decimal: str = ".") -> Sheet | None:
-    """The table of a text that does not begin with its header, or None where it does.
+class _Header(NamedTuple):
+    """Where a header begins, the names, the units as written, and the index of the first row below."""
 
-    `numbered`: the line numbers and texts of the lines that are not blank. Tables side by side with the
-    same names are put under one another as well.
+    start: int
+    names: list[str]
+    units: list[str]
+    first: int
+
+
+def sheet_of(
+    found: list[Block], dialect: Dialect, decimal: str = ".", table: int | None = None
+) -> Sheet | None:
+    """Blocks as one sheet; None without any.
+
+    `table`: which of the tables with different headers, from 1; the one with most rows if not given.
+
+    Raises `InputError` `bad-option` where there is no such table.
     """
-    text = "\n".join(line for _, line in numbered[:_LOOK])
-    dialect = dialect_of(text)
-    split = _splitter([line for _, line in numbered[:_LOOK]])
-    head = [split(line) for _, line in numbered[:_LOOK]]
-    if not (dialect.sure or _begins_late(head) or _period(head[0])):
-        return None
-    rows = [(k, split(line)) for k, line in numbered]
-    return sheet_of(blocks(rows), dialect, decimal)
-
-
-def sheet_of(found: list[Block], dialect: Dialect, decimal: str = ".") -> Sheet | None:
-    """Blocks as one sheet; None without any."""
     found = [piece for block in found for piece in _beside(block)]
     families: dict[tuple, list[Block]] = {}
     for block in found:
         families.setdefault((block.header, block.units), []).append(block)
     if not families:
         return None
-    chosen = max(families.values(), key=lambda f: sum(len(b.rows) for b in f))
+    listed = list(families.values())
+    # One row of numbers under a line of text is a note, where the file has a table.
+    listed = [f for f in listed if len(f) > 1 or len(f[0].rows) > 1] or listed
+    sizes = [sum(len(b.rows) for b in family) for family in listed]
+    at = int(np.argmax(sizes)) if table is None else table - 1
+    if not 0 <= at < len(listed):
+        said = f"The file has {len(listed)} tables, and table {table} is asked for."
+        raise InputError("bad-option", said, fix=f"--table 1 to {len(listed)}.")
+    chosen = listed[at]
     header, units = chosen[0].header, chosen[0].units
     cells = [row for block in chosen for row in block.rows]
     # Columns without any cell are an end of line in the export, not a measurement.
@@ -75,54 +85,141 @@ def sheet_of(found: list[Block], dialect: Dialect, decimal: str = ".") -> Sheet 
         columns = {name: [x for x, b in zip(labels, chosen, strict=True) for _ in b.rows]} | columns
         said = f"Put {len(chosen)} tables under one another, told apart by {name!r}."
         notes.append(Note("joined", said))
-    others = sum(len(b.rows) for b in found) - len(cells)
-    if others:
-        notes.append(Note("skipped", f"Left out {others} rows of other tables in the file."))
+    if len(listed) > 1:
+        others = ", ".join(
+            f"{k} ({n} rows from line {family[0].line[0]})"
+            for k, (n, family) in enumerate(zip(sizes, listed, strict=True), 1) if k != at + 1
+        )  # fmt: skip
+        said = f"Left out {sum(sizes) - len(cells)} rows of other tables in the file; this is table"
+        notes.append(Note("skipped", f"{said} {at + 1}, others are {others}. --table N reads one."))
     sign = (
         decimal if decimal == "," else dialect.decimal or decimal_of([c for r in cells for c in r])
     )
     if sign != decimal:
         notes.append(Note("decimal-comma", "Numbers are written with a decimal comma."))
-    by_name = {name: units[k] for name, k in zip(names, kept, strict=True) if units[k]}
+    # A unit for each column where a row has some: what stands in brackets behind a name is none then.
+    stated = any(units)
+    by_name = {
+        name: units[k] for name, k in zip(names, kept, strict=True)
+        if units[k] or (stated and written_unit(header[k], None))
+    }  # fmt: skip
     line = np.array([k for block in chosen for k in block.line])
     return Sheet(columns, line, by_name, tuple(notes), sign)
 
 
-def blocks(rows: Sequence[tuple[int, list[str]]]) -> list[Block]:
-    """The tables in rows of cells, each row with its line number.
+def blocks(rows: Rows) -> list[Block]:
+    """The tables in rows of cells.
 
     A line that is neither a row nor a header does not end a table: it is left out of it, and noted.
     """
+    heads = headers(rows)
+    begins = {head.start: head for head in heads}
+    titles = _titles(rows, heads)
+    ends = {*begins, *titles}
     found: list[Block] = []
     above: list[tuple[int, list[str]]] = []
     k = 0
     while k < len(rows):
-        cells = rows[k][1]
-        begins = _is_data(cells) and k > 0 and _is_header(rows[k - 1][1], len(_trimmed(cells)))
-        last = found[-1] if found else None
-        if begins:
-            width = len(_trimmed(cells))
-            units = None
-            if k > 1 and _is_header(rows[k - 2][1], width):
-                units = units_of(_trimmed(rows[k - 1][1]))
-            header = _trimmed(rows[k - 2 if units else k - 1][1])
-            width = max(width, len(header))
-            notes = [row for _, row in above[: len(above) - (2 if units else 1)]]
-            names, symbols = _padded(header, width), _padded(units or [], width)
-            found.append(Block(tuple(names), tuple(symbols), [], [], notes, []))
-        elif last is None or not _belongs(cells, len(last.header)):
+        if head := begins.get(k):
+            width = max(len(trimmed(rows[head.first][1])), len(head.names))
+            names, units = tuple(_padded(head.names, width)), tuple(_padded(head.units, width))
+            found.append(Block(names, units, [], [], [row for _, row in above], []))
+            k = head.first
+        elif found and k not in titles and _belongs(rows[k][1], len(found[-1].header)):
+            found[-1].skipped.extend(line for line, _ in above)
+        else:
             above.append(rows[k])
             k += 1
             continue
-        else:
-            found[-1].skipped.extend(line for line, _ in above)
         above, block = [], found[-1]
         width = len(block.header)
-        while k < len(rows) and _belongs(rows[k][1], width):
+        while k < len(rows) and k not in ends and _belongs(rows[k][1], width):
             block.rows.append(_padded(rows[k][1], width))
             block.line.append(rows[k][0])
             k += 1
+    return [block for block in found if block.rows]
+
+
+def headers(rows: Rows) -> list[_Header]:
+    """Every header: a row of text as wide as the numbers below, or one above a row of units."""
+    data = [_is_data(cells) for _, cells in rows]
+    found: list[_Header] = []
+    for k in range(1, len(rows)):
+        # What comes after a row of numbers is no header unless a whole one stands between.
+        if data[k] and not data[k - 1]:
+            least = found[-1].first + 1 if found else 0
+            head = _header(rows, k, least)
+            found += [head] if head is not None else []
     return found
+
+
+def _header(rows: Rows, k: int, least: int) -> _Header | None:
+    """The header of the numbers that begin at row k, in the rows from `least` on."""
+    width = len(trimmed(rows[k][1]))
+    last = _as_wide(rows[k - 1][1], width)
+    units = units_of(last)
+    if units is not None:
+        stated = sum(map(bool, units))
+        for at in range(k - 2, max(least, k - 4) - 1, -1):
+            names = _as_wide(rows[at][1], width)
+            filled = sum(map(bool, names))
+            # A row that says more about few of the columns stands between names and units at times.
+            if 2 * len(names) > width and 2 * filled > stated and not all(map(is_number, names)):
+                if _is_data(names) and at - 1 >= 0 and _is_data(rows[at - 1][1]):
+                    break  # numbers of the table above
+                return _Header(at, names, units, k)
+            if filled > 3:
+                break
+    if any(last) and not any(map(is_number, last)) and 2 * len(last) > width:
+        return _Header(k - 1, last, [], k)
+    return None
+
+
+def _titles(rows: Rows, heads: list[_Header]) -> set[int]:
+    """The lines of text right above headers: they belong to the table below, whatever numbers they hold."""
+    found: set[int] = set()
+    for head in heads:
+        at = head.start
+        while at > 0 and rows[at - 1][0] == rows[at][0] - 1 and not _is_data(rows[at - 1][1]):
+            at -= 1
+            found.add(at)
+    return found
+
+
+def nameless(rows: Rows, dialect: Dialect, above: str, text: str) -> list[Block]:
+    """Rows of numbers alone, as blocks: those of the commonest width.
+
+    The comment `above` the first row names the columns, or the dialect, or their place.
+    An empty line ends a block where the dialect says so, or where each block has several rows.
+    """
+    runs: list[list[tuple[int, list[str]]]] = []
+    for k, cells in rows:
+        row = trimmed(cells)
+        if len(row) < 2 or not all(map(is_number, row)):
+            continue
+        last = runs[-1][-1] if runs else (-2, [])
+        if len(last[1]) == len(row) and k == last[0] + 1:
+            runs[-1].append((k, row))
+        else:
+            runs.append([(k, row)])
+    if not runs:
+        return []
+    sizes: dict[int, int] = {}
+    for run in runs:
+        sizes[len(run[0][1])] = sizes.get(len(run[0][1]), 0) + len(run)
+    width = max(sizes, key=lambda n: sizes[n])
+    runs = [run for run in runs if len(run[0][1]) == width]
+    if not dialect.blank and any(len(run) < 3 for run in runs):
+        runs = [[row for run in runs for row in run]]
+    names = _as_wide([above], width)
+    if len(names) != width or not all(names) or any(map(is_number, names)):
+        known = dialect.names[:width]
+        names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]
+    units = _padded(list(dialect.units_in(text)), width)
+    return [
+        Block(tuple(names), tuple(units), [r for _, r in run], [k for k, _ in run], [], [])
+        for run in runs
+    ]
 
 
 def _labels(chosen: list[Block], dialect: Dialect) -> list[str]:
@@ -133,7 +230,7 @@ def _labels(chosen: list[Block], dialect: Dialect) -> list[str]:
 
 def _beside(block: Block) -> list[Block]:
     """Tables side by side: a header that repeats itself."""
-    period = _period(block.header)
+    period = period_of(block.header)
     if not period:
         return [block]
     pieces = []
@@ -149,9 +246,9 @@ def _beside(block: Block) -> list[Block]:
     return [piece for piece in pieces if piece.rows]
 
 
-def _period(header: Sequence[str]) -> int:
+def period_of(header: Sequence[str]) -> int:
     """After how many columns a header begins again, 0 where it does not."""
-    names = [" ".join(cell.lower().split()) for cell in _trimmed(list(header))]
+    names = [" ".join(cell.lower().split()) for cell in trimmed(header)]
     if any(is_number(name) for name in names):
         return 0
     for period in range(2, len(names) // 2 + 1):
@@ -161,41 +258,23 @@ def _period(header: Sequence[str]) -> int:
     return 0
 
 
-def _begins_late(rows: list[list[str]]) -> bool:
-    """Whether more stands above the numbers than a header and a row of units as wide as they are."""
-    first = next((k for k, row in enumerate(rows) if k and _is_data(row)), 0)
-    if first < 2 or _is_data(rows[0]):
-        return False
-    width = len(_trimmed(rows[first]))
-    if not _is_text(rows[first - 1]) or len(_trimmed(rows[first - 1])) < 2:
-        return False
-    return first > 2 or len(_trimmed(rows[0])) != width == len(_trimmed(rows[1]))
+def _is_data(cells: Sequence[str]) -> bool:
+    return mostly([is_number(cell) for cell in cells if cell])
 
 
-def _is_data(cells: list[str]) -> bool:
-    return _mostly([is_number(cell) for cell in cells if cell])
-
-
-def _mostly(numbers: list[bool]) -> bool:
+def mostly(numbers: list[bool]) -> bool:
+    """Whether at least two are numbers, and at least half."""
     return sum(numbers) >= 2 and 2 * sum(numbers) >= len(numbers)
-
-
-def _is_header(cells: list[str], width: int) -> bool:
-    """Text enough to name so many columns, or most of them."""
-    return _is_text(cells) and 2 * len(_trimmed(cells)) > width
-
-
-def _is_text(cells: list[str]) -> bool:
-    return any(cells) and not any(map(is_number, cells))
 
 
 def _belongs(cells: list[str], width: int) -> bool:
     """A row of numbers, or one where some are missing or a word: an overload."""
-    size = len(_trimmed(cells))
+    size = len(trimmed(cells))
     return (_is_data(cells) and size <= width) or (size == width and any(map(is_number, cells)))
 
 
-def _trimmed(cells: Sequence[str]) -> list[str]:
+def trimmed(cells: Sequence[str]) -> list[str]:
+    """A row without empty cells at its end."""
     found = list(cells)
     while found and not found[-1].strip():
         found.pop()
@@ -206,25 +285,13 @@ def _padded(cells: Sequence[str], width: int) -> list[str]:
     return [*cells[:width], *[""] * (width - len(cells))]
 
 
-def _splitter(lines: list[str]):
-    """A function from a line to its cells: the separator that leaves most rows all numbers."""
-
-    def by(separator: str):
-        def cells(line: str) -> list[str]:
-            row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-            return [cell.strip() for cell in row]
-
-        return cells
-
-    def blanks(line: str) -> list[str]:
-        wide = [cell for cell in line.split("  ") if cell.strip()]  # names may hold single blanks
-        words = line.split()
-        return words if all(map(is_number, words)) else [cell.strip() for cell in wide]
-
-    def score(way: tuple[str, Callable[[str], list[str]]]) -> tuple[int, int]:
-        # A line without the separator is one cell, and no row: most ways split nothing.
-        rows = [[is_number(c) for c in way[1](line) if c] for line in lines if way[0] in line]
-        full = [row for row in rows if _mostly(row)]
-        return sum(map(all, full)), len(full)
-
-    return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)[1]
+def _as_wide(cells: Sequence[str], width: int) -> list[str]:
+    """A header row in as many cells as the numbers have, where blanks separate its names instead."""
+    row = trimmed(cells)
+    if len(row) != 1 or width < 2:
+        return row
+    bare = row[0].strip().lstrip("#%;").strip()
+    for parts in (re.split(r"\s{2,}|\t", bare), bare.split(), re.split(r"\s*[,;]\s*", bare)):
+        if len(parts) == width:
+            return parts
+    return row

@@ -1,64 +1,134 @@
-"""How programs of testing machines name their pieces of a text file."""
+"""The table of dialects: what programs of rigs write, in `dialects.toml` or a file of the user."""
 
 import re
-from typing import NamedTuple
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..._errors import InputError
+
+_OWN = Path(__file__).with_name("dialects.toml")
 
 
 class Dialect(NamedTuple):
-    """What a program writes.
+    """What a program writes. `dialects.toml` says what each field is.
 
-    - `name`: of the program, for notes.
-    - `signature`: what its files hold; `sure` where nothing else does.
-    - `column`: what tells its tables apart; `label`: how a table's own name stands above it.
-    - `decimal`: the decimal sign where the file says it, else "".
+    `decimal`: the decimal sign where the file says it, else "".
     """
 
     name: str
     signature: re.Pattern[str]
+    sure: bool = True
+    begins: re.Pattern[str] | None = None
     column: str = "block"
     label: re.Pattern[str] | None = None
-    sure: bool = True
+    names: tuple[str, ...] = ()
+    units: tuple[tuple[re.Pattern[str], tuple[str, ...]], ...] = ()
+    blank: bool = False
+    refuse: str = ""
     decimal: str = ""
 
     def label_of(self, above: list[list[str]]) -> str:
         """The name of a table from the rows of text above it, "" for none."""
         text = "\n".join("\t".join(cell for cell in row if cell) for row in above)
-        if self.label is not None:
-            found = self.label.search(text)
-            return found["label"].strip() if found else ""
-        return ""
+        found = self.label.search(text) if self.label is not None else None
+        return found["label"].strip() if found else ""
+
+    def units_in(self, text: str) -> tuple[str, ...]:
+        """The units of `names`, as the lines above the table say; () where they do not."""
+        return next((units for said, units in self.units if said.search(text)), ())
 
 
-_ANY = re.compile(r"(?s).*")
-DIALECTS = (
-    Dialect("an MTS file", re.compile(r"\AMTS793\|")),
-    Dialect(
-        "a TRIOS file", re.compile(r"(?im)^\[step\]\s*$"), "step",
-        re.compile(r"(?im)^\[step\]\s*\n(?P<label>.+)$"),
-    ),
-    Dialect(
-        "a Bluehill file", re.compile(r'(?im)^"?Results Table \d'), "specimen",
-        re.compile(r'(?im)specimen[^\w\n]*(number|label|name|no\.?)?[^\w\n]*(?P<label>[\w .-]+)'),
-    ),
-    Dialect(
-        "a testXpert file", re.compile(r"(?i)prüfzeit|standardkraft|standardweg|standard force"),
-        "specimen", re.compile(r"(?im)^(specimen|probe)\W*(?P<label>[\w .-]+)"), False,
-    ),
-    Dialect(
-        "a texture analyser's file",
-        re.compile(r"(?im)force\W*\(?(g|N|kg)\)?[\t,;\"]+.*distance\W*\(?mm"), "curve",
-        re.compile(r"(?P<label>\S.*)"), False,
-    ),
-)  # fmt: skip
-OTHER = Dialect("a table with notes above it", _ANY, "block", re.compile(r"(?P<label>\S.*)"), False)
+OTHER = Dialect(
+    "a table with notes above it", re.compile(""), label=re.compile(r"(?P<label>\S.*)"), sure=False
+)
 
 
-def dialect_of(text: str) -> Dialect:
-    """The dialect of a file by its first lines."""
-    found = next((d for d in DIALECTS if d.signature.search(text)), OTHER)
-    if (
-        found is DIALECTS[0]
-    ):  # MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A: the sixth field is the decimal sign
-        field = text.split("\n", 1)[0].split("|")[5:6]
-        return found._replace(decimal=field[0] if field and field[0] in (".", ",") else "")
-    return found
+def dialect_of(text: str, own: str | Path | None = None) -> Dialect:
+    """The dialect of a file by its first lines; those of the file `own` come first.
+
+    Raises `InputError` as `dialects_in` does.
+    """
+    for dialect in (*(dialects_in(Path(own)) if own else ()), *dialects_in(_OWN)):
+        if found := dialect.signature.search(text):
+            sign = found.groupdict().get("decimal") or ""
+            return dialect._replace(decimal=sign)
+    return OTHER
+
+
+def maker_of(text: str) -> str:
+    """The maker that the first lines of a file name, "" for none."""
+    return next((name for name, signature in _makers() if signature.search(text)), "")
+
+
+def dialects_in(file: Path) -> tuple[Dialect, ...]:
+    """The dialects that a TOML file lists.
+
+    Raises `InputError` `unreadable-file`, and `bad-config` for what is not TOML, an unknown key, a missing
+    one, a wrong kind of value or a bad expression.
+    """
+    try:
+        return _dialects(file, file.read_text("utf-8"))
+    except OSError as error:
+        raise InputError(
+            "unreadable-file",
+            f"The dialects cannot be read: {error.strerror or error}.",
+            place=str(file),
+            fix="Name a TOML file (--dialects FILE).",
+        ) from None
+    except ValueError as error:  # of UTF-8 and of TOML
+        if isinstance(error, InputError):
+            raise
+        raise _bad(file, f"it is not TOML: {error}.") from None
+
+
+@cache
+def _dialects(file: Path, text: str) -> tuple[Dialect, ...]:
+    listed = tomllib.loads(text).get("dialects")
+    if not isinstance(listed, list):
+        raise _bad(file, "it has no list `dialects`.")
+    return tuple(_dialect(file, one) for one in listed)
+
+
+@cache
+def _makers() -> tuple[tuple[str, re.Pattern[str]], ...]:
+    listed = tomllib.loads(_OWN.read_text("utf-8"))["makers"]
+    return tuple((maker["name"], re.compile(maker["signature"])) for maker in listed)
+
+
+def _dialect(file: Path, said: Any) -> Dialect:
+    kinds = {"name": str, "signature": str, "sure": bool, "begins": str, "column": str, "label": str,
+             "names": list, "units": list, "blank": bool, "refuse": str}  # fmt: skip
+    if not isinstance(said, Mapping) or not {"name", "signature"} <= set(said):
+        raise _bad(file, f"{said!r} has no name or no signature.")
+    for key, value in said.items():
+        if key not in kinds:
+            raise _bad(file, f"{key!r} is not one of {', '.join(kinds)}.")
+        if not isinstance(value, kinds[key]):
+            raise _bad(file, f"{key} = {value!r} is not {kinds[key].__name__}.")
+    found = dict(said)
+    try:
+        for key in ("signature", "begins", "label"):
+            if key in found:
+                found[key] = re.compile(found[key])
+        if "label" in found and "label" not in found["label"].groupindex:
+            raise _bad(file, f"label = {said['label']!r} has no group (?P<label>...).")
+        found["names"] = tuple(map(str, found.get("names", ())))
+        found["units"] = tuple(
+            (re.compile(expression), tuple(map(str, units)))
+            for expression, units in found.get("units", ())
+        )
+    except (re.error, TypeError, ValueError) as error:
+        raise _bad(file, f"{said['name']!r}: {error}.") from None
+    return Dialect(**found)
+
+
+def _bad(file: Path, why: str) -> InputError:
+    return InputError(
+        "bad-config",
+        f"These dialects cannot be used: {why}",
+        place=str(file),
+        fix='Write dialects = [{name = "a rig file", signature = "^RIG"}], a line each.',
+    )

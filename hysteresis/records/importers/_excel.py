@@ -1,62 +1,77 @@
-"""Excel workbooks (.xlsx) through openpyxl (an extra: pip install 'hysid[rigs]')."""
+"""Spreadsheets (.xlsx, .xls, .xlsb, .ods) through python-calamine (an extra: pip install 'hysid[rigs]')."""
 
 import io
 import zipfile
-from datetime import datetime, time
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
-from ._blocks import Block, blocks, sheet_of
+from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
 from ._file import fault
 from ._sheet import Sheet
 
-MARK = b"PK\x03\x04"
+_ZIP, _OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_INSIDE = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
 
 
-def workbook(path: Path, data: bytes) -> Sheet | None:
+def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     """The table of a workbook, or None where the file is none.
 
     Sheets with the same header are put under one another and told apart by the column "sheet"; of others
-    the one with most rows is meant. Values are those that Excel last computed.
+    the one with most rows is meant, or `table`. Values are those that the spreadsheet last computed.
 
-    Raises `InputError` `missing-extra` without openpyxl, `binary-file` for other ZIP files, `no-rows`.
+    Raises `InputError` `missing-extra` without python-calamine, `binary-file` where damaged, `no-rows`.
     """
-    if data[:4] != MARK or not zipfile.is_zipfile(io.BytesIO(data)):
+    if not _is_workbook(data):
         return None
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        if "xl/workbook.xml" not in archive.namelist():
-            return None
     try:
-        from openpyxl import load_workbook
+        from python_calamine import CalamineWorkbook
     except ImportError:
         raise fault(
-            "missing-extra", path, "workbooks are read by openpyxl, which is not installed.",
+            "missing-extra", path, "workbooks are read by python-calamine, which is not installed.",
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         ) from None  # fmt: skip
     try:
-        book = load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {
-            sheet.title: [[_cell(v) for v in row] for row in sheet.iter_rows(values_only=True)]
-            for sheet in book.worksheets
+            name: [[_cell(v) for v in row] for row in book.get_sheet_by_name(name).to_python(False)]
+            for name in book.sheet_names
         }
-    except Exception as error:  # openpyxl raises what it meets: KeyError, ParseError, BadZipFile
+    except Exception as error:  # calamine raises its own, and what it meets: ValueError, OSError
         raise fault("binary-file", path, f"this workbook is damaged: {error}.") from None
     found: list[Block] = []
-    for title, rows in sheets.items():
-        numbered = [(k, row) for k, row in enumerate(rows, 1) if any(row)]
-        pieces = blocks(numbered)
+    numbered = {title: [(k, row) for k, row in enumerate(rows, 1) if any(row)]
+                for title, rows in sheets.items()}  # fmt: skip
+    for title, rows in numbered.items():
+        pieces = blocks(rows)
         found += [b._replace(above=[[title]] if len(pieces) == 1 else [[f"{title} {k}"]])
                   for k, b in enumerate(pieces, 1)]  # fmt: skip
-    sheet = sheet_of(found, OTHER._replace(name="a workbook", column="sheet"))
+    if not found:
+        found = [b for rows in numbered.values() for b in nameless(rows, OTHER, "", "")]
+    sheet = sheet_of(found, OTHER._replace(name="a workbook", column="sheet"), table=table)
     if sheet is None:
         raise fault("no-rows", path, "no sheet holds a table: a header and rows of numbers.")
     return sheet
 
 
+def _is_workbook(data: bytes) -> bool:
+    if data.startswith(_OLD):
+        # Word and others are in the same container: the stream of a workbook has one of these names.
+        return any(name.encode("utf-16-le") in data for name in ("Workbook", "Book"))
+    if not data.startswith(_ZIP) or not zipfile.is_zipfile(io.BytesIO(data)):
+        return False
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return bool({*_INSIDE} & {*archive.namelist()})
+
+
 def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, datetime | time):
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    if isinstance(value, datetime | date | time):
         return value.isoformat()
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
     return " ".join(str(value).split())

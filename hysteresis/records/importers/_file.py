@@ -4,7 +4,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from ..._errors import InputError
-from ..._note import Note
 
 
 def file_bytes(path: Path) -> bytes:
@@ -33,20 +32,6 @@ def file_bytes(path: Path) -> bytes:
     if not data.strip():
         raise fault("empty-file", path, "the file is empty.", "export the data again.")
     return data
-
-
-def decode(path: Path, data: bytes) -> tuple[str, list[Note]]:
-    """The text, and what is to be noted about it. Raises `InputError` `binary-file`."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", "replace"), [Note("encoding", "Decoded as UTF-16.")]
-    if b"\0" in data or data[:4] in (b"PK\x03\x04", b"\x1f\x8b\x08\x00"):
-        sheet = data[:2] == b"PK" or data[:4] == b"\xd0\xcf\x11\xe0"  # new and old spreadsheets
-        mend = "export the sheet as CSV." if sheet else "export it as text."
-        raise fault("binary-file", path, "this is no text but binary data.", mend)
-    try:
-        return data.decode("utf-8-sig"), []
-    except UnicodeDecodeError:
-        return data.decode("latin-1"), [Note("encoding", "Decoded as Latin-1: it is not UTF-8.")]
 
 
 def fault(code: str, path: Path, problem: str, fix: str = "") -> InputError:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from ..._note import Note
-from .._units import spelled
 from ._file import fault
 from ._sheet import Sheet, distinct, is_number
 
@@ -111,7 +110,7 @@ def _segment(
             units[f"X_Value {name}"] = "s"
         columns[name] = cells[k]
         if whole:
-            units[name] = spelled(labels[channels.index(k)])
+            units[name] = labels[channels.index(k)]
     return columns, units
 
 

@@ -20,7 +20,8 @@ class Sheet:
 
     - `columns`: the cells of each, by name, all of one length n.
     - `line`: (n,) the line of each row, from 1.
-    - `units`: by column, where the file says them beside the header.
+    - `units`: by column, where the file says them beside the header, as the file writes them; "" where it
+      says that there is none.
     - `notes`: one for each thing that was done.
     - `decimal`: the sign its numbers are written with.
     """
@@ -38,14 +39,17 @@ def is_number(cell: str) -> bool:
 
 
 def units_of(cells: Sequence[str]) -> list[str] | None:
-    """A row of units, one for each cell and "" for none, or None where it is no such row."""
-    bare = [spelled(cell) if bare_unit(cell) else "" for cell in cells]
-    named = [unit for unit in bare if unit not in ("", "1")]
+    """A row of units as written, one for each cell and "" for none, or None where it is no such row.
+
+    Most of them are known, or all stand in brackets.
+    """
+    bare = [bare_unit(cell) for cell in cells]
+    named = [unit for unit in bare if spelled(unit) != "1"]
     if not named or any(is_number(unit) for unit in named):
         return None
-    known = sum(is_unit(unit) for unit in named)
+    known = sum(map(is_unit, named))
     bracketed = all(cell.strip()[:1] in "([" for cell in cells if cell.strip())
-    return bare if known == len(named) or (bracketed and 2 * known >= len(named)) else None
+    return bare if 3 * known >= 2 * len(named) or (bracketed and len(named) > 1) else None
 
 
 def distinct(names: Sequence[str], taken: Collection[str] = ()) -> list[str]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..._note import Note
-from .._units import spelled
 from ._file import fault
 from ._sheet import Sheet, distinct
 
@@ -93,5 +92,5 @@ def _columns(channels: list[Any]) -> tuple[dict[str, list[str]], dict[str, str],
             units[name] = "s"
         columns[name] = [str(v) for v in np.asarray(x).tolist()]
         if unit := channel.properties.get("unit_string"):
-            units[name] = spelled(str(unit))
+            units[name] = str(unit)
     return columns, units, notes

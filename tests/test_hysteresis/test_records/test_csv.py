@@ -125,7 +125,7 @@ def test_04_wrong_column_lists_the_nearest_first(read):
     refused("no-column", lambda: read(table(), time="t"), "'t'", T)
     refused("no-column", lambda: read(table(), group="specimen"))
     refused("no-column", lambda: read(table(), keep=["k"]))
-    refused("no-column", lambda: read("1,2\n3,4\n"), "no header")
+    refused("no-header", lambda: read("1,2\n3,4\n"), "no header", "'column 2'", "'1', '2'")
 
 
 def test_05_text_cell(read):

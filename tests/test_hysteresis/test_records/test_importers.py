@@ -202,7 +202,7 @@ def test_what_cannot_be_read_is_said(table, content, code):
     assert "run.lvm" in caught.value.place
 
 
-@pytest.mark.parametrize(("module", "head"), [("nptdms", b"TDSm"), ("openpyxl", None)])
+@pytest.mark.parametrize(("module", "head"), [("nptdms", b"TDSm"), ("python_calamine", None)])
 def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, head):
     content = head or _empty_workbook()
     monkeypatch.setitem(sys.modules, module, None)

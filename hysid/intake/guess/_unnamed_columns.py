@@ -1,0 +1,91 @@
+"""Columns without names: which of them are measurements of their own, by their shape alone."""
+
+import numpy as np
+
+from hysteresis import InputError, Table
+
+from ._column_pairs import Column, correlation, rank_correlation
+
+LEAST = 20
+"""Rows from which a shape can be told."""
+RATE = 0.99
+"""Correlation of a rate with the slope of what it is the rate of."""
+FOLLOWS = 0.3
+
+
+def by_shape(
+    table: Table, columns: list[Column], time: str | None, asked: set[str]
+) -> list[Column]:
+    """The two columns that follow each other most, beside those `asked` for.
+
+    Copies in another unit and rates of other columns are left out.
+
+    Raises `InputError` `no-header` where nothing follows anything.
+    """
+    if len(table.line) < LEAST:
+        raise no_header(
+            table.path, f"{len(table.line)} rows are too few to tell them by their shape."
+        )
+    kept: list[Column] = []
+    for c in reversed(columns):  # values that a logger has scaled stand behind those it has read
+        twin = any(_scaled(c.x, other.x) for other in kept)
+        if c.name in asked or not twin:
+            kept.insert(0, c)
+    if time is not None:
+        t = table.columns[time]
+        slopes: list[np.ndarray] = []
+        moving = []
+        for (
+            c
+        ) in kept:  # of an oscillation each column is the slope of the other: the first one counts
+            if c.name in asked or not any(abs(correlation(s, c.x)) > RATE for s in slopes):
+                moving.append(c)
+                slopes.append(_slope(t, c.x))
+        kept = moving
+    found = [c for c in kept if c.name in asked]
+    if len(kept) < 3:
+        return kept
+    scored = [
+        (abs(rank_correlation(a.x, b.x)), -j, a, b)
+        for j, b in enumerate(kept) for a in kept[:j]
+        if all(c in (a, b) for c in found)
+    ]  # fmt: skip
+    best, _, a, b = max(scored, key=lambda one: one[:2], default=(0.0, 0, kept[0], kept[1]))
+    if best < FOLLOWS:
+        raise no_header(table.path, "No two columns follow each other.")
+    return [a, b]
+
+
+def no_header(place: str, problem: str) -> InputError:
+    """The file has no header, and its numbers do not say what they are."""
+    return InputError(
+        "no-header",
+        f"The first line contains numbers, so the columns have no names. {problem}",
+        place=place,
+        fix="Write a line above it that names each column with its unit, as in "
+        "time (s),force (N),displacement (mm).",
+    )
+
+
+def _scaled(x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether one is a straight line of the other up to the last digit of both."""
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = x[good], y[good]
+    if len(x) < 3 or not (np.ptp(x) and np.ptp(y)):
+        return False
+    slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
+    left = np.abs(y - y.mean() - slope * (x - x.mean()))
+    return bool(left.max() <= 1.5 * (_digit(y) + abs(slope) * _digit(x)))
+
+
+def _digit(x: np.ndarray) -> float:
+    """The smallest step between different values."""
+    steps = np.diff(np.unique(x))
+    return float(steps.min())
+
+
+def _slope(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """dx/dt by differences (n,); NaN where the clock stands still."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.gradient(x) / np.gradient(t)
+    return np.where(np.isfinite(slope), slope, np.nan)

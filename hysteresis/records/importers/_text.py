@@ -1,0 +1,129 @@
+"""The table of a text that is more than a header and rows: notes, units, pieces, blanks, or no names."""
+
+import csv
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..._note import Note
+from ._blocks import blocks, headers, mostly, nameless, period_of, sheet_of, trimmed
+from ._dialects import dialect_of, maker_of
+from ._file import fault
+from ._sheet import Sheet, is_number
+
+_LOOK = 400
+"""Lines from which the separator and the dialect are found."""
+Lines = Sequence[tuple[int, str]]
+"""Lines that are not blank, each with its number."""
+
+
+def arranged(
+    path: Path,
+    lines: Lines,
+    decimal: str = ".",
+    above: str = "",
+    own: str | Path | None = None,
+    table: int | None = None,
+) -> Sheet | None:
+    """The table of a text that does not begin with its header, or None where it does.
+
+    `above`: what stands right above the first line. `own`: a file of dialects. Tables side by side with the
+    same names are put under one another as well.
+
+    Raises `InputError` `no-rows` for what a dialect knows to hold no record, and as `dialect_of` and
+    `sheet_of` do.
+    """
+    head = "\n".join(line for _, line in lines[:_LOOK])
+    dialect = dialect_of(head, own)
+    if dialect.refuse:
+        problem = f"this is {dialect.name}: {dialect.refuse}."
+        raise fault("no-rows", path, problem, "export the measured values.")
+    if dialect.begins is not None:
+        at = next((k for k, (_, line) in enumerate(lines) if dialect.begins.search(line)), -1)
+        lines = lines[at + 1 :]
+    if not lines:
+        raise fault("no-rows", path, f"this is {dialect.name} with a header and no rows.")
+    separator, split = splitter([line for _, line in lines[:_LOOK]])
+    first = [(k, split(line)) for k, line in lines[:_LOOK]]
+    plain = not (
+        dialect.sure or separator == "" or table or _begins_late(first) or period_of(first[0][1])
+    )
+    bare = bool(dialect.names) or _all_numbers(first[0][1])
+    if plain and not bare:
+        return None
+    rows = [(k, split(line)) for k, line in lines]
+    found = [] if bare else blocks(rows)
+    found = found or nameless(rows, dialect, above, head)
+    sheet = sheet_of(found, dialect, decimal, table)
+    if sheet is not None and "column 1" in found[0].header:
+        sheet = _unnamed(sheet)
+    if sheet is None and dialect.sure:
+        raise fault("no-rows", path, f"this is {dialect.name} without a table of numbers.")
+    return sheet
+
+
+def without_table(path: Path, lines: Lines) -> None:
+    """Raise `InputError` `no-rows` for a text that names its maker and holds no table of three rows."""
+    maker = maker_of("\n".join(line for _, line in lines[:_LOOK]))
+    if not maker:
+        return
+    _, split = splitter([line for _, line in lines[:_LOOK]])
+    if max((len(block.rows) for block in blocks([(k, split(s)) for k, s in lines])), default=0) < 3:
+        problem = (
+            f"this is a file of {maker} without a table of numbers: settings or results alone."
+        )
+        raise fault("no-rows", path, problem, "export the measured values.")
+
+
+def _unnamed(sheet: Sheet) -> Sheet:
+    first = ", ".join(cells[0] for cells in list(sheet.columns.values())[:8])
+    said = f"The file has no header (its first row is {first}): columns are named by their place."
+    return Sheet(
+        sheet.columns,
+        sheet.line,
+        sheet.units,
+        (Note("no-header", said), *sheet.notes),
+        sheet.decimal,
+    )
+
+
+def _begins_late(rows: list[tuple[int, list[str]]]) -> bool:
+    """Whether more stands above the numbers than a header and a row of units as wide as they are."""
+    head = next(iter(headers(rows)), None)
+    if head is None:
+        return False
+    if head.start == 0 and head.first < 3:
+        return False
+    if head.first == 2:  # a row of odd units is as wide as the header above it
+        return len(trimmed(rows[0][1])) != len(trimmed(rows[2][1])) or len(head.names) < 2
+    return True
+
+
+def _all_numbers(cells: list[str]) -> bool:
+    row = trimmed(cells)
+    return len(row) > 1 and all(map(is_number, row))
+
+
+def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:
+    """The separator that leaves most rows all numbers, "" for blanks, and what makes cells of a line."""
+
+    def by(separator: str):
+        def cells(line: str) -> list[str]:
+            if '"' not in line:
+                return [cell.strip() for cell in line.split(separator)]
+            row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+            return [cell.strip() for cell in row]
+
+        return cells
+
+    def blanks(line: str) -> list[str]:
+        wide = [cell for cell in line.split("  ") if cell.strip()]  # names may hold single blanks
+        words = line.split()
+        return words if all(map(is_number, words)) else [cell.strip() for cell in wide]
+
+    def score(way: tuple[str, Callable[[str], list[str]]]) -> tuple[int, int]:
+        # A line without the separator is one cell, and no row: most ways split nothing.
+        rows = [[is_number(c) for c in way[1](line) if c] for line in lines if way[0] in line]
+        full = [row for row in rows if mostly(row)]
+        return sum(map(all, full)), len(full)
+
+    return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)

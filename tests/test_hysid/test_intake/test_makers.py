@@ -1,0 +1,311 @@
+"""Files in the layouts of makers, with made-up numbers: the table, its units, the roles of columns."""
+
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from hysid.operations._init import init
+from hysteresis import InputError
+from tests.test_hysid.command import refused, run
+
+N = 60
+T = 0.5 * np.arange(N)
+DRIVE = np.abs((np.arange(N) + 15) % 30 - 15.0)  # two triangles
+ANSWER = DRIVE**1.2 + np.where(np.gradient(DRIVE) > 0, 0.3, 0.0) * DRIVE
+
+
+def rows(*columns: Any, sep: str = "\t", comma: bool = False, quote: str = "") -> str:
+    lines = [sep.join(f"{quote}{v}{quote}" for v in row) for row in zip(*columns, strict=True)]
+    return ("\n".join(lines) + "\n").replace(".", "," if comma else ".")
+
+
+def numbers(x: np.ndarray, form: str = ".4f") -> list[str]:
+    return [format(v, form) for v in x]
+
+
+TIME, U, Y = numbers(T), numbers(DRIVE), numbers(ANSWER)
+OTHER = numbers(np.cos(T))
+STAMP = numbers(T + 3e9)
+ONE, NONE = ["1"] * N, [""] * N
+
+
+class File(NamedTuple):
+    """A file, its columns with units as written, its rows, its clock, and what drives and answers."""
+
+    content: str
+    units: dict[str, str]
+    time: str | None
+    pair: set[str] | None
+    encoding: str = "utf-8"
+    rows: int = N
+    sure: str = "sure"
+
+
+MTS_HEAD = (
+    "MTS793|MPT|DEU|1|2|,|.|:|49|1|1|A\n\nBediener Information\t\t\tZeit:\t24,7\ts\nPrüfer:\tM\n\n"
+)
+QUANTUM = (
+    "[Header]\n; VSM Data File\nTITLE,loop\nBYAPP,VSM,1.0,1.1\nINFO,1.6,SAMPLE_MASS\nSTARTUPAXIS,X,2\n"
+    "FIELDGROUP, VSM,2,3,4,5,6\n[Data]\n"
+)
+FORC = "MicroMag 2900/3900 Data File (Series 0015)\nFirst-order reversal curves\nUnits of measure:  {}\n\n"
+FORC += "Averaging time = +1.0E-01\nNCrv           = 3\n\n"
+TRIOS = (
+    "Filename,run\nInstrument name,HR30\n[File Parameters]\nFlow torque limit,0.01 µN.m\n[step]\n"
+    "Peak hold - 1\nStress,Shear rate,Step time\nPa,1/s,min\n{}\n[step]\nPeak hold - 2\n"
+    "Stress,Shear rate,Step time\nPa,1/s,min\n{}\n[step]\nSweep - 3\nStorage modulus,Loss modulus,Time\n"
+    "Pa,Pa,min\n1,2,3\n2,3,4\n"
+)
+COMPASS = (
+    "Projet:\tLAOS\n\nRésultat:\tFlow Curve 1\n\nIntervalle et points de données:\t1\t60\n"
+    "Interval données:\tPoint No.\tTemps\tContrainte de Cisaillement\tGradient de Cisaillement\tEtat\n"
+    "\t\t\tSinusoïdes\t\t\n\t\t[s]\t[Pa]\t[1/s]\t\n"
+)
+
+FILES = {
+    "TRIOS, steps": File(
+        TRIOS.format(rows(Y, U, TIME, sep=","), rows(Y, U, TIME, sep=",")),
+        {"Stress": "Pa", "Shear rate": "1/s", "Step time": "min"},
+        "Step time", {"Shear rate", "Stress"}, rows=2 * N,
+    ),
+    "RheoCompass, French": File(
+        COMPASS + rows(NONE, range(N), TIME, Y, U, ["Dy_auto"] * N, comma=True),
+        {"Temps": "s", "Contrainte de Cisaillement": "Pa", "Gradient de Cisaillement": "1/s"},
+        "Temps", {"Gradient de Cisaillement", "Contrainte de Cisaillement"}, "utf-16",
+    ),
+    "Kinexus": File(
+        "Action Name;Time (sequence)(s);Shear stress(Pa);Shear rate(s-¹);Gap(mm)\n"
+        + rows(["Ramp"] * N, TIME, Y, numbers(DRIVE, ".3E"), ONE, sep=";", comma=True)
+        + rows(["Rest"] * N, numbers(T + 40), NONE, NONE, ONE, sep=";", comma=True),
+        {"Time (sequence)(s)": "s", "Shear stress(Pa)": "Pa", "Shear rate(s-¹)": "s-¹"},
+        "Time (sequence)(s)", {"Shear rate(s-¹)", "Shear stress(Pa)"}, rows=2 * N,
+    ),
+    "MTS 793, German, transducers named by numbers": File(
+        MTS_HEAD + "Datenerfassung\t\t\tZeit:\t320,0\ts\nDatum\tLaufzeit\tCh 1 Kraft Sollwert\tCh 1 Kraft"
+        "\t1944 B\t1281068\nd\ts\tkN\tkN\tmm\tmm\n" + rows(ONE, TIME, U, U, Y, OTHER, comma=True)
+        + "\nDatenerfassung\t\t\tZeit:\t320,0\ts\n"
+        "Ch 1 Kraft\t1944 A\t1944 B\nkN\tmm\tmm\n0,8\t0,1\t0,2\n1,8\t1,1\t1,2\n",
+        {"Laufzeit": "s", "Ch 1 Kraft": "kN", "1944 B": "mm", "1281068": "mm"},
+        "Laufzeit", {"Ch 1 Kraft", "1944 B"}, "latin-1",
+    ),
+    "TestSuite": File(
+        "File Path: C:\\a.txt\nTest: v3\nDate: 10/23/2023\n\n\nCrosshead \tLoad \tTime \nmm\tN\tsec\n"
+        + rows(Y, U, TIME), {"Crosshead": "mm", "Load": "N", "Time": "sec"},
+        "Time", {"Crosshead", "Load"}, "utf-8-sig",
+    ),
+    "Bluehill, Polish": File(
+        'Test : Tempo 1;"15,0";mm/min\nPróbki : Długość;"25,0";mm\n\n'
+        "Godzina;Przemieszczenie;Obciążenie\n(s);(mm);(N)\n"
+        + rows(TIME, Y, U, sep=";", comma=True, quote='"'),
+        {"Godzina": "s", "Przemieszczenie": "mm", "Obciążenie": "N"},
+        "Godzina", {"Przemieszczenie", "Obciążenie"}, "cp1250", sure="likely",
+    ),
+    "Bluehill, Chinese": File(
+        "试样 1,厚度,2.5,mm\n\n时间,压缩位移,压缩载荷\n(s),(mm),(N)\n" + rows(TIME, Y, U, sep=","),
+        {"时间": "s", "压缩位移": "mm", "压缩载荷": "N"}, "时间", {"压缩位移", "压缩载荷"},
+        "gb18030", sure="likely",
+    ),
+    "a Japanese tester": File(
+        "試験名,圧縮,1\n\n時間,荷重,ストローク\n(sec),(N),(mm)\n" + rows(TIME, U, Y, sep=","),
+        {"時間": "sec", "荷重": "N", "ストローク": "mm"}, "時間", {"荷重", "ストローク"},
+        "shift_jis", sure="likely",
+    ),
+    "testXpert": File(
+        '"aktuelle Probe"\t"17"\n"Einspannlänge"\t832.7\t"mm"\n"Vorkraft"\t0.2\t"N"\n'
+        '"Prüfzeit"\t"Standardweg"\t"Standardkraft"\t"Traverse abs."\n"s"\t"mm"\t"N"\t"mm"\n'
+        + rows(TIME, Y, U, numbers(ANSWER + 700)),
+        {"Prüfzeit": "s", "Standardweg": "mm", "Standardkraft": "N"},
+        "Prüfzeit", {"Standardweg", "Standardkraft"}, "latin-1", sure="likely",
+    ),
+    "Emperor": File(
+        "Time (s)\tLoad (gf)\tDisplacement (mm)\n" + rows(TIME, U, Y, comma=True),
+        {"Time (s)": "s", "Load (gf)": "gf", "Displacement (mm)": "mm"},
+        "Time (s)", {"Load (gf)", "Displacement (mm)"},
+    ),
+    "Exponent": File(
+        "water2\twater2\twater2\t\nForce\tDistance\tTime\t\ng\tmm\tsec\t\n\n" + rows(U, Y, TIME, NONE),
+        {"Force": "g", "Distance": "mm", "Time": "sec"}, "Time", {"Force", "Distance"},
+    ),
+    "Quantum Design, loop": File(
+        QUANTUM + "Comment,Time Stamp (sec),Temperature (K),Magnetic Field (Oe),Moment (emu),"
+        "M. Std. Err. (emu),M. Raw' (emu)\n"
+        + rows(NONE, STAMP, numbers(3 + 0.001 * np.sin(T)), U, Y, ONE, Y, sep=","),
+        {"Time Stamp (sec)": "sec", "Magnetic Field (Oe)": "Oe", "Moment (emu)": "emu"},
+        "Time Stamp (sec)", {"Magnetic Field (Oe)", "Moment (emu)"}, "latin-1",
+    ),
+    "Quantum Design, moment and temperature": File(
+        QUANTUM + "Comment,Time Stamp (sec),Temperature (K),Magnetic Field (Oe),Motor Current (amps),"
+        "Moment (emu)\n"
+        + rows(NONE, STAMP, numbers(5 + DRIVE), ["100.07"] * N, numbers(np.cos(9 * T)), Y,
+               sep=","),
+        {"Temperature (K)": "K", "Moment (emu)": "emu"},
+        "Time Stamp (sec)", {"Temperature (K)", "Moment (emu)"},
+    ),
+    "MicroMag, reversal curves": File(
+        FORC.format("Hybrid SI")
+        + "\n".join(rows(U[k : k + 20], Y[k : k + 20], sep=",") for k in (0, 20, 40))
+        + "\nMicroMag 2900/3900 Data File ends\n",
+        {"Field": "T", "Moment": "A m^2"}, None, {"Field", "Moment"},
+    ),
+    "Model 2900": File(
+        '"Model 2900 ASCII Data File",7,-1,+5.0E-01,+2.9E+02,1\n\n' + rows(U, Y, sep=","),
+        {"Field": "", "Moment": ""}, None, {"Field", "Moment"},
+    ),
+    "a wrench": File(
+        "Fx,Fy,Fz,Mx,My,Mz\n" + rows(*(numbers(np.sin(k * T + k)) for k in range(1, 7)), sep=","),
+        {"Fx": "", "Mz": ""}, None, None,
+    ),
+    "LVM without a clock": File(
+        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\tNo\n"
+        "***End_of_Header***\t\n\t\n"
+        "Channels\t2\t\t\nSamples\t60\t60\t\nY_Unit_Label\tNewtons\tm/s^2\t\nX_Dimension\tTime\tTime\t\n"
+        "X0\t0,0E+0\t0,0E+0\t\nDelta_X\t3,906250E-5\t3,9E-5\t\n***End_of_Header***\t\t\t\n"
+        "X_Value\tExcitation (Trigger)\tResponse (Trigger)\tComment\n" + rows(NONE, U, Y, comma=True),
+        {"X_Value": "s", "Excitation (Trigger)": "Newtons", "Response (Trigger)": "m/s^2"},
+        "X_Value", {"Excitation (Trigger)", "Response (Trigger)"},
+    ),
+    "no names": File(
+        rows(numbers(T, ".3f"), U, numbers(np.sin(T)), numbers(ANSWER, ".2f"), numbers(2 * DRIVE)),
+        {f"column {k}": "" for k in range(1, 6)}, "column 1", {"column 2", "column 4"}, sure="guess",
+    ),
+    "blanks, names in a comment": File(
+        "# by numpy\n# time force x\n" + rows(TIME, U, Y, sep=" "),
+        {"time": "", "force": "", "x": ""}, "time", {"force", "x"},
+    ),
+    "blanks": File(
+        "time (s)   force (N)   disp (mm)\n" + rows(TIME, U, Y, sep="   "),
+        {"time (s)": "s", "force (N)": "N", "disp (mm)": "mm"},
+        "time (s)", {"force (N)", "disp (mm)"},
+    ),
+    "storage and loss modulus": File(
+        "Nr\tF stat.\tStrain stat\tTime\tf\tE'\tE''\n\tN\t%\ts\tHz\tMPa\tMPa\n"
+        + rows(range(N), U, Y, TIME, TIME, U, Y),
+        {"F stat.": "N", "Strain stat": "%", "E'": "MPa"}, "Time", None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_table_and_the_roles(name, tmp_path):
+    expected = FILES[name]
+    file = tmp_path / "run.txt"
+    file.write_bytes(expected.content.encode(expected.encoding))
+    told = init(file, None, {})
+    units = {column["name"]: column["unit"] for column in told["columns"]}
+    assert expected.units.items() <= units.items()
+    assert told["rows"] == expected.rows
+    chosen = told["selection"]
+    assert chosen.get("time") == expected.time
+    if expected.pair is None:
+        assert "input" not in chosen
+        assert told["no_roles"]
+        assert not file.with_suffix(".toml").exists()
+        return
+    assert {chosen["input"], chosen["output"]} == expected.pair
+    sure = [found["sure"] for found in told["found"] if found["what"] == "reading"]
+    assert expected.sure == "sure" or expected.sure in sure
+
+
+def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    two = "Time\tForce\tDisp\ns\tN\tmm\n" + rows(TIME, U, Y) + "\nTime\tLoad\tWay\ns\tN\tmm\n"
+    Path("two.txt").write_text(f"note\n\n{two}{rows(TIME[:30], U[:30], Y[:30])}")
+    found = run("init", "two.txt", "--table", 2, "--nan", "interpolate", "--json").json()
+    assert (found["rows"], found["selection"]["input"]) == (30, "Load")
+    assert (found["selection"]["table"], found["selection"]["nan"]) == (2, "interpolate")
+    assert run("check", "two.txt", "--config", "two.toml").code == 0
+    refused(run("init", "two.txt", "--table", 3, "--overwrite"), "2 tables", "--table 1 to 2")
+    line = "name = 'our press', signature = '^PRESS', begins = '^==', names = ['t', 'F', 'x']"
+    Path("ours.toml").write_text(f"dialects = [{{{line}}}]\n")
+    Path("ours.txt").write_text("PRESS v3\n9 9 9\n== data\n" + rows(TIME, U, Y, sep=" "))
+    found = run("init", "ours.txt", "--dialects", "ours.toml", "--out", "it.toml", "--json").json()
+    assert (found["rows"], list(found["selection"])[:2]) == (N, ["dialects", "time"])
+    for bad, word in (("x = 1", "list `dialects`"), (f"dialects = [{{{line}, odd = 1}}]", "'odd'"),
+                      ("dialects = [{name = 'a'}]", "no signature"), ("[", "not TOML"),
+                      ("dialects = [{name = 'a', signature = '('}]", "'a'")):  # fmt: skip
+        Path("bad.toml").write_text(bad)
+        said = run("init", "ours.txt", "--dialects", "bad.toml", "--overwrite")
+        refused(said, "bad.toml", word, "[bad-config]")
+
+
+REFUSED = {
+    "settings": ("DataLogger 4.0 Version 4.0\n____\n\nProjekt Name: PMD\nPrüfer:\n", "DataLogger"),
+    "a spectrum": (
+        "    -1\n    58\nPSD\nVib\n13-Apr-23\nChannel 1\nNONE\n    9         0    0         0 P\n"
+        "     5  3\n 0.0 1.0 2.0 3.0\n 0.0 1.0 2.0 3.0\n",
+        "over frequency",
+    ),
+    "settings of a maker": (
+        "[Settings]\nInstrument,LakeShore 7410 VSM\nField,100,Oe\nAveraging,10,s,per,point\nRamp,a,b\n",
+        "LakeShore",
+    ),
+    "Quantum Design without rows": ("[Header]\nBYAPP,VSM\n[Data]\n", "Quantum Design"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_holds_no_record_is_named(name, tmp_path):
+    content, word = REFUSED[name]
+    file = tmp_path / "run.csv"
+    file.write_text(content)
+    with pytest.raises(InputError, match=word) as caught:
+        init(file, None, {})
+    assert caught.value.code == "no-rows"
+
+
+def test_old_workbooks_need_an_extra_and_are_read(vendor_files):
+    pytest.importorskip("python_calamine", reason="python-calamine is an extra")
+    told = init(vendor_files / "gabo_eplexor.xls", Path("/nowhere"), {})
+    assert (told["rows"], told["columns"][0]["name"]) == (210, "Nr")
+
+
+def test_a_workbook_of_steps(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl", reason="openpyxl is an extra")
+    pytest.importorskip("python_calamine", reason="python-calamine is an extra")
+    book = openpyxl.Workbook()
+    book.active.append(["Filename", "run"])
+    for step in ("Peak hold - 1", "Flow ramp - 2"):
+        sheet = book.create_sheet(step)
+        for row in ([step], ["Stress", "Shear rate", "Step time"], ["Pa", "1/s", "s"]):
+            sheet.append(row)
+        for row in zip(ANSWER, DRIVE, T, strict=True):
+            sheet.append([float(v) for v in row])
+    packed = io.BytesIO()
+    book.save(packed)
+    file = tmp_path / "run.xlsx"
+    file.write_bytes(packed.getvalue())
+    told = init(file, None, {})
+    assert told["rows"] == 2 * N
+    assert {told["selection"]["input"], told["selection"]["output"]} == {"Shear rate", "Stress"}
+    assert {"name": "Shear rate", "unit": "1/s"} in told["columns"]
+
+
+def test_files_of_makers_are_read_right(vendor_files, tmp_path):
+    """The rules of the key: columns, units as written, rows and roles, or the refusal that it asks for."""
+    for one in json.loads((vendor_files / "key.json").read_text("utf-8"))["files"]:
+        file = vendor_files / one["file"]
+        if file.suffix in (".xls", ".tdms") or file.stat().st_size > 100_000:
+            continue  # extras read them; the tables of large ones take seconds to judge
+        refusal = "refus" in (one["note"] or "")
+        try:
+            told = init(file, tmp_path / f"{one['file']}.toml", {})
+        except InputError:
+            assert refusal, one["file"]
+            continue
+        assert not refusal, one["file"]
+        table, chosen = one["tables"][one["main table"]], told["selection"]
+        roles = {one["drive"], one["response"]}
+        if all(isinstance(role, str) for role in roles):
+            assert {chosen["input"], chosen["output"]} == roles, one["file"]
+            units = {c["name"]: re.sub(r"[()]", "", c["unit"]) for c in told["columns"]}
+            written = dict(zip(table["columns"], table["units"], strict=True))
+            assert all(units[name] == written[name] for name in roles), one["file"]
+        if isinstance(one["time"], str):
+            assert chosen["time"] == one["time"]
+        if one["main table"] == 0 and len(one["tables"]) == 1:
+            assert told["rows"] == table["rows"]
