@@ -5,7 +5,6 @@ from typing import Any, Literal, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
@@ -177,22 +176,3 @@ def _largest_so_far(u: Array, begin: Array, start: Array) -> Array:
         return first[0] | second[0], anew
 
     return jax.lax.associative_scan(then, pairs)[1]
-
-
-def stops_of(
-    u: Float[np.ndarray, " samples"],
-    thresholds: Float[np.ndarray, " stops"],
-    rest: float,
-    starts: np.ndarray,
-) -> Float[np.ndarray, "samples stops"]:
-    """s_j of every sample in NumPy, for the columns of a linear fit: compiled for no length."""
-    low, high = u[:, None] - thresholds, u[:, None] + thresholds
-    z = np.full(len(thresholds), rest)
-    s = np.empty_like(low)
-    first = set(starts.tolist())
-    for k in range(len(u)):
-        if k in first:
-            z = np.full(len(thresholds), rest)
-        z = np.minimum(np.maximum(z, low[k]), high[k])
-        s[k] = u[k] - z
-    return s

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
-from ..records._folds import Parts, held_out_errors
+from ..records._folds import Parts, held_out_errors, thinned
 
 MOST = 20_000
 """Rows that a baseline is fitted to, at most: evenly from all."""
@@ -54,11 +54,6 @@ class Scored(NamedTuple):
     output: Float[np.ndarray, " samples"]
 
 
-def thinned(rows: np.ndarray) -> np.ndarray:
-    """Every k-th row, at most `MOST` of them."""
-    return rows[:: -(-len(rows) // MOST)] if len(rows) else rows
-
-
 def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
     """Cross-validate a baseline on the folds on which models are ranked, then fit it to all parts.
 
@@ -71,7 +66,9 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
 
     def blocks_of(drop: bool) -> np.ndarray:
         def solve(train: tuple[int, ...]) -> np.ndarray:
-            return baseline.predicted(seen, baseline.fitted(seen, y, thinned(rows_of(train, drop))))
+            return baseline.predicted(
+                seen, baseline.fitted(seen, y, thinned(rows_of(train, drop), MOST))
+            )
 
         def error(predicted: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
             rows = np.isin(parts.label, test)
@@ -83,6 +80,6 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
     blocks = {drop: blocks_of(drop) for drop in drops}
     drop = min(blocks, key=lambda drop: blocks[drop].mean() if len(blocks[drop]) else 0.0)
     rows = rows_of(parts.all, drop)
-    unknowns = baseline.fitted(seen, y, thinned(rows))
+    unknowns = baseline.fitted(seen, y, thinned(rows, MOST))
     used = np.isin(np.arange(len(record)), rows)
     return Scored(baseline, blocks[drop], used, unknowns, baseline.predicted(seen, unknowns))

@@ -10,9 +10,10 @@ from hysteresis import AbstractModel, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import AbstractGridDensity
 
-from ..linear._composition_fit import fit_compositions, fit_lagging
+from ..linear._composition_fit import fitted, path_of
+from ..linear._composition_lag import fit_lagging
 from ..linear._conditioned_fit import fit_conditioned
-from ..linear._linear_fit import LinearFit
+from ..linear._linear_fit import LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
 from ..records._run_model import predict
 from ..results._detail import Composition, GridWeights
@@ -21,8 +22,8 @@ from ..results._goodness_of_fit import evidence
 from ..results._trained_condition import trained_condition
 from ._training_data import TrainingData
 
-DRAWS = 64
-"""Draws from which the errors of the totals are estimated."""
+DRAWS, FEW_DRAWS = 64, 16
+"""Draws from which the errors of the totals are estimated; few for compositions on the way to the best."""
 
 
 def fit_grid(
@@ -51,14 +52,17 @@ def fit_composition(
     state = "negative" if initial in ("auto", "fit") else initial
     path: tuple[LinearFit, ...]
     if data.condition is None:
-        path = fit_compositions(data.record, data.parts, data.leadings, state)
+        choices = path_of(data.record, data.parts, data.leadings, state)
+        if data.seeks_lag:
+            chosen = choices[-1].problem.whole.of(*choices[-1].parts)
+            say(f"{chosen.name}; is there a lag between the clocks?")
+            if (lagging := fit_lagging(choices, data.record, data.parts, state)) is not None:
+                clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
+                choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
+        path = fitted(choices)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
-    if data.seeks_lag:
-        say(f"{path[-1].meaning.name}; is there a lag between the clocks?")
-        if (lagging := fit_lagging(path, data.record, data.parts, state)) is not None:
-            clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
-            path, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
+    outputs_together(path, data.record)
     results = []
     for linear in path:
         notes = [f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."]
@@ -66,7 +70,8 @@ def fit_composition(
             notes.append(_lag_in_words(data))
         notes += _condition_in_words(linear, data)
         detail, name = Composition(linear), linear.meaning.name
-        results.append(_result(name, linear, detail, data, tuple(notes), seed))
+        draws = DRAWS if linear is path[-1] else FEW_DRAWS
+        results.append(_result(name, linear, detail, data, tuple(notes), seed, draws))
     return results
 
 
@@ -77,11 +82,13 @@ def _result(
     data: TrainingData,
     notes: tuple[str, ...],
     seed: int,
+    draws: int = DRAWS,
 ) -> FitResult:
     model = linear.model
-    predicted = predict(model, data.record)
+    predicted = linear.outputs(data.record)
+    predicted = predict(model, data.record) if predicted is None else predicted
     judged = evidence(data.record, data.parts, predicted, linear.dropped, linear.held_out)
-    totals, covariance = linear.totals(judged.noise, DRAWS, np.random.default_rng(seed))
+    totals, covariance = linear.totals(judged.noise, draws, np.random.default_rng(seed))
     errors = np.sqrt(np.diagonal(covariance))
     return FitResult(
         name=name,

@@ -5,7 +5,8 @@ import numpy as np
 from hysteresis import Record
 
 from ..linear._composition import CURVE, RELAYS
-from ..linear._composition_fit import Problem
+from ..linear._composition_fit import Problem, fitted_rows, unknowns_for
+from ..linear._composition_memory import memory_of
 from ..records._folds import Fold, best_of, simplest
 from ..records._folds import parts as parts_of
 
@@ -30,7 +31,11 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if len(record.labels) > 1 or len(numbers) < FEWEST:
         return record
-    ranges = [np.ptp(record.input[record.cycle == number]) for number in numbers]
+    count = record.cycle.max() + 1
+    largest, least = np.full(count, -np.inf), np.full(count, np.inf)
+    np.maximum.at(largest, record.cycle, record.input)
+    np.minimum.at(least, record.cycle, record.input)
+    ranges = (largest - least)[numbers]
     cut = parts_of(record)
     if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
         return record
@@ -39,9 +44,11 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     trained = [tuple(p for p in cut.all if count <= p != last) for count in counts]
     folds = tuple(Fold(train, (last,)) for train in trained)
     few = cut._replace(folds=folds, conditioning=None).merged
+    whole = unknowns_for(record, few, "negative", (CURVE, RELAYS))
+    memory = memory_of(whole.memory(), record, fitted_rows(few))
     choices = []
     for leading in leadings:
-        problem = Problem(record, few, leading, "negative", None, (CURVE, RELAYS))
+        problem = Problem(record, few, whole._replace(leading=leading), memory)
         choices.append([problem.tried((CURVE, RELAYS), PRIOR, (fold,)) for fold in few.folds])
     tried = min(choices, key=lambda trials: best_of(trials).blocks.mean())
     count = counts[tried.index(simplest(tried))]

@@ -19,8 +19,8 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import ChannelMap, InputError, Note, Record
 
 from ..records._channel_map import columns_of, combine
-from ..records._folds import Fold, best_of, held_out_errors, simplest
-from ._cross_validation import STRENGTHS, Choice, jittered, normal_equations_of, thinned, total
+from ..records._folds import Fold, best_of, held_out_errors, simplest, thinned
+from ._cross_validation import ROWS, STRENGTHS, Choice, jittered, normal_equations_of, total
 
 CELLS = 16
 """Cells of each channel's even grid."""
@@ -117,7 +117,7 @@ class _Problem:
         high = np.where(high > low, high, low + 1.0)  # one that moved in the cycles left out alone
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
         # What is tested includes the rows left out of the fit, where there are other sequences.
-        rows = thinned(np.flatnonzero(record.mask))
+        rows = thinned(np.flatnonzero(record.mask), ROWS)
         self.part, self.y = part[rows], record.output[rows] / self.scale
         cells = (x[rows, :, None] - self.nodes[:, :-1]) / (self.nodes[:, 1:] - self.nodes[:, :-1])
         ramps = np.clip(cells, 0.0, 1.0).reshape(len(rows), -1)

@@ -8,10 +8,8 @@ The model is a sum of parts that are linear in non-negative unknowns (but for th
 Each part rises with its input by construction, but for the strengths; so does a sum of them.
 """
 
-from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +22,6 @@ from hysteresis import (
     MonotoneCurve,
     NonlinearMaxwell,
     Preisach,
-    Record,
     Scaled,
     Series,
     Softening,
@@ -32,12 +29,12 @@ from hysteresis import (
     VelocityFriction,
 )
 from hysteresis.curves import Clip
-from hysteresis.models._modulated_stops import stops_of
 from hysteresis.numerics._hats import hats_of
 from hysteresis.preisach import GridDensity, Initial
 
+from ._composition_memory import Memory, MemoryLayout, rises
 from ._nnls import nonnegative_least_squares
-from ._preisach_design_matrix import NodeSpace, design_rows
+from ._preisach_design_matrix import NodeSpace
 
 CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "curve",
@@ -73,10 +70,12 @@ RIDGE = 1e-7
 """Pulls what the data leave open to 0; in squares of the output's range. Strengths are pulled ten times as
 hard: at rates that were not tried they say what the curve does not."""
 
+CHUNK = 512
+"""Rows whose relays are worked on at once: they stay in a processor's cache."""
+
 Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]
-Stops = Float[np.ndarray, "samples stops"]
-Starts = Int[np.ndarray, " sequences"]
+Values: TypeAlias = Array | np.ndarray
 
 
 class CompositionUnknowns(NamedTuple):
@@ -159,23 +158,47 @@ class CompositionUnknowns(NamedTuple):
             blocks += [own * each + ridge * np.eye(len(each))] * branches
         return np.asarray(scipy.linalg.block_diag(*blocks))
 
-    def columns(self, record: Record, rows: Int[np.ndarray, " rows"]) -> Columns:
-        """The output of each unknown alone, in its unit, at some rows of a record."""
-        u = record.input
-        if self.first:
-            u = np.asarray(self._first.simulate(None, u))
-        v = (u - self.low) / (self.high - self.low)
-        starts, strained = record.starts, np.empty((len(v), 0))
-        if PLACE_STOPS in self.parts or SPAN_STOPS in self.parts:  # both share the loop over time
-            strained = stops_of(v, THRESHOLDS, self._rest, starts) / THRESHOLDS
+    def memory(self) -> MemoryLayout:
+        """What the columns of the parts read of an input."""
+        relaxing = MAXWELL in self.parts or STRENGTHS in self.parts
+        stopped = PLACE_STOPS in self.parts or SPAN_STOPS in self.parts
+        span = self.high - self.low
+        return MemoryLayout(
+            self.low, self.high, self.first, self.times if relaxing else (),
+            CELLS[MAXWELL] if MAXWELL in self.parts else 1,
+            tuple(THRESHOLDS.tolist()) if stopped else (), (self.rest - self.low) / span,
+            CELLS[RELAYS] if RELAYS in self.parts else 0, self.initial,
+            SMOOTHING * self.step if FRICTION in self.parts else 0.0,
+        )  # fmt: skip
+
+    def columns(self, memory: Memory) -> Columns:
+        """The output of each unknown alone, in its unit, at rows with this memory."""
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
-            SOFTENING: self._softening, RELAYS: self._relays,
-            PLACE_STOPS: partial(self._place_stops, strained),
-            SPAN_STOPS: partial(self._span_stops, strained), FRICTION: self._friction,
+            SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
+            SPAN_STOPS: self._span_stops, FRICTION: self._friction,
         }  # fmt: skip
-        found = [made[part](v, record.time, starts)[rows] for part in self.parts]
-        return np.hstack([np.ones((len(rows), 1)), *found])
+        one = np.ones((len(memory.v), 1))
+        return np.hstack([one, *(made[part](memory) for part in self.parts)])
+
+    def outputs(
+        self, memory: Memory, unknowns: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " rows"]:
+        """The output of the model of the unknowns, which no column of relays is made for."""
+        dense = self.of(*(part for part in self.parts if part != RELAYS))
+        y = dense.columns(memory) @ unknowns[self.where(dense.parts)]
+        if RELAYS in self.parts:
+            n = CELLS[RELAYS]
+            weights = unknowns[np.repeat([False, *(p == RELAYS for p in self.parts)], self.sizes)]
+            ramps = np.zeros(n)
+            if self.leading:
+                i, j = np.tril_indices(n)
+                ramps = 2 * (np.bincount(i, weights) + np.bincount(j, weights))
+                weights = -weights
+            y += memory.relays @ NodeSpace(n).from_unknowns(np.r_[0.0, ramps, weights])
+        if self.floor is not None:
+            y = np.maximum(y, self.floor / abs(self.scale))
+        return self.scale * y
 
     def minimum(
         self,
@@ -189,10 +212,11 @@ class CompositionUnknowns(NamedTuple):
     def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> AbstractModel:
         """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""
         if unknowns.ndim > 1:
-            return jax.vmap(self.model)(unknowns)
-        x = abs(self.scale) * jnp.asarray(unknowns)
-        splits = np.cumsum(self.sizes)[:-1]
-        offset, *found = jnp.split(x, splits)
+            return jax.vmap(self.model)(jnp.asarray(unknowns))
+        # In NumPy where it can be: each operation of JAX compiles a program of its own.
+        x = abs(self.scale) * unknowns
+        ends = np.cumsum(self.sizes)
+        offset, *found = (x[end - size : end] for end, size in zip(ends, self.sizes, strict=True))
         values = dict(zip(self.parts, found, strict=True))
         curve = MonotoneCurve.even(self.low, self.high, values.pop(CURVE), offset[0])
         parts: list[AbstractModel] = [curve]
@@ -229,12 +253,12 @@ class CompositionUnknowns(NamedTuple):
         whole = Series([*before, whole, *after]) if before or after else whole
         return Scaled(whole, -1.0) if self.scale < 0 else whole
 
-    def _stops(self, part: str, values: Array) -> ModulatedStops:
+    def _stops(self, part: str, values: Values) -> ModulatedStops:
         """Weights of the columns s / r as stiffnesses."""
         by_place, span = part == PLACE_STOPS, self.high - self.low
         levels = PLACES if by_place else SPANS
         weights, springs = _split(values, len(THRESHOLDS), len(levels))
-        springs = jnp.zeros(len(levels)) if by_place else springs / span
+        springs = np.zeros(len(levels)) if by_place else springs / span
         return ModulatedStops(
             self.low, self.high, span * THRESHOLDS,
             self._inputs(levels) if by_place else span * levels,
@@ -276,96 +300,55 @@ class CompositionUnknowns(NamedTuple):
             rows += [each / each.size if part == STRENGTHS else each] * branches
         return np.asarray(scipy.linalg.block_diag(*rows))
 
-    # Columns of each part, at all samples of an input v in parts of the range
+    # Columns of each part
 
-    def _curve(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        return _rises(v, CELLS[CURVE])
+    def _curve(self, memory: Memory) -> Columns:
+        return rises(memory.v, CELLS[CURVE])
 
-    def _branches(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        springs = _rises(v, CELLS[MAXWELL])
-        left = self._relaxing(springs, t, starts)
-        each = left if self.leading else springs[:, None] - left
-        return each.reshape(len(v), -1)
+    def _branches(self, memory: Memory) -> Columns:
+        left = memory.left
+        each = left if self.leading else rises(memory.v, CELLS[MAXWELL])[:, None] - left
+        return each.reshape(len(each), -1)
 
-    def _strengths(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        left = self._relaxing(v[:, None], t, starts)
+    def _strengths(self, memory: Memory) -> Columns:
+        # The rises of all cells add up to that of the input.
+        left = memory.left.mean(2)[:, :, None]
         senses = np.stack([np.maximum(left, 0), np.minimum(left, 0)], 1)
-        rises = np.clip(_rises(v, CELLS[STRENGTHS]), 0, 1)
-        tents = -np.diff(rises, axis=1, prepend=1, append=0)
+        inside = np.clip(rises(memory.v, CELLS[STRENGTHS]), 0, 1)
+        tents = -np.diff(inside, axis=1, prepend=1, append=0)
         felt = senses * tents[:, None, None]
-        return (felt if self.leading else -felt).reshape(len(v), -1)
+        return (felt if self.leading else -felt).reshape(len(felt), -1)
 
-    def _softening(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
+    def _softening(self, memory: Memory) -> Columns:
         n = CELLS[SOFTENING]
-        units = jax.vmap(lambda unit: _upper(n, unit))(jnp.eye(n * (n + 1) // 2))
-        like = Softening(0.0, 1.0, units[0], leading=self.leading)
-        prepared = like.prepare(t, v, starts=tuple(starts.tolist()))
-        return np.asarray(_softened(like, units, prepared)).T
+        filled, reached = (np.clip(rises(x, n), 0.0, 1.0) for x in (memory.v, memory.largest))
+        j, i = np.tril_indices(n)
+        if self.leading:
+            return filled[:, i] * (1 - reached[:, j]) + filled[:, j]
+        return filled[:, i] * reached[:, j]
 
-    def _relays(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        n = CELLS[RELAYS]
-        model = Preisach(GridDensity(0.0, 1.0, np.ones((n, n))), np.ones(n), initial=self.initial)
-        prepared = model.prepare(None, np.clip(v, 0.0, 1.0), starts=tuple(starts.tolist()))
-        B = design_rows(model, prepared)
-        ramps, relays = np.split(NodeSpace(n).to_unknowns(B.toarray().T)[1:].T, [n], axis=1)
+    def _relays(self, memory: Memory) -> Columns:
+        n, rows = CELLS[RELAYS], memory.relays
         i, j = np.tril_indices(n)
-        return 2 * (ramps[:, i] + ramps[:, j]) - relays if self.leading else relays
+        found = np.empty((rows.shape[0], len(i)))
+        for k in range(0, len(found), CHUNK):
+            columns = NodeSpace(n).to_unknowns(rows[k : k + CHUNK].T.toarray())
+            ramps, relays = columns[1 : 1 + n], columns[1 + n :]
+            each = 2 * (ramps[i] + ramps[j]) - relays if self.leading else relays
+            found[k : k + CHUNK] = each.T
+        return found
 
-    def _place_stops(
-        self, strained: Stops, v: Samples, t: Samples | None, starts: Starts
-    ) -> Columns:
-        return _modulated(strained, hats_of(_before(v, starts, self._rest), PLACES))
+    def _place_stops(self, memory: Memory) -> Columns:
+        return _modulated(memory.strained, hats_of(memory.before, PLACES))
 
-    def _span_stops(
-        self, strained: Stops, v: Samples, t: Samples | None, starts: Starts
-    ) -> Columns:
-        covered = _before(v, starts, self._rest)
-        for run in np.split(covered, starts[1:]):
-            run[:] = np.maximum.accumulate(run) - np.minimum.accumulate(run)
-        strained = np.hstack([strained, (v - self._rest)[:, None]])
-        return _modulated(strained, hats_of(covered, SPANS))
+    def _span_stops(self, memory: Memory) -> Columns:
+        rest = (self.rest - self.low) / (self.high - self.low)
+        strained = np.hstack([memory.strained, (memory.v - rest)[:, None]])
+        return _modulated(strained, hats_of(memory.covered, SPANS))
 
-    def _friction(self, v: Samples, t: Samples | None, starts: Starts) -> Columns:
-        assert t is not None
-        model = VelocityFriction(
-            0.0, 1.0, SPEEDS, PLACES, np.zeros((len(SPEEDS), len(PLACES))), np.zeros(len(PLACES)),
-            smoothing=SMOOTHING * self.step,
-        )  # fmt: skip
-        prepared = model.prepare(t, v, starts=tuple(starts.tolist()))
-        speed = model.velocity(prepared) / (self.speed / (self.high - self.low))
-        felt = np.column_stack([*np.tanh(np.asarray(speed) / SPEEDS[:, None]), speed])
-        return _modulated(felt, hats_of(np.asarray(prepared.before), PLACES))
-
-    @property
-    def _rest(self) -> float:
-        """`rest` in parts of the range."""
-        return (self.rest - self.low) / (self.high - self.low)
-
-    def _relaxing(
-        self, x: Float[np.ndarray, "samples columns"], t: Samples | None, starts: Starts
-    ) -> Float[np.ndarray, "samples times columns"]:
-        """Q_k[x] of every relaxation time and column, see `NonlinearMaxwell`; x was 0 before each start.
-
-        The model itself has it for one x at a time. All columns at once share the loop over time here.
-        """
-        assert t is not None
-        dt = np.diff(t, prepend=t[:1])
-        before = np.vstack([x[:1], x[:-1]])
-        dt[starts], before[starts] = 0.0, 0.0
-        z = dt[:, None] / np.array(self.times)
-        decay = np.exp(-z)
-        decay[starts] = 0.0
-        gain = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
-        left = gain[:, :, None] * (x - before)[:, None]
-        for k in range(1, len(left)):
-            left[k] += decay[k, :, None] * left[k - 1]
-        return left
-
-
-def _rises(v: Samples, n: int) -> Columns:
-    """How much of each of n even cells of [0, 1] lies below v; the outer ones go on beyond it."""
-    rises = n * v[:, None] - np.arange(n)
-    return np.clip(rises, [-np.inf, *[0.0] * (n - 1)], [*[1.0] * (n - 1), np.inf])
+    def _friction(self, memory: Memory) -> Columns:
+        speed = memory.velocity[:, None] / (self.speed / (self.high - self.low))
+        return _modulated(np.hstack([np.tanh(speed / SPEEDS), speed]), hats_of(memory.felt, PLACES))
 
 
 def _modulated(
@@ -375,30 +358,17 @@ def _modulated(
     return (x[:, :, None] * h[:, None, :]).reshape(len(x), -1)
 
 
-def _split(values: Array, rows: int, columns: int) -> tuple[Array, Array]:
+def _split(values: Values, rows: int, columns: int) -> tuple[Values, Values]:
     """A matrix (rows, columns) and what follows it."""
     count = rows * columns
     return values[:count].reshape(rows, columns), values[count:]
 
 
-def _before(v: Samples, starts: Starts, rest: float) -> Samples:
-    """The sample before each one."""
-    before = np.append(rest, v[:-1])
-    before[starts] = rest
-    return before
-
-
-def _upper(n: int, values: Array) -> Array:
+def _upper(n: int, values: Values) -> Values:
     """An upper triangular matrix of its n (n + 1) / 2 entries, column by column."""
     j, i = np.tril_indices(n)
+    if isinstance(values, np.ndarray):
+        found = np.zeros((n, n))
+        found[i, j] = values
+        return found
     return jnp.zeros((n, n), values.dtype).at[i, j].set(values)
-
-
-@eqx.filter_jit
-def _softened(like: Softening, units: Array, prepared: Any) -> Array:
-    """Outputs (units, samples) of softening with each of the weights."""
-
-    def one(unit: Array) -> Array:
-        return eqx.tree_at(lambda model: model.weights, like, unit).evaluate(prepared)
-
-    return jax.vmap(one)(units)

@@ -1,19 +1,25 @@
 """Fitting a composition: which parts, how strong a prior, then all unknowns at once, exactly."""
 
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 from hysteresis.preisach import Initial
 
-from ..records._clocks import least_at, shifted
-from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest
-from ..records._folds import parts as parts_of
+from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
 from ..records._orientation import output_falls
 from ._composition import CELLS, CURVE, FRICTION, MAXWELL, PARTS, STRENGTHS, CompositionUnknowns
-from ._cross_validation import ROWS, Choice, jittered, normal_equations_of, thinned, total
+from ._composition_memory import Memory, memory_blocks, memory_of
+from ._cross_validation import (
+    ROWS,
+    Choice,
+    NormalEquations,
+    jittered,
+    normal_equations_of,
+    total,
+)
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
 
@@ -23,14 +29,8 @@ STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 LEAST_GAIN = 0.05
 """Share of the mean squared held-out error that a further part must take away."""
 
-LAG_ROWS = 10_000
-"""Rows that are enough to find a lag with."""
-
-LAG_PRIOR = 1e-5
-"""Prior strength with which a lag is looked for."""
-
-WORTH = 0.2
-"""Share of the mean squared error that a lag must remove before the fit takes it into account."""
+EQUATIONS = 100_000
+"""Equations from which on those of neighbouring rows are averaged."""
 
 SLACK = 0.02
 """Part of the output's range within which it lies on its floor."""
@@ -43,141 +43,94 @@ def fit_compositions(
 
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
     by more than the standard error of the difference, paired by blocks of rows. In the end the input is
-    mapped by half of the static curve if that gains as much.
+    mapped by half of the static curve if that gains as much. All that is chosen on some thousand rows; the
+    unknowns are fitted to all of them.
     """
-    parts, paths = parts.merged, []
+    return fitted(path_of(record, parts, leadings, initial))
+
+
+def path_of(
+    record: Record, parts: Parts, leadings: tuple[bool, ...], initial: Initial
+) -> "list[Tried]":
+    """The choices of `fit_compositions`, one for each of its fits."""
+    parts = parts.merged
+    whole = unknowns_for(record, parts, initial)
+    memory = memory_of(whole.memory(), record, fitted_rows(parts))
+    paths = []
     for leading in leadings:
         for floor in (None, *slack(record)):
-            paths.append(_path(Problem(record, parts, leading, initial, floor)))
+            meaning = whole._replace(leading=leading, floor=floor)
+            paths.append(_path(Problem(record, parts, meaning, memory)))
     path = min(paths, key=lambda path: path[-1].blocks.mean())
     if len(path) > 1:  # a curve behind a curve is a curve
-        mapped = _best(path[0].problem.mapped(path[0]), path[-1].parts)
+        mapped = _best(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
         if not as_good(path[-1].blocks, mapped.blocks):
             path.append(mapped)
-    return tuple(choice.problem.fitted(choice) for choice in path)
+    return path
 
 
-class Lagging(NamedTuple):
-    """Compositions fitted to an input that a lag between the clocks has moved.
-
-    - `record`: with the moved input. `lag`, `error`: the lag and its standard error.
-    """
-
-    path: tuple[LinearFit[CompositionUnknowns], ...]
-    record: Record
-    lag: float
-    error: float
+def fitted(path: "list[Tried]") -> tuple[LinearFit[CompositionUnknowns], ...]:
+    """The choices of a path, each with one part more, fitted to all rows of all the training parts."""
+    last = {id(choice.problem): choice for choice in path}
+    finals = {key: choice.problem.final(choice.parts) for key, choice in last.items()}
+    return tuple(
+        choice.problem.fitted(choice, finals[id(choice.problem)], last[id(choice.problem)].parts)
+        for choice in path
+    )
 
 
-def fit_lagging(
-    path: tuple[LinearFit[CompositionUnknowns], ...],
-    record: Record,
-    parts: Parts,
-    initial: Initial,
-) -> Lagging | None:
-    """Compositions with the lag between the clocks taken out; None where `path`, without it, is as good.
-
-    The lag has to take away a fifth of the squared error, of held-out rows too, and by more than twice the
-    standard error of that gain: relaxation looks much like a lag.
-    """
-    found = find_lag(record, path[-1].meaning.floor)
-    if found.gain <= WORTH:
-        return None
-    moved = shifted(record, found.lag)
-    again = fit_compositions(moved, parts, (found.leading,), initial)
-    gain = path[-1].blocks - again[-1].blocks
-    least = max(2 * np.std(gain) / np.sqrt(len(gain)), WORTH * path[-1].blocks.mean())
-    return Lagging(again, moved, found.lag, found.error) if gain.mean() > least else None
+def unknowns_for(
+    record: Record, parts: Parts, initial: Initial, some: tuple[str, ...] = PARTS
+) -> CompositionUnknowns:
+    """All unknowns that a record may have of these parts, of a composition that lags."""
+    counted = parts.label >= 0
+    u, y = record.input[counted], record.output[counted]
+    times = relaxation_times(record)
+    speed, step = usual_speed(record)
+    some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
+    some = tuple(p for p in some if speed > 0 or p != FRICTION)
+    return CompositionUnknowns(
+        some, float(u.min()), float(u.max()), float(np.ptp(y)) * (-1 if output_falls(record) else 1),
+        times, False, initial, rest=float(np.median(record.input[record.starts])), speed=speed, step=step,
+    )  # fmt: skip
 
 
-class Lag(NamedTuple):
-    """How long the output lags the input, its standard error, and how the loops go without it.
-
-    `gain`: the part of the mean squared error that it takes away.
-    """
-
-    lag: float
-    error: float
-    leading: bool
-    gain: float
-
-
-def find_lag(record: Record, floor: float | None = None) -> Lag:
-    """The lag with which a curve and relaxing branches fit best, of either orientation.
-
-    u(t - lag) drives them; what is minimised over the lag, up to 16 sampling steps, is the mean squared
-    error at its minimum in all unknowns. With n rows its logarithm has the curvature 2 / (n error^2)
-    there. A part of the sequences serves where there are many rows.
-    """
-    assert record.time is not None
-    labels = record.labels
-    few = record.take_sequences(labels[:: max(1, min(len(labels), len(record) // LAG_ROWS))])
-    assert few.time is not None
-    step = float(np.median(np.diff(few.time)))
-    cut, some = parts_of(few).merged, (CURVE, MAXWELL, STRENGTHS)
-    found = []
-    for leading in (False, True):
-
-        def objective(lag: float, leading: bool = leading) -> float:
-            problem = Problem(shifted(few, lag), cut, leading, "negative", floor, some)
-            residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
-            return float(np.mean(residuals[problem.taut] ** 2))
-
-        lag, curvature = least_at(objective, step, 16 * step)
-        found.append((objective(lag), lag, curvature, leading, objective(0.0)))
-    least, lag, curvature, leading, _ = min(found)
-    facts = min(ROWS, int(few.mask.sum()))
-    error = float(np.sqrt(2 * least / max(curvature, 1e-300) / facts))
-    return Lag(lag, error, leading, 1 - least / min(without for *_, without in found))
+def fitted_rows(parts: Parts) -> Int[np.ndarray, " rows"]:
+    """The rows on which a composition is chosen."""
+    return thinned(np.flatnonzero(parts.label >= 0), ROWS)
 
 
 class Problem:
-    """The columns of every part at the fitted rows, and their products over each part of the record."""
+    """The columns of every part at the rows it is chosen on, and their products over parts of the record.
+
+    - `whole`: all unknowns there are. `memory`: at `rows`; other orientations and floors have the same.
+    - `inside`: unknowns that were not zero when last solved for, where the next solution begins.
+    """
 
     def __init__(
         self,
         record: Record,
         parts: Parts,
-        leading: bool,
-        initial: Initial,
-        floor: float | None,
-        some: tuple[str, ...] = PARTS,
-        first: tuple[float, ...] = (),
+        whole: CompositionUnknowns,
+        memory: Memory | None = None,
     ) -> None:
-        counted = np.flatnonzero(parts.label >= 0)
-        rows = thinned(counted)
-        u, y = record.input[counted], record.output[counted]
-        scale = float(np.ptp(y)) * (-1 if output_falls(record) else 1)
-        times = relaxation_times(record)
-        speed, step = usual_speed(record)
-        some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
-        some = tuple(p for p in some if speed > 0 or p != FRICTION)
-        low, high = float(u.min()), float(u.max())
-        self.record, self.parts, self.rows = record, parts, rows
-        self.whole = CompositionUnknowns(
-            some,
-            low,
-            high,
-            scale,
-            times,
-            leading,
-            initial,
-            floor,
-            first,
-            float(np.median(record.input[record.starts])),
-            speed,
-            step,
-        )
-        self.floor = -np.inf if floor is None else floor / abs(scale)
-        self.label, self.y = parts.label[rows], record.output[rows] / scale
-        self.A = self.whole.columns(record, rows)
-        self.taut = self.y > self.floor + (
-            0 if floor is None else SLACK
-        )  # below, y tells only a limit
+        self.record, self.parts, self.whole, self.rows = record, parts, whole, fitted_rows(parts)
+        if memory is None:
+            memory = memory_of(whole.memory(), record, self.rows)
+        self.floor = -np.inf if whole.floor is None else whole.floor / abs(whole.scale)
+        self.label, self.y = parts.label[self.rows], record.output[self.rows] / whole.scale
+        self.A = whole.columns(memory)
+        self.taut = self._taut(self.y)
         of_part = {p: (self.label == p) & self.taut for p in parts.all}
         self.normal = normal_equations_of(self.A, self.y, of_part)
+        self.inside = np.ones(whole.count, bool)
+        self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
-    def mapped(self, choice: "Tried") -> "Problem":
+    def _taut(self, y: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
+        """Rows above the floor: below, an output tells only a limit."""
+        return y > self.floor + (0 if self.whole.floor is None else SLACK)
+
+    def mapped(self, choice: "Tried", some: tuple[str, ...]) -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range.
 
         One curve, of all training rows, serves for every fold: 40 smooth increments tell little of them.
@@ -185,26 +138,40 @@ class Problem:
         meaning, increments = self.whole, self.fitted(choice).unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
         half = (even + increments / max(increments.sum(), 1e-12)) / 2
-        first = tuple((meaning.high - meaning.low) * half / half.sum())
-        return Problem(
-            self.record, self.parts, meaning.leading, meaning.initial, meaning.floor,
-            meaning.parts, first,
-        )  # fmt: skip
+        first = tuple(((meaning.high - meaning.low) * half / half.sum()).tolist())
+        return Problem(self.record, self.parts, meaning.of(*some)._replace(first=first))
+
+    def total(self, which: tuple[int, ...]) -> NormalEquations:
+        """The normal equations over `which`, of all unknowns."""
+        if which not in self.sums:
+            self.sums[which] = total(self.normal[p] for p in which)
+        return self.sums[which]
 
     def objective(
         self, which: tuple[int, ...], some: tuple[str, ...], strength: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """H and b of the mean squared error over `which`, prior included."""
-        columns = self.whole.where(some)
-        H, b = total(self.normal[p] for p in which).means
-        prior = self.whole.of(*some).prior(strength)
-        return jittered(H[np.ix_(columns, columns)] + prior), b[columns]
+        return self._regular(self.total(which), self.whole.where(some), some, strength)
+
+    def _regular(
+        self,
+        normal: NormalEquations,
+        columns: Int[np.ndarray, " some"],
+        some: tuple[str, ...],
+        strength: float,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        H = normal.H[np.ix_(columns, columns)] / normal.rows
+        H += self.whole.of(*some).prior(strength)
+        return jittered(H), normal.b[columns] / normal.rows
 
     def solution(
         self, which: tuple[int, ...], some: tuple[str, ...], strength: float
     ) -> Float[np.ndarray, " unknowns"]:
         """The unknowns at the minimum over `which`."""
-        return self.whole.minimum(*self.objective(which, some, strength))
+        columns = self.whole.where(some)
+        x = self.whole.minimum(*self.objective(which, some, strength), self.inside[columns])
+        self.inside[columns] = x != 0
+        return x
 
     def tried(
         self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()
@@ -213,19 +180,65 @@ class Problem:
         columns = self.whole.where(some)
 
         def error(x: np.ndarray, which: tuple[int, ...]) -> np.ndarray:
-            test = np.isin(self.label, which)
-            return np.maximum(self.A[np.ix_(test, columns)] @ x, self.floor) - self.y[test]
+            test, used = np.isin(self.label, which), x != 0
+            outputs = self.A[np.ix_(test, columns[used])] @ x[used]
+            return np.maximum(outputs, self.floor) - self.y[test]
 
         blocks = held_out_errors(
             folds or self.parts.folds, lambda train: self.solution(train, some, strength), error
         )
         return Choice(self, strength, blocks, some)
 
-    def fitted(self, choice: "Tried") -> LinearFit[CompositionUnknowns]:
-        """A choice, fitted to all the training parts."""
-        H, b = self.objective(self.parts.all, choice.parts, choice.strength)
-        meaning, rows = self.whole.of(*choice.parts), total(self.normal.values()).rows
-        return LinearFit(meaning.minimum(H, b), meaning, H, b, rows, choice.strength, choice.blocks)
+    def final(self, some: tuple[str, ...]) -> NormalEquations:
+        """The normal equations of all rows of the training parts, of the unknowns of some parts.
+
+        They are summed in blocks. Of very many rows, the equations of so many neighbours are averaged, with
+        their number as the weight, that `EQUATIONS` are left.
+        """
+        counted = np.flatnonzero(self.parts.label >= 0)
+        meaning = self.whole.of(*some)
+        if len(counted) == len(self.rows):
+            columns, normal = self.whole.where(some), self.total(self.parts.all)
+            return normal._replace(H=normal.H[np.ix_(columns, columns)], b=normal.b[columns])
+        together = -(-len(counted) // EQUATIONS)
+        H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
+        for here, memory in memory_blocks(meaning.memory(), self.record, counted):
+            y = self.record.output[here] / meaning.scale
+            taut = np.flatnonzero(self._taut(y))
+            if not len(taut):
+                continue
+            first = np.arange(0, len(taut), together)
+            root = np.sqrt(np.diff(first, append=len(taut)))
+            A = meaning.columns(memory.at(taut) if len(taut) < len(here) else memory)
+            if together > 1:
+                A = np.add.reduceat(A, first) / root[:, None]
+            H += A.T @ A
+            b += A.T @ (np.add.reduceat(y[taut], first) / root)
+            rows += len(taut)
+        return NormalEquations(H, b, float("nan"), rows)
+
+    def fitted(
+        self,
+        choice: "Tried",
+        normal: NormalEquations | None = None,
+        of: tuple[str, ...] | None = None,
+    ) -> LinearFit[CompositionUnknowns]:
+        """A choice, fitted to all the training parts; `normal`: the `final` equations of the parts `of`."""
+        meaning = self.whole.of(*choice.parts)
+        if normal is None or of is None:
+            normal, of = self.total(self.parts.all), self.whole.parts
+        columns = self.whole.of(*of).where(choice.parts)
+        H, b = self._regular(normal, columns, choice.parts, choice.strength)
+        inside = self.inside[self.whole.where(choice.parts)]
+        return LinearFit(
+            meaning.minimum(H, b, inside),
+            meaning,
+            H,
+            b,
+            normal.rows,
+            choice.strength,
+            choice.blocks,
+        )
 
 
 Tried: TypeAlias = Choice[Problem]
@@ -281,8 +294,11 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     longest = 2 * span
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
-        cycles = [np.ptp(record.time[record.cycle == n]) for n in numbers]
-        longest = float(np.median(cycles)) / 4
+        rows = np.flatnonzero(np.isin(record.cycle, numbers))
+        first = np.flatnonzero(np.diff(record.cycle[rows], prepend=0))
+        t = record.time[rows]
+        last = np.append(first[1:], len(rows)) - 1
+        longest = float(np.median(t[last] - t[first])) / 4
     count = int(np.clip(1 + 2 * np.log10(longest / step), 5, 9))
     return tuple(float(tau) for tau in np.geomspace(step, longest, count))
 

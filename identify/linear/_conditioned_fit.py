@@ -21,7 +21,7 @@ from ..records._folds import (
     simplest,
 )
 from ._composition import CURVE
-from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path
+from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
 from ._linear_fit import LinearFit
@@ -81,7 +81,9 @@ class ConditionedProblem(Problem):
     def __init__(
         self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial
     ) -> None:
-        super().__init__(record, parts, leading, initial, None)
+        super().__init__(
+            record, parts, unknowns_for(record, parts, initial)._replace(leading=leading)
+        )
         c = record.columns[name]
         self.condition, self.c = name, c[self.rows]
         self.value = np.array([c[parts.label == p].mean() for p in parts.all])

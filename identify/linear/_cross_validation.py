@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 STRENGTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 """Prior strengths tried, the strongest first; in squares of the output's range."""
 
 ROWS = 8000
-"""Rows that a dense problem takes: of a longer record every k-th, since neighbours are almost copies."""
+"""Rows that a dense problem takes: of a longer record one of every k, as neighbours are almost copies."""
 
 JITTER = 1e-12
 """Added to the diagonal, over its mean, so that Cholesky's factorisation exists."""
@@ -66,11 +66,6 @@ def total(normal: Iterable[NormalEquations]) -> NormalEquations:
     """The normal equations of several parts together."""
     first, *rest = normal
     return sum(rest, first)
-
-
-def thinned(rows: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " fewer"]:
-    """At most `ROWS` of the rows: every k-th."""
-    return rows[:: -(-len(rows) // ROWS)]
 
 
 def jittered(H: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:

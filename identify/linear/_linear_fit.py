@@ -1,16 +1,18 @@
 """A model that is linear in its unknowns, fitted: the minimum, and the posterior about it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel
+from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import Noise
 from ._composition import CompositionUnknowns
+from ._composition_memory import memory_blocks
 from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._projected_draws import Tell, projected_draws, variance_of_unknowns
@@ -40,6 +42,7 @@ class LinearFit(Generic[Unknowns]):
     - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
     - `strength`: of the prior; `dropped`: whether the fit leaves out the conditioning cycle.
     - `blocks`: held-out mean squared errors, over scale^2, at that choice.
+    - `last`: the record on which outputs were computed last, and they.
     - `sums`: of a grid, the covariance of `GridUnknowns.sums` over scale^2, by correlated noise and the
       prior's bias; None: draws give errors. `determined`: which sums the data know rather than the prior;
       None: all.
@@ -55,6 +58,7 @@ class LinearFit(Generic[Unknowns]):
     dropped: bool = False
     sums: Float[np.ndarray, "all_sums all_sums"] | None = None
     determined: Bool[np.ndarray, " sums"] | None = None
+    last: tuple[Record, Float[np.ndarray, " samples"]] | None = field(default=None, repr=False)
 
     @property
     def model(self) -> AbstractModel:
@@ -65,6 +69,25 @@ class LinearFit(Generic[Unknowns]):
     def held_out(self) -> float:
         """The mean squared held-out error, in the output's unit squared."""
         return float(self.blocks.mean()) * self.meaning.scale**2
+
+    def outputs(self, record: Record) -> Float[np.ndarray, " samples"] | None:
+        """The model's output on a record, from its columns in blocks: compiled for no length.
+
+        None for a condition, and beyond the inputs of the fit, where a model is `extended`. Those of the
+        last record are kept: training and test rows are often of one record.
+        """
+        if not self._has_columns(record):
+            return None
+        if self.last is None or not _same_inputs(self.last[0], record):
+            outputs_together([self], record)
+        assert self.last is not None
+        return self.last[1].copy()
+
+    def _has_columns(self, record: Record) -> bool:
+        meaning, u = self.meaning, record.input
+        if isinstance(meaning, ConditionedUnknowns):
+            return False
+        return bool(meaning.low <= u.min() and u.max() <= meaning.high)
 
     def draws(
         self,
@@ -133,3 +156,40 @@ class LinearFit(Generic[Unknowns]):
     def _errors(self) -> Float[np.ndarray, " all_sums"]:
         assert self.sums is not None
         return np.sqrt(np.diagonal(self.sums))
+
+
+def outputs_together(fits: Sequence[LinearFit], record: Record) -> None:
+    """Compute the outputs of several fits on a record, which `LinearFit.outputs` then gives.
+
+    Compositions whose input passes the same curve first read the same memory of it, which is computed once.
+    """
+    kinds: dict[tuple[float, ...], list[tuple[LinearFit, CompositionUnknowns]]] = {}
+    for fit in fits:
+        if not fit._has_columns(record):
+            continue
+        if isinstance(fit.meaning, GridUnknowns):
+            _keep(fit, record, fit.meaning.outputs(record, fit.unknowns))
+        elif isinstance(fit.meaning, CompositionUnknowns):
+            kinds.setdefault(fit.meaning.first, []).append((fit, fit.meaning))
+    for alike in kinds.values():
+        parts = tuple(dict.fromkeys(part for _, meaning in alike for part in meaning.parts))
+        layout = alike[0][1]._replace(parts=parts).memory()
+        found = np.empty((len(alike), len(record)))
+        for rows, memory in memory_blocks(layout, record, np.arange(len(record))):
+            for output, (fit, meaning) in zip(found, alike, strict=True):
+                output[rows] = meaning.outputs(memory, fit.unknowns)
+        for output, (fit, _) in zip(found, alike, strict=True):
+            _keep(fit, record, output)
+
+
+def _keep(fit: LinearFit, record: Record, outputs: Float[np.ndarray, " samples"]) -> None:
+    object.__setattr__(fit, "last", (record, outputs))
+
+
+def _same_inputs(one: Record, other: Record) -> bool:
+    pairs = [(one.input, other.input), (one.starts, other.starts)]
+    if one.time is not None and other.time is not None:
+        pairs.append((one.time, other.time))
+    return (one.time is None) == (other.time is None) and all(
+        a is b or np.array_equal(a, b) for a, b in pairs
+    )

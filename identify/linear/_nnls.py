@@ -1,8 +1,8 @@
 """Exact least squares with signs: block principal pivoting on the normal equations."""
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
+from scipy.linalg.lapack import dposv
 
 Vector = Float[np.ndarray, " n"]
 Matrix = Float[np.ndarray, "n n"]
@@ -70,8 +70,10 @@ def _solve(H: Matrix, b: Vector, inside: Bool[np.ndarray, " n"]) -> Vector:
     """The minimum without signs over the variables `inside`; the others are 0."""
     at = np.flatnonzero(inside)
     x = np.zeros(len(b))
-    factor = scipy.linalg.cho_factor(H[np.ix_(at, at)], overwrite_a=True, check_finite=False)
-    x[at] = scipy.linalg.cho_solve(factor, b[at], check_finite=False)
+    # Rows before columns, and LAPACK without its wrappers: half of the time of a few hundred variables.
+    _, x[at], failed = dposv(H[at][:, at].T, b[at], overwrite_a=True)
+    if failed:
+        raise np.linalg.LinAlgError("The matrix of the normal equations is not positive definite.")
     return x
 
 

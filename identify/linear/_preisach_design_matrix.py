@@ -109,7 +109,7 @@ class DesignBlock(NamedTuple):
     - `path` (anchors,): what the anchors read along their paths to the root. `anchor`: that of each row.
     """
 
-    rows: slice
+    rows: slice | Int[np.ndarray, " rows"]
     own: Any
     path: Any
     anchor: Int[np.ndarray, " rows"]
@@ -141,20 +141,26 @@ def design_rows(model: Preisach, prepared: PreisachInput) -> Any:
 
 def design_blocks(model: Preisach, prepared: PreisachInput) -> Iterator[DesignBlock]:
     """B in blocks of at most `ROWS` rows, for a model with a `GridDensity` and a reversible part."""
-    assert isinstance(model.density, GridDensity)
-    space = NodeSpace(model.density.cells, model.up is not None)
     prepared = jax.tree.map(np.asarray, prepared)
     for begin in range(0, len(prepared.sign), ROWS):
-        rows = slice(begin, min(begin + ROWS, len(prepared.sign)))
-        anchors, anchor = np.unique(prepared.tree.anchor[rows], return_inverse=True)
-        own = _everett_rows(space, _taken(prepared.sample, rows), prepared.sign[rows])
-        path = _paths(space, prepared, anchors)
-        if model.orientation < 0:
-            own, path = -own, -path
-        own = own + _memoryless_rows(space, prepared, rows, model.orientation)
-        if space.occupancy:
-            own = own + model.orientation * _occupancy_rows(space, _taken(prepared.unvisited, rows))
-        yield DesignBlock(rows, own.tocsr(), path, anchor)
+        yield design_block(model, prepared, slice(begin, min(begin + ROWS, len(prepared.sign))))
+
+
+def design_block(
+    model: Preisach, prepared: PreisachInput, rows: slice | Int[np.ndarray, " rows"]
+) -> DesignBlock:
+    """Some rows of B; `prepared` has NumPy arrays."""
+    assert isinstance(model.density, GridDensity)
+    space = NodeSpace(model.density.cells, model.up is not None)
+    anchors, anchor = np.unique(prepared.tree.anchor[rows], return_inverse=True)
+    own = _everett_rows(space, _taken(prepared.sample, rows), prepared.sign[rows])
+    path = _paths(space, prepared, anchors)
+    if model.orientation < 0:
+        own, path = -own, -path
+    own = own + _memoryless_rows(space, prepared, rows, model.orientation)
+    if space.occupancy:
+        own = own + model.orientation * _occupancy_rows(space, _taken(prepared.unvisited, rows))
+    return DesignBlock(rows, own.tocsr(), path, anchor)
 
 
 def _paths(space: NodeSpace, prepared: PreisachInput, anchors: Int[np.ndarray, " some"]) -> Any:
@@ -183,12 +189,15 @@ def _paths(space: NodeSpace, prepared: PreisachInput, anchors: Int[np.ndarray, "
     return (reached @ _everett_rows(space, pairs, sign)).tocsr()
 
 
-def _taken(pairs: GridPairs, rows: slice) -> GridPairs:
+def _taken(pairs: GridPairs, rows: slice | Int[np.ndarray, " rows"]) -> GridPairs:
     return GridPairs(*(part[rows] for part in pairs))
 
 
 def _memoryless_rows(
-    space: NodeSpace, prepared: PreisachInput, rows: slice, orientation: int
+    space: NodeSpace,
+    prepared: PreisachInput,
+    rows: slice | Int[np.ndarray, " rows"],
+    orientation: int,
 ) -> Any:
     """Offset, reversible part, and negative saturation, where all relays together give -mass."""
     assert prepared.cell is not None

@@ -10,11 +10,12 @@ import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import Scaled
+from hysteresis import Record, Scaled
 from hysteresis.preisach import GridDensity, Preisach
 
+from ..records._run_model import prepare
 from ._nnls import constrained_least_squares, nonnegative_least_squares
-from ._preisach_design_matrix import NodeSpace
+from ._preisach_design_matrix import NodeSpace, design_blocks
 
 SUMS = ("output.middle", "output.rise", "loop.width")
 """What a record determines, with low and high the ends of the input, from saturation to saturation:
@@ -230,6 +231,15 @@ class GridUnknowns:
         width = (self.high - self.low) / n
         lifted = reversible + np.maximum(-np.asarray(model.least_slope()) * width, 0.0)
         return replace(model, reversible=lifted)
+
+    def outputs(
+        self, record: Record, unknowns: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " samples"]:
+        """The output of their model on a record, block by block."""
+        model = self.rising(unknowns)
+        nodes = self.space.from_unknowns(self.expansion @ unknowns)[:, None]
+        blocks = design_blocks(model, prepare(model, record))
+        return self.scale * np.concatenate([block.product(nodes)[:, 0] for block in blocks])
 
     def _table(self, weights: Float[np.ndarray, " weights"]) -> Float[np.ndarray, "cells cells"]:
         table = np.zeros((self.cells, self.cells))

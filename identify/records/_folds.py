@@ -142,6 +142,20 @@ def _by_amplitude(spans: list[float], most: int) -> list[int]:
     return [int(k) for k in kind]
 
 
+def thinned(rows: Int[np.ndarray, " rows"], most: int) -> Int[np.ndarray, " fewer"]:
+    """At most so many of the rows: one of every k neighbours, at places that differ from k to k.
+
+    Every k-th row of a record whose cycles have a multiple of k rows shows the same few phases of each. The
+    places are multiples of the golden section, which no period meets.
+    """
+    k = max(1, -(-len(rows) // most))
+    first = np.arange(0, len(rows), k)
+    place = (np.arange(len(first)) * GOLDEN % 1 * k).astype(int)
+    return rows[np.minimum(first + place, len(rows) - 1)]
+
+
+GOLDEN = (np.sqrt(5) - 1) / 2
+
 BLOCKS_OF_FOLD = 10
 """Blocks of consecutive rows into which the errors of a fold are cut."""
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from hysteresis import AbstractModel
+from hysteresis import AbstractModel, Record
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
@@ -48,6 +48,10 @@ class Parametric:
         """What fit.npz holds beside the residuals."""
         return {}
 
+    def outputs(self, record: Record) -> np.ndarray | None:
+        """The model's output on a record where there is a faster way to it than the model; else None."""
+        return None
+
 
 @dataclass(frozen=True, eq=False)
 class GridWeights:
@@ -73,6 +77,9 @@ class GridWeights:
 
     def arrays(self) -> dict[str, Any]:
         return _linear_arrays(self.linear) | {"block": self.linear.meaning.block}
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        return self.linear.outputs(record)
 
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "GridWeights":
@@ -105,6 +112,9 @@ class Composition:
 
     def arrays(self) -> dict[str, Any]:
         return _linear_arrays(self.linear) | {"rows": self.linear.rows}
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        return self.linear.outputs(record)
 
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "Composition":
@@ -144,6 +154,9 @@ class DiscreteSpectrum:
                 "notes": list(spectrum.notes),
             }
         }
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        return None
 
     def arrays(self) -> dict[str, Any]:
         return {f"spectrum_{name}": x for name, x in self.spectrum.allowed._asdict().items()}

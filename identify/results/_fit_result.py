@@ -175,6 +175,8 @@ class FitResult:
         for name, unit in record.conditions.items():
             check_unit(name, unit, self.train.conditions.get(name, "1"))
         record = self.clocks.applied(self.combined(record))
+        if (outputs := self.detail.outputs(record)) is not None:
+            return outputs
         low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
         return predict(extended(self.model, low, high), record)
 

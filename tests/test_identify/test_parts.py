@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hysteresis import Burgers, LinearSponge, Record
 from identify import estimate_noise, metrics
 from identify.parameters._transform import Transform, transform
-from identify.records._folds import parts
+from identify.records._folds import parts, thinned
 
 positive = st.floats(1e-6, 1e6)
 
@@ -158,3 +158,14 @@ def test_merged_parts_have_the_folds_of_all_cycles(count: int) -> None:
     assert few.conditioning is not None
     np.testing.assert_array_equal(cut.label == cut.conditioning, few.label == few.conditioning)
     np.testing.assert_array_equal(cut.label < 0, few.label < 0)
+
+
+@pytest.mark.parametrize("period", [125, 250, 375])
+def test_thinned_rows_show_every_phase_of_a_cycle(period: int) -> None:
+    """Every 125-th row of these cycles shows one, two or three phases of them."""
+    rows = thinned(np.arange(100_000), 800)
+    assert len(np.unique(rows)) == len(rows) == 800
+    assert (np.diff(rows) > 0).all()
+    phases = np.bincount(20 * (rows % period) // period, minlength=20)
+    assert phases.min() > 0.8 * 40
+    np.testing.assert_array_equal(thinned(np.arange(5), 9), np.arange(5))

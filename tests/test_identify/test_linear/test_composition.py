@@ -10,8 +10,10 @@ import pytest
 from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import fit, load, sample, save
+from identify.linear import _composition_memory
 from identify.linear._composition import PARTS, CompositionUnknowns
 from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
+from identify.linear._composition_memory import memory_of
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
 from identify.records._run_model import predict
@@ -49,17 +51,24 @@ FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
 
 @pytest.mark.parametrize(("leading", "first"), [(False, ()), (True, FIRST)])
 def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float, ...]):
-    data = record()
+    t, u = walk()
+    data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
         rest=0.2, speed=0.3, step=0.1,
     )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
-    columns = meaning.columns(data, rows)
+    memory = memory_of(meaning.memory(), data, rows)
+    columns = meaning.columns(memory)
+    np.testing.assert_allclose(meaning.outputs(memory, x), meaning.scale * columns @ x, atol=1e-9)
     expected = predict(meaning.model(x), data)[rows]
     # A thousand products of numbers up to a hundred, each rounded.
     np.testing.assert_allclose(meaning.scale * columns @ x, expected, rtol=0, atol=1e-9)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_composition_memory, "ROWS", 64)
+        blocks = memory_of(meaning.memory(), data, rows)
+    np.testing.assert_allclose(meaning.columns(blocks), columns, rtol=0, atol=1e-12)
     assert columns.shape[1] == meaning.count == len(meaning.totals.T)
     assert len(meaning.totals) == len(meaning.total_names)
 
