@@ -22,13 +22,12 @@ from ._units import are_units, bare_unit, column_unit, spelled
 from .importers import (
     Sheet,
     arranged,
+    binary,
     decode,
     fault,
     file_bytes,
     labview,
-    tdms,
     without_table,
-    workbook,
 )
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
@@ -159,7 +158,7 @@ def read_table(
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
     data = file_bytes(path)
     read_with = decimal, tuple(na_values)
-    if sheet := tdms(path, data) or workbook(path, data, table):
+    if sheet := binary(path, data, table):
         return _table(path, data, sheet, *read_with)
     text, notes = decode(path, data)
     if sheet := labview(path, text):
@@ -236,7 +235,9 @@ def _table(
     notes: Sequence[Note] = (),
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
-    text = {name: np.char.strip(np.array(cells)) for name, cells in sheet.columns.items()}
+    text = {
+        name: np.char.strip(np.array(cells).astype(str)) for name, cells in sheet.columns.items()
+    }
     columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
     return Table(

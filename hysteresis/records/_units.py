@@ -29,7 +29,8 @@ _BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 # Words in brackets behind a name that say which one it is: "Stress (step)" has no unit "step".
 _QUALIFIERS = """
 step cmd command raw sample filtered trigger average avg mean abs absolute rel relative calculated measured
-true engineering corrected sequence action static dynamic
+true engineering corrected sequence action static dynamic extension displacement crosshead position load
+force strain stress time extensometer uncorrected
 """
 
 

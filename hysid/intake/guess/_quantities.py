@@ -13,19 +13,21 @@ def words(text: str) -> frozenset[str]:
 
 
 WORDS: dict[str, str] = {
-    "time": "time t zeit pruefzeit testzeit laufzeit messzeit temps tiempo tempo czas godzina cas "
+    "time": "time t zeit pruefzeit testzeit laufzeit messzeit temps tiempo tempo czas godzina cas tijd tid "
     "timestamp clock elapsed zaman millis micros",
     "force": "force load kraft standardkraft pruefkraft normalkraft f fx fy fz fn last effort charge "
-    "fuerza carga forza forca carico kuvvet obciazenie sila zatizeni thrust weight tension loadcell",
+    "fuerza carga forza forca carico kuvvet obciazenie sila zatizeni kracht yuk "
+    "zugkraft druckkraft thrust weight tension loadcell",
     "stress": "stress sigma pressure druck contrainte tensile zugspannung naprezenie napeti schubspannung "
-    "esfuerzo",
+    "druckspannung biegespannung esfuerzo sforzo gerilme cisaillement",
     "torque": "torque drehmoment couple mx my mz tx ty tz",
     "displacement": "displacement disp dist extension position pos weg standardweg traversenweg traverse "
     "distance crosshead stroke compression deflection gap depth travel indentation hub verformung "
     "deplacement desplazamiento deslocamento spostamento przemieszczenie posuv draha extensometer "
-    "elongation length height lvdt z",
+    "elongation length height lvdt z verlaengerung allongement estensione extensao "
+    "uzama verplaatsing alongamento",
     "strain": "strain dehnung stretch stauchung e eps epsilon deformation odksztalcenie deformacion "
-    "deformacao drift gamma",
+    "deformacao deformazione druckdehnung zugdehnung rek drift gamma",
     "voltage": "voltage volt volts vout spannung u uout bridge",
     "current": "current strom courant corriente i",
     "resistance": "resistance widerstand r ohm res",

@@ -1,16 +1,15 @@
 """Files as rigs write them: one table out of each, whatever stands around it.
 
-A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), spreadsheets, the
-dialects of `dialects.toml`, and any text with a block of notes above its table or without names.
+A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), spreadsheets, MATLAB,
+HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, and any text with notes above or without names.
 """
 
+from ._binary import binary as binary
 from ._encoding import decode as decode
-from ._excel import workbook as workbook
 from ._file import fault as fault
 from ._file import file_bytes as file_bytes
 from ._labview import labview as labview
 from ._sheet import Sheet as Sheet
 from ._sheet import is_number as is_number
-from ._tdms import tdms as tdms
 from ._text import arranged as arranged
 from ._text import without_table as without_table

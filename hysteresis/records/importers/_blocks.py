@@ -211,11 +211,15 @@ def nameless(rows: Rows, dialect: Dialect, above: str, text: str) -> list[Block]
     runs = [run for run in runs if len(run[0][1]) == width]
     if not dialect.blank and any(len(run) < 3 for run in runs):
         runs = [[row for run in runs for row in run]]
-    names = _as_wide([above], width)
+    names, units = _as_wide([above], width), list(dialect.units_in(text))
+    first = next(k for k, (line, _) in enumerate(rows) if line == runs[0][0][0])
+    head = _header(rows, first, 0) if first else None
+    if head is not None and len(head.names) == width and not any("=" in n for n in head.names):
+        names, units = head.names, head.units or units  # and no line such as NData = 12
     if len(names) != width or not all(names) or any(map(is_number, names)):
         known = dialect.names[:width]
         names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]
-    units = _padded(list(dialect.units_in(text)), width)
+    units = _padded(units, width)
     return [
         Block(tuple(names), tuple(units), [r for _, r in run], [k for k, _ in run], [], [])
         for run in runs

@@ -18,7 +18,7 @@ class Sheet:
 
     **Arguments:**
 
-    - `columns`: the cells of each, by name, all of one length n.
+    - `columns`: the cells of each, by name, all of one length n; numbers where the file has them.
     - `line`: (n,) the line of each row, from 1.
     - `units`: by column, where the file says them beside the header, as the file writes them; "" where it
       says that there is none.
@@ -26,7 +26,7 @@ class Sheet:
     - `decimal`: the sign its numbers are written with.
     """
 
-    columns: Mapping[str, Sequence[str]]
+    columns: Mapping[str, Sequence[str] | np.ndarray]
     line: np.ndarray
     units: Mapping[str, str]
     notes: tuple[Note, ...]

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..._note import Note
+from ._arrays import sheet_of_arrays
 from ._file import fault
 from ._sheet import Sheet, distinct
 
 MARK = b"TDSm"
 
 
-def tdms(path: Path, data: bytes) -> Sheet | None:
+def tdms(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     """The table of a TDMS file, or None where it is none.
 
     The channels of a group are its columns, with "time" from their step where they have one; groups with
@@ -40,57 +40,30 @@ def tdms(path: Path, data: bytes) -> Sheet | None:
         }
     except Exception as error:  # npTDMS raises what it meets: ValueError, KeyError, struct.error
         raise fault("damaged-file", path, f"this TDMS file is damaged: {error}.") from None
-    tables = {name: _columns(channels) for name, channels in groups.items()}
-    tables = {name: found for name, found in tables.items() if found[0]}
-    if not tables:
+    units: dict[str, str] = {}
+    arrays = {name: _columns(channels, units) for name, channels in groups.items()}
+    sheet = sheet_of_arrays(arrays, units, "a TDMS file", table=table)
+    if sheet is None:
         raise fault("no-rows", path, "no channel holds numbers.")
-    families: dict[tuple, list[str]] = {}
-    for name, (columns, _, _) in tables.items():
-        families.setdefault(tuple(columns), []).append(name)
-    chosen = max(families.values(), key=lambda names: sum(_rows(tables[n][0]) for n in names))
-    columns, units, notes = tables[chosen[0]]
-    notes = [Note("format", "Read as a TDMS file."), *notes]
-    cells = {name: [c for g in chosen for c in tables[g][0][name]] for name in columns}
-    if len(chosen) > 1:
-        (name,) = distinct(["group"], list(cells))
-        cells = {name: [g for g in chosen for _ in range(_rows(tables[g][0]))]} | cells
-        said = f"Put {len(chosen)} groups under one another, told apart by {name!r}."
-        notes.append(Note("joined", said))
-    if others := [name for name in tables if name not in chosen]:
-        notes.append(Note("skipped", f"Left out groups with other channels: {', '.join(others)}."))
-    return Sheet(cells, np.arange(1, _rows(cells) + 1), units, tuple(notes))
+    return sheet
 
 
-def _rows(columns: dict[str, list[str]]) -> int:
-    return len(next(iter(columns.values())))
-
-
-def _columns(channels: list[Any]) -> tuple[dict[str, list[str]], dict[str, str], list[Note]]:
-    """Cells and units of the channels of one group, and what was left out of it."""
+def _columns(channels: list[Any], units: dict[str, str]) -> dict[str, np.ndarray]:
+    """The channels of one group; their units go to `units`."""
     filled = [c for c in channels if len(c)]
-    lengths = [len(c) for c in filled]
-    if not filled:
-        return {}, {}, []
-    rows = max(lengths, key=lengths.count)
-    kept = [c for c in filled if len(c) == rows]
-    notes = [
-        Note("skipped", f"Left out {c.name!r}: {len(c)} samples, others {rows}.")
-        for c in filled
-        if c not in kept
-    ]
-    names = distinct([c.name for c in kept])
-    columns, units = {}, {}
-    if step := kept[0].properties.get("wf_increment"):
-        start = kept[0].properties.get("wf_start_offset", 0.0)
+    found: dict[str, np.ndarray] = {}
+    names = distinct([c.name for c in filled])
+    if filled and (step := filled[0].properties.get("wf_increment")):
+        start = filled[0].properties.get("wf_start_offset", 0.0)
         (clock,) = distinct(["time"], names)
-        columns[clock] = [f"{start + step * k:.12g}" for k in range(rows)]
+        found[clock] = start + step * np.arange(len(filled[0]))
         units[clock] = "s"
-    for name, channel in zip(names, kept, strict=True):
-        x = channel[:]
+    for name, channel in zip(names, filled, strict=True):
+        x = np.asarray(channel[:])
         if np.issubdtype(x.dtype, np.datetime64):  # a clock of time stamps, from the first on
             x = (x - x[0]) / np.timedelta64(1, "s")
             units[name] = "s"
-        columns[name] = [str(v) for v in np.asarray(x).tolist()]
+        found[name] = x
         if unit := channel.properties.get("unit_string"):
             units[name] = str(unit)
-    return columns, units, notes
+    return found

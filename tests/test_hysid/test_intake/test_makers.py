@@ -152,6 +152,14 @@ FILES = {
         + "\nMicroMag 2900/3900 Data File ends\n",
         {"Field": "T", "Moment": "A m^2"}, None, {"Field", "Moment"},
     ),
+    "MicroMag, segments": File(
+        "MicroMag 2900/3900 Data File (Series 0016)\nDirect moment vs. field; Multiple segments\n\n"
+        "Units of measure                 cgs\n\nSegment  Averaging  Initial  Final\n0,+1.0E-01,+1.0,-1.0\n"
+        "1,+1.0E-01,-1.0,+1.0\n\n   Field       Moment     \n    (Oe)        (emu)\n\n"
+        + rows(U, Y, sep=",")
+        + "MicroMag 2900/3900 Data File ends\n",
+        {"Field": "Oe", "Moment": "emu"}, None, {"Field", "Moment"},
+    ),
     "Model 2900": File(
         '"Model 2900 ASCII Data File",7,-1,+5.0E-01,+2.9E+02,1\n\n' + rows(U, Y, sep=","),
         {"Field": "", "Moment": ""}, None, {"Field", "Moment"},

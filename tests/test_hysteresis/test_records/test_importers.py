@@ -3,8 +3,10 @@
 import io
 import sys
 
+import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from hysteresis import InputError, read_csv, read_table
 
@@ -202,11 +204,19 @@ def test_what_cannot_be_read_is_said(table, content, code):
     assert "run.lvm" in caught.value.place
 
 
-@pytest.mark.parametrize(("module", "head"), [("nptdms", b"TDSm"), ("python_calamine", None)])
-def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, head):
+@pytest.mark.parametrize(
+    ("module", "extra", "head"),
+    [
+        ("nptdms", "rigs", b"TDSm"),
+        ("python_calamine", "rigs", None),
+        ("pyarrow.parquet", "parquet", b"PAR1PAR1"),
+        ("rosbags.highlevel", "ros", b"#ROSBAG V2.0\n"),
+    ],
+)
+def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, extra, head):
     content = head or _empty_workbook()
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match=r"pip install 'hysid\[rigs\]'") as caught:
+    with pytest.raises(InputError, match=rf"pip install 'hysid\[{extra}\]'") as caught:
         table(content)
     assert caught.value.code == "missing-extra"
 
@@ -263,6 +273,80 @@ def test_tdms(table):
         with pytest.raises(InputError) as caught:
             table(damaged, "cut.tdms")
         assert caught.value.code in ("damaged-file", "no-rows")
+
+
+@pytest.mark.parametrize("kind", ["vectors", "structures", "matrix", "7.3", "HDF5"])
+def test_files_of_arrays(table, kind):
+    packed = io.BytesIO()
+    if kind in ("7.3", "HDF5"):
+        with h5py.File(packed, "w", userblock_size=512 if kind == "7.3" else 0) as file:
+            for run in ("a", "b"):
+                for name, x in (("t", T), ("F", F)):
+                    data = file.create_dataset(
+                        f"{run}/{name}", data=x[None] if kind == "7.3" else x
+                    )
+                    data.attrs["unit"] = "N" if name == "F" else "s"
+        content = packed.getvalue()
+        content = b"MATLAB 7.3 MAT-file" + content[19:] if kind == "7.3" else content
+    else:
+        variables = {
+            "vectors": {"t": T, "F": F, "rate": 2.0, "who": "me"},
+            "structures": {"a": {"t": T, "F": F}, "b": {"t": T, "F": F}},
+            "matrix": {"data": np.column_stack([T, F])},
+        }
+        savemat(packed, variables[kind])
+        content = packed.getvalue()
+    found = table(content, "run.mat")
+    twice = kind in ("structures", "7.3", "HDF5")
+    force = "data 2" if kind == "matrix" else "F"
+    np.testing.assert_array_equal(found.columns[force], np.tile(F, 1 + twice))
+    assert ("group" in found.columns) == twice
+    assert found.units == ({"t": "s", "F": "N"} if kind in ("7.3", "HDF5") else {})
+    for damaged in (content[:300], content[: len(content) // 2]):
+        with pytest.raises(InputError) as caught:
+            table(damaged, "cut.mat")
+        assert caught.value.code in ("damaged-file", "binary-file", "no-rows")
+
+
+def test_parquet(table):
+    arrow = pytest.importorskip("pyarrow", reason="pyarrow is an extra")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
+    fields = [arrow.field("F", arrow.float64(), metadata={"unit": "N"}),
+              arrow.field("x", arrow.float32()), arrow.field("run", arrow.string())]  # fmt: skip
+    packed = io.BytesIO()
+    columns = [F, X.astype(np.float32), ["a"] * N]
+    parquet.write_table(arrow.table(columns, arrow.schema(fields)), packed)
+    found = table(packed.getvalue(), "run.parquet")
+    np.testing.assert_array_equal(found.columns["F"], F)
+    assert found.units == {"F": "N"}
+    assert set(found.text["run"]) == {"a"}
+
+
+def test_ros_bag(tmp_path):
+    rosbag = pytest.importorskip("rosbags.rosbag1", reason="rosbags is an extra")
+    types = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra")
+    store = types.get_typestore(types.Stores.ROS1_NOETIC)
+    vector = store.types["geometry_msgs/msg/Vector3"]
+    path = tmp_path / "run.bag"
+    with rosbag.Writer(path) as writer:
+        topics = [
+            writer.add_connection(t, vector.__msgtype__, typestore=store) for t in ("/f", "/x")
+        ]
+        for k in range(N):
+            stamp = 10**9 * (1_700_000_000 + k)
+            for topic, x, every in zip(topics, (F, X), (1, 2), strict=True):
+                if k % every == 0:
+                    message = vector(x[k], 0.0, 0.0)
+                    writer.write(topic, stamp, store.serialize_ros1(message, vector.__msgtype__))
+    found = read_table(path)
+    np.testing.assert_array_equal(found.columns["time"], np.arange(N))
+    np.testing.assert_array_equal(found.columns["/f.x"], F)
+    np.testing.assert_array_equal(found.columns["/x.x"][::2], X[::2])
+    assert any("/x (6) are interpolated" in note for note in found.notes)
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(InputError) as caught:
+        read_table(path)
+    assert caught.value.code == "damaged-file"
 
 
 def test_plain_files_are_read_as_before(table):

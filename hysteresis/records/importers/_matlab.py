@@ -1,0 +1,111 @@
+"""MATLAB's .mat files: versions 5 to 7.2 through SciPy, 7.3 through h5py. HDF5 files alike."""
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._arrays import sheet_of_arrays
+from ._file import fault
+from ._sheet import Sheet
+
+_MATLAB, _HDF5 = b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
+_WIDEST = 64
+"""Columns above which a matrix is an image or a map, not a table."""
+
+
+def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
+    """The table of a .mat or HDF5 file, or None where the file is none.
+
+    Vectors are columns, by the names of variables, of the fields of a structure or of data sets; a matrix
+    of few columns is one column each. Structures and groups with the same vectors are put under one another
+    and told apart by the column "group". Units are attributes `units` or `unit` of data sets.
+
+    Raises `InputError` `damaged-file`, `no-rows`.
+    """
+    old = data.startswith(_MATLAB) and b"MAT-file" in data[:116] and data[124:128] != b"\0\0\0\0"
+    at = next(
+        (k for k in (0, 512) if data[k : k + 8] == _HDF5), None
+    )  # 7.3 begins with 512 bytes of text
+    if at is None and not old:
+        return None
+    units: dict[str, str] = {}
+    try:
+        groups = dict(_hdf5(data, units)) if at is not None else dict(_matlab(data))
+    except (
+        Exception
+    ) as error:  # both raise what they meet: OSError, KeyError, ValueError, NotImplementedError
+        raise fault("damaged-file", path, f"this file is damaged: {error}.") from None
+    sheet = sheet_of_arrays(groups, units, "a file of arrays", table=table)
+    if sheet is None:
+        problem = "it holds no vector of numbers; tables and time series of MATLAB are objects of its own."
+        raise fault(
+            "no-rows", path, problem, "save them as vectors: s = table2struct(T, 'ToScalar', true)."
+        )
+    return sheet
+
+
+def _matlab(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    from scipy.io import loadmat  # a tenth of a second, for this alone
+
+    variables = loadmat(io.BytesIO(data), simplify_cells=True)
+    yield from _groups("", {k: v for k, v in variables.items() if not k.startswith("__")})
+
+
+def _groups(name: str, found: dict[str, Any]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """A structure as a group of vectors, and the structures within it."""
+    vectors: dict[str, np.ndarray] = {}
+    for key, value in found.items():
+        inner = f"{name}.{key}" if name else key
+        if isinstance(value, dict):
+            yield from _groups(inner, value)
+        elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
+            for k, one in enumerate(value, 1):
+                if isinstance(one, dict):
+                    yield from _groups(f"{inner} {k}", one)
+        elif isinstance(value, np.ndarray):
+            vectors |= _vectors(key, value)
+    if vectors:
+        yield name, vectors
+
+
+def _vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
+    """A vector, the fields of records, or the columns of a matrix."""
+    if x.dtype.names:
+        return {field: np.asarray(x[field]).ravel() for field in x.dtype.names}
+    if x.dtype.kind not in "biuf":
+        return {}
+    x = np.squeeze(x)
+    if x.ndim == 1:
+        return {name: x}
+    if x.ndim == 2 and x.shape[1] <= min(_WIDEST, x.shape[0]):
+        return {f"{name} {k}": column for k, column in enumerate(x.T, 1)}
+    return {}
+
+
+def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    import h5py  # a quarter of a second, for this alone
+
+    with h5py.File(io.BytesIO(data), "r") as file:
+        turned = data[:6] == b"MATLAB"  # which writes a column as a row
+        groups: dict[str, dict[str, np.ndarray]] = {}
+
+        def visit(path: str, node: Any) -> None:
+            if not isinstance(node, h5py.Dataset) or path.startswith("#"):
+                return
+            if node.dtype.kind not in "biufV" or node.attrs.get("MATLAB_class") == b"char":
+                return
+            name, _, key = path.rpartition("/")
+            x = node[()]
+            found = _vectors(key, np.asarray(x).T if turned else np.asarray(x))
+            groups.setdefault(name.replace("/", "."), {}).update(found)
+            for attribute in ("units", "unit", "Units", "Unit"):
+                unit = node.attrs.get(attribute)
+                if unit is not None:
+                    text = unit.decode() if isinstance(unit, bytes) else str(unit)
+                    units.update(dict.fromkeys(found, text))
+
+        file.visititems(visit)
+        yield from groups.items()

@@ -1,0 +1,47 @@
+"""Parquet files through pyarrow (an extra: pip install 'hysid[parquet]')."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from ._arrays import sheet_of_arrays
+from ._file import fault
+from ._sheet import Sheet
+
+_MARK = b"PAR1"
+
+
+def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
+    """The table of a Parquet file, or None where the file is none. Units are metadata `unit` of fields.
+
+    Raises `InputError` `missing-extra` without pyarrow, `damaged-file`, `no-rows`.
+    """
+    if data[:4] != _MARK or data[-4:] != _MARK:
+        return None
+    try:
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise fault(
+            "missing-extra", path, "Parquet files are read by pyarrow, which is not installed.",
+            "pip install 'hysid[parquet]', or export the table as CSV.",
+        ) from None  # fmt: skip
+    try:
+        found = pq.read_table(io.BytesIO(data))
+        columns = {name: found.column(name).to_numpy() for name in found.column_names}
+    except Exception as error:  # pyarrow raises its own, and OSError
+        raise fault("damaged-file", path, f"this Parquet file is damaged: {error}.") from None
+    units = {}
+    for field in found.schema:
+        said = field.metadata or {}
+        if unit := said.get(b"unit", said.get(b"units")):
+            units[field.name] = unit.decode("utf-8", "replace")
+    for name, x in columns.items():
+        if np.issubdtype(x.dtype, np.datetime64):
+            columns[name], units[name] = (x - x[0]) / np.timedelta64(1, "s"), "s"
+        elif x.dtype == object:
+            columns[name] = np.array(["" if v is None else str(v) for v in x])
+    sheet = sheet_of_arrays({"": columns}, units, "a Parquet file", table=table)
+    if sheet is None:
+        raise fault("no-rows", path, "a header and no rows.")
+    return sheet

@@ -1,0 +1,85 @@
+"""ROS bags (.bag) through rosbags (an extra: pip install 'hysid[ros]')."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._note import Note
+from ._arrays import sheet_of_arrays
+from ._file import fault
+from ._sheet import Sheet
+
+_MARK = b"#ROSBAG V2.0"
+_LEAST = 3
+
+
+def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
+    """The numbers of a bag's topics, or None where the file is none.
+
+    The topic with most messages, or `table`, gives the rows and the clock: the times at which its messages
+    were recorded, from the first on. Numbers of the other topics are interpolated linearly to these times,
+    which a note says, with how many messages each of them has.
+
+    Raises `InputError` `missing-extra` without rosbags, `damaged-file`, `no-rows`.
+    """
+    if not data.startswith(_MARK):
+        return None
+    try:
+        from rosbags.highlevel import AnyReader
+    except ImportError:
+        raise fault(
+            "missing-extra", path, "ROS bags are read by rosbags, which is not installed.",
+            "pip install 'hysid[ros]', or print the topics as CSV (rostopic echo -b FILE -p TOPIC).",
+        ) from None  # fmt: skip
+    topics: dict[str, dict[str, list[float]]] = {}
+    times: dict[str, list[int]] = {}
+    try:
+        with AnyReader([path]) as reader:
+            for connection, stamp, raw in reader.messages():
+                fields = dict(_numbers("", reader.deserialize(raw, connection.msgtype)))
+                kept = topics.setdefault(connection.topic, {key: [] for key in fields})
+                if fields.keys() == kept.keys() and fields:
+                    times.setdefault(connection.topic, []).append(stamp)
+                    for key, value in fields.items():
+                        kept[key].append(value)
+    except Exception as error:  # rosbags raises its own, and what it meets
+        raise fault("damaged-file", path, f"this bag is damaged: {error}.") from None
+    usable = [topic for topic, stamps in times.items() if len(stamps) >= _LEAST]
+    if not usable:
+        raise fault("no-rows", path, "no topic holds numbers.")
+    usable.sort(key=lambda topic: -len(times[topic]))
+    main = usable[0 if table is None else min(table, len(usable)) - 1]
+    start = times[main][0]
+    clock = (np.array(times[main]) - start) / 1e9
+    columns = {"time": clock}
+    for topic in (main, *(t for t in usable if t != main)):
+        own = (np.array(times[topic]) - start) / 1e9
+        for key, values in topics[topic].items():
+            x = np.array(values)
+            columns[f"{topic}.{key}"] = x if topic == main else np.interp(clock, own, x)
+    sheet = sheet_of_arrays({main: columns}, {"time": "s"}, "a ROS bag")
+    assert sheet is not None  # it has a clock
+    counts = ", ".join(f"{topic} ({len(times[topic])})" for topic in usable if topic != main)
+    if not counts:
+        return sheet
+    said = (
+        f"Rows are the messages of {main} ({len(clock)}). Those of {counts} are interpolated linearly to"
+        " their times. --table N takes the N-th topic instead, in the order of their messages."
+    )
+    notes = (*sheet.notes, Note("one-clock", said))
+    return Sheet(sheet.columns, sheet.line, sheet.units, notes)
+
+
+def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
+    """The numbers within a message, by their path; vectors of at most 32, without its header."""
+    if isinstance(value, bool | int | float | np.number):
+        yield name, float(value)
+    elif isinstance(value, np.ndarray) and value.ndim == 1 and len(value) <= 32:
+        for k, one in enumerate(value.tolist()):
+            yield from _numbers(f"{name}[{k}]", one)
+    elif hasattr(value, "__dataclass_fields__"):
+        for key in value.__dataclass_fields__:
+            if key != "header" and not key.startswith("__"):
+                yield from _numbers(f"{name}.{key}" if name else key, getattr(value, key))
