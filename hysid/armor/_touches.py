@@ -25,6 +25,7 @@ import identify
 from compensate.armor import AbstractShape, Contact, ContactStatus
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis._limits import DAMAGE, parse_json
 
 FILE = "touches.json"
 COLUMNS = {
@@ -120,13 +121,13 @@ def read_touches(folder: Path) -> dict[str, Any]:
             fix="Name a folder that hysid reproduce tsuji2014 wrote.",
         )
     try:
-        document = json.loads(file.read_text("utf-8"))
+        document = parse_json(file.read_bytes())
         if document["schema"] != 1:
             raise _fault(file, f"its schema is {document['schema']}, and this hysid knows 1.")
         _check(document)
     except InputError:
         raise
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except DAMAGE as error:
         said = f"{type(error).__name__}: {error}".splitlines()[0]
         raise _fault(file, f"it is damaged ({said}).") from error
     return document

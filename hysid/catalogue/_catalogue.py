@@ -88,7 +88,7 @@ class Dataset:
 def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
     """The data sets that a catalogue lists. Raises `InputError` for a file that is none."""
     try:
-        listed = tomllib.loads(file.read_text("utf-8"))["dataset"]
+        listed = _read(file)["dataset"]
         found = tuple(_dataset(dict(entry)) for entry in listed)
     except OSError as error:
         raise input_error(
@@ -144,6 +144,14 @@ def find(name: str, file: Path = SHIPPED) -> Dataset:
             fix=f"did you mean {near[0]}?" if near else "hysid datasets list names them.",
         )
     return listed[name]
+
+
+def _read(file: Path) -> dict[str, Any]:
+    if file == SHIPPED:  # a list has to come at once
+        return tomllib.loads(file.read_text("utf-8"))
+    from hysteresis._limits import parse_toml  # late: it loads JAX
+
+    return parse_toml(file.read_text("utf-8"))
 
 
 def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:

@@ -2,7 +2,6 @@
 
 import inspect
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -106,7 +105,9 @@ def _value(key: str, value: str) -> Any:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text("utf-8"))
+        from hysteresis._limits import parse_toml  # late: it loads JAX
+
+        return parse_toml(file.read_text("utf-8"))
     except OSError as error:
         raise _error(
             "unreadable-file",

@@ -1,6 +1,5 @@
 """`hysid report` on many specimens: one page that compares their fits, beside a report of each."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -171,8 +170,8 @@ def _not_fitted(folder: Path) -> dict[str, str]:
     for name in ("batch.json", "fit.json"):
         if (folder / name).is_file():
             try:
-                failed = json.loads((folder / name).read_text("utf-8")).get("failed")
-            except (OSError, ValueError, AttributeError):
+                failed = identify.internal.read_json(folder / name).get("failed")
+            except InputError:
                 failed = None
             found |= failed if isinstance(failed, dict) else {}
     return found

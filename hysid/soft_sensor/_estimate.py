@@ -1,7 +1,6 @@
 """`hysid microchannel estimate`: a soft sensor over a file, and how far off it is."""
 
 import csv
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
@@ -15,6 +14,7 @@ from jaxtyping import Bool, Float
 import identify
 from hysteresis import InputError, Table, parse_condition
 from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._limits import DAMAGE, parse_json
 
 from ..intake._selection import Selection
 from ._sensor import SoftSensor
@@ -150,10 +150,10 @@ def read_training(folder: str | Path) -> dict[str, Any]:
     if not file.is_file():
         raise no_sensor(Path(folder), TRAINING)
     try:
-        document = json.loads(file.read_text("utf-8"))
+        document = parse_json(file.read_bytes())
         if document["schema"] != 1:
             raise ValueError(f"schema {document['schema']}, and this version reads 1")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except DAMAGE as error:
         raise InputError(
             "damaged-file", f"{TRAINING} cannot be used: {error}.", place=str(folder),
             cause="The file was cut off or edited, or a newer version wrote it.", fix="Train again.",

@@ -3,16 +3,15 @@
 soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 """
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from compensate.runtime._file import checksum
 from hysteresis import InputError
+from hysteresis._limits import DAMAGE, load_arrays, parse_json
 from hysteresis._serialisation import Arrays, described, rebuilt
 from identify.internal import check_unedited, plain, whole_files, write_set
 
@@ -68,9 +67,8 @@ def load_sensor(folder: str | Path) -> SoftSensor:
     document = _document(folder)
     try:
         place = whole_files(folder, {"files": {ARRAYS: document["files"][ARRAYS]}})[ARRAYS]
-        with np.load(place, allow_pickle=False) as found:
-            arrays = dict(found)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+        arrays = load_arrays(place)
+    except DAMAGE as error:
         raise _damaged(folder, ARRAYS, error) from error
     try:
         return SoftSensor(
@@ -80,7 +78,9 @@ def load_sensor(folder: str | Path) -> SoftSensor:
             position_in=tuple(Quantity(**words) for words in document["position_in"]),
             **{name: rebuilt(document[name], arrays) for name in PARTS},
         )  # fmt: skip
-    except (KeyError, TypeError, AttributeError) as error:
+    except DAMAGE as error:
+        if isinstance(error, InputError):
+            raise
         raise _damaged(folder, WORDS, error) from error
 
 
@@ -89,7 +89,7 @@ def _document(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         raise no_sensor(folder, WORDS)
     try:
-        document = json.loads(file.read_text("utf-8"))
+        document = parse_json(file.read_bytes())
         if not isinstance(document, dict) or document.get("kind") != KIND:
             raise ValueError("it holds something else")
     except (OSError, ValueError) as error:

@@ -9,12 +9,17 @@ import numpy as np
 from .._errors import InputError
 from ._cells import floats
 
+MOST_COLUMNS = 10_000
+
 
 def separator_of(lines: list[str]) -> str:
     """The separator that gives most of the first rows as many cells as the header."""
 
     def score(sep: str) -> tuple[float, int]:
-        counts = [len(trimmed(row)) for row in csv.reader(lines, delimiter=sep)]
+        try:
+            counts = [len(trimmed(row)) for row in csv.reader(lines, delimiter=sep)]
+        except csv.Error:  # a cell beyond the module's limit
+            return 0.0, 0
         if counts[0] < 2:
             return 0.0, 0
         agree = sum(1 for n in counts[1:] if n == counts[0])
@@ -25,14 +30,19 @@ def separator_of(lines: list[str]) -> str:
 
 def trimmed(row: list[str]) -> list[str]:
     """A row without empty cells at its end."""
-    while row and not row[-1].strip():
-        row = row[:-1]
-    return row
+    end = len(row)
+    while end and not row[end - 1].strip():
+        end -= 1
+    return row[:end]
 
 
 def header_of(path: Path, cells: list[str]) -> list[str]:
     """The names of the columns. Raises `duplicate-column`, or `no-header` where they are numbers."""
     names = [" ".join(c.split()) if "\n" in c else c.strip() for c in trimmed(cells)]
+    if len(names) > MOST_COLUMNS:
+        problem = f"The header has {len(names):,} columns, and the limit is {MOST_COLUMNS:,}."
+        mend = "write one row for each moment, not one column, or leave columns out."
+        raise InputError("too-many-columns", problem, place=str(path), fix=mend)
     names = [name or f"column {k}" for k, name in enumerate(names, 1)]
     for k, name in enumerate(names):
         if (first := names.index(name)) < k:

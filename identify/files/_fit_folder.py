@@ -9,7 +9,6 @@ import hashlib
 import json
 import math
 import time
-import zipfile
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
@@ -20,6 +19,7 @@ import numpy as np
 
 from hysteresis import InputError, Note, Record
 from hysteresis._format import plain
+from hysteresis._limits import DAMAGE, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
@@ -173,9 +173,7 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
         )
     try:
         return _load(document, files), document
-    except (
-        AttributeError, EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile,
-    ) as error:  # fmt: skip
+    except DAMAGE as error:
         if isinstance(error, InputError):
             raise
         raise InputError(
@@ -387,8 +385,7 @@ def _write_bytes(file: Path, content: bytes) -> None:
 
 
 def _read_arrays(file: Path) -> dict[str, np.ndarray]:
-    with np.load(file, allow_pickle=False) as arrays:
-        return dict(arrays)
+    return load_arrays(file)
 
 
 def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:

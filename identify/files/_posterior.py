@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._limits import ALWAYS_UNPACKED, DAMAGE, LARGEST_RATIO, check_shape, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
 from ..posterior._posterior import Posterior, Summary
@@ -148,19 +149,25 @@ def load_posterior(folder: str | Path) -> Posterior | None:
     try:
         with h5netcdf.File(places["posterior.nc"], "r") as file:
             group = file["posterior"]
-            columns: list[Any] = [group[name][...] for name in document["names"]]
+            columns = [_read(group[name], places["posterior.nc"]) for name in document["names"]]
             draws = np.stack(columns, -1)
-        with np.load(places["posterior_models.npz"], allow_pickle=False) as arrays:
-            # Under vmap each model has its own shapes; together their arrays keep the draw axis.
-            rebuild = partial(rebuilt, document["structure"])
-            model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
-    except (OSError, KeyError, ValueError) as error:
+        arrays = load_arrays(places["posterior_models.npz"])
+        # Under vmap each model has its own shapes; together their arrays keep the draw axis.
+        rebuild = partial(rebuilt, document["structure"])
+        model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
+        return _posterior(document, draws, model)
+    except DAMAGE as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             "damaged-file",
             f"the posterior cannot be read: {error}.",
             place=str(folder),
             fix="sample again: hysid sample DIR.",
         ) from error
+
+
+def _posterior(document: dict[str, Any], draws: np.ndarray, model: Any) -> Posterior:
     return Posterior(
         names=tuple(document["names"]),
         draws=draws,
@@ -173,6 +180,13 @@ def load_posterior(folder: str | Path) -> Posterior | None:
         notes=tuple(document.get("notes", ())),
         long_enough=document.get("long_enough", True),
     )
+
+
+def _read(variable: Any, file: Path) -> np.ndarray:
+    """An array of a netCDF file, which may declare far more than it holds."""
+    held = max(ALWAYS_UNPACKED, LARGEST_RATIO * file.stat().st_size)
+    check_shape(variable.shape, variable.dtype, held)
+    return variable[...]
 
 
 def _summary(saved: dict[str, Any]) -> Summary:

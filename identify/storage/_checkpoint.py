@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from hysteresis import InputError
+from hysteresis._limits import DAMAGE, check_shape
 
 from ._checkpoint_file import CheckpointFile, check_identity, digest
 
@@ -97,7 +98,7 @@ class Checkpoint:
         for file in there:
             try:
                 history, identity = _from_bytes(file.read_bytes())
-            except (OSError, KeyError, ValueError, RuntimeError) as error:
+            except DAMAGE as error:
                 faults.append(f"{file.name}: {error}")
                 continue
             check_identity(
@@ -170,13 +171,15 @@ def _to_bytes(history: History, identity: Identity) -> bytes:
 
 
 def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
-    """Raises `OSError`, `KeyError`, `ValueError` or `RuntimeError` if it is damaged."""
+    """Raises one of `DAMAGE` if it is damaged."""
     import h5py
 
     with h5py.File(io.BytesIO(image), "r") as file:
         words: dict[str, Any] = dict(file.attrs)
         if words.get("format") != FORMAT:
             raise ValueError(f"format {words.get('format')}, not {FORMAT}")
+        for name in ARRAYS:  # they are not packed
+            check_shape(file[name].shape, file[name].dtype, len(image))
         arrays = {name: np.asarray(file[name]) for name in ARRAYS}
     if digest(*arrays.values()) != words["checksum"]:
         raise ValueError("its checksum does not agree")

@@ -8,6 +8,7 @@ from hysteresis import InputError
 from hysteresis._atomic_file import atomic_file
 from hysteresis._escape import json_text
 from hysteresis._format import plain
+from hysteresis._limits import parse_json
 
 
 def write_json(file: Path, document: dict[str, Any]) -> None:
@@ -23,7 +24,7 @@ def read_json(file: Path) -> dict[str, Any]:
     Raises `InputError` `damaged-file` if it cannot be read, or is not a JSON object.
     """
     try:
-        document = json.loads(file.read_text("utf-8"))
+        document = parse_json(file.read_bytes())
     except (ValueError, OSError) as error:
         document = error
     if not isinstance(document, dict):

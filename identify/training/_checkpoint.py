@@ -5,13 +5,13 @@ import json
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import equinox as eqx
 import jax
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._limits import DAMAGE, load_arrays, parse_json
 
 from ..storage._checkpoint_file import CheckpointFile, check_identity, digest
 
@@ -81,12 +81,12 @@ class TrainingFile:
             return like
         leaves, structure = jax.tree.flatten(like)
         try:
-            with np.load(io.BytesIO(self.file.read_bytes()), allow_pickle=False) as found:
-                words = json.loads(str(found["words"]))
-                kept = [found[f"leaf{k}"] for k in range(len(found.files) - 1)]
+            found = load_arrays(self.file)
+            words = parse_json(str(found["words"]))
+            kept = [found[f"leaf{k}"] for k in range(len(found) - 1)]
             if words.get("format") != FORMAT or words.get("checksum") != digest(*kept):
                 raise ValueError("its checksum does not agree")
-        except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
+        except DAMAGE as error:
             raise InputError(
                 "damaged-file",
                 f"the checkpoint cannot be read: {error}.",

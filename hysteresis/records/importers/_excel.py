@@ -6,10 +6,12 @@ from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
+from ..._limits import DAMAGE
 from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
 from ._file import fault
 from ._sheet import Sheet
+from ._workbook_size import check_workbook
 
 _ZIP, _OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _INSIDE = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
@@ -33,6 +35,9 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         ) from None  # fmt: skip
     try:
+        if data.startswith(_ZIP):
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                check_workbook(archive)
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {
             name: [[_cell(v) for v in row] for row in book.get_sheet_by_name(name).to_python(False)]
@@ -61,8 +66,11 @@ def _is_workbook(data: bytes) -> bool:
         return any(name.encode("utf-16-le") in data for name in ("Workbook", "Book"))
     if not data.startswith(_ZIP) or not zipfile.is_zipfile(io.BytesIO(data)):
         return False
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return bool({*_INSIDE} & {*archive.namelist()})
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return bool({*_INSIDE} & {*archive.namelist()})
+    except DAMAGE:
+        return False
 
 
 def _cell(value: Any) -> str:

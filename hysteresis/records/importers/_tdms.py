@@ -38,23 +38,28 @@ def tdms(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         groups = {
             group.name: group.channels() for group in TdmsFile.read(io.BytesIO(data)).groups()
         }
+        units: dict[str, str] = {}
+        arrays = {name: _columns(channels, units, len(data)) for name, channels in groups.items()}
     except Exception as error:  # npTDMS raises what it meets: ValueError, KeyError, struct.error
         raise fault("damaged-file", path, f"this TDMS file is damaged: {error}.") from None
-    units: dict[str, str] = {}
-    arrays = {name: _columns(channels, units) for name, channels in groups.items()}
     sheet = sheet_of_arrays(arrays, units, "a TDMS file", table=table)
     if sheet is None:
         raise fault("no-rows", path, "no channel holds numbers.")
     return sheet
 
 
-def _columns(channels: list[Any], units: dict[str, str]) -> dict[str, np.ndarray]:
-    """The channels of one group; their units go to `units`."""
+def _columns(channels: list[Any], units: dict[str, str], held: int) -> dict[str, np.ndarray]:
+    """The channels of one group; their units go to `units`.
+
+    Raises `ValueError` where they declare more samples than the `held` bytes of the file can be.
+    """
     filled = [c for c in channels if len(c)]
+    if (declared := sum(map(len, filled))) > held:
+        raise ValueError(f"it declares {declared:,} samples, and has {held:,} bytes")
     found: dict[str, np.ndarray] = {}
     names = distinct([c.name for c in filled])
     if filled and (step := filled[0].properties.get("wf_increment")):
-        start = filled[0].properties.get("wf_start_offset", 0.0)
+        start, step = float(filled[0].properties.get("wf_start_offset", 0.0)), float(step)
         (clock,) = distinct(["time"], names)
         found[clock] = start + step * np.arange(len(filled[0]))
         units[clock] = "s"

@@ -110,7 +110,10 @@ def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:
         def cells(line: str) -> list[str]:
             if '"' not in line:
                 return [cell.strip() for cell in line.split(separator)]
-            row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+            try:
+                row = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+            except csv.Error:  # a cell beyond the module's limit: no row of a table
+                row = [line]
             return [cell.strip() for cell in row]
 
         return cells

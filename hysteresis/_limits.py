@@ -1,0 +1,107 @@
+"""Reading files of strangers within limits: size, nesting and number, before anything is unpacked.
+
+Every function raises `ValueError`, whose message names the limit; the caller says which file it was.
+"""
+
+import json
+import re
+import struct
+import tomllib
+import zipfile
+import zlib
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LARGEST_JSON, LARGEST_TOML = 256_000_000, 1_000_000
+"""Bytes of a document."""
+DEEPEST = 64
+"""Levels of nesting, and parts of a key with dots."""
+ALWAYS_UNPACKED, LARGEST_RATIO, LARGEST_UNPACKED = 256_000_000, 50, 16_000_000_000
+"""Bytes that a packed file may always unpack to; beyond, how many times its own size, and the end of it."""
+
+DAMAGE: tuple[type[Exception], ...] = (
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""What readers of arrays, HDF5 and JSON raise where a file was damaged or made up."""
+
+_MARKS = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]')
+_TOML_TEXT = re.compile(
+    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+)
+_NO_KEY = re.compile(r"[=,\[\]{}\n]")
+
+
+def parse_json(raw: str | bytes) -> Any:
+    """A JSON document, at most `DEEPEST` deep."""
+    if len(raw) > LARGEST_JSON:
+        raise ValueError(f"it has {len(raw):,} bytes, and the limit is {LARGEST_JSON:,}")
+    text = raw.decode("utf-8") if isinstance(raw, bytes) else raw
+    if text.count("[") + text.count("{") > DEEPEST:
+        _check_depth(_MARKS.findall(text))
+    return json.loads(text)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """A TOML document, at most `DEEPEST` deep, its keys too."""
+    if len(text) > LARGEST_TOML:
+        raise ValueError(f"it has {len(text):,} characters, and the limit is {LARGEST_TOML:,}")
+    bare = _TOML_TEXT.sub("", text)
+    _check_depth(re.findall(r"[\[\]{}]", bare))
+    if max((key.count(".") for key in _NO_KEY.split(bare)), default=0) >= DEEPEST:
+        raise ValueError(f"a key has more than {DEEPEST} parts")
+    return tomllib.loads(text)
+
+
+def _check_depth(marks: list[str]) -> None:
+    depth = 0
+    for mark in marks:
+        depth += (mark in "[{") - (mark in "]}")
+        if depth > DEEPEST:
+            raise ValueError(f"it is nested more than {DEEPEST} deep")
+
+
+def load_arrays(file: Path | BytesIO) -> dict[str, np.ndarray]:
+    """The arrays of a .npz file; no object among them, and none larger than what the file holds of it."""
+    with zipfile.ZipFile(file) as packed:
+        check_packed(packed)
+        return {m.filename.removesuffix(".npy"): _array(packed, m) for m in packed.infolist()}
+
+
+def check_packed(packed: zipfile.ZipFile) -> None:
+    """Raise `ValueError` where a zip file would unpack to more than its size explains."""
+    members = packed.infolist()
+    held, unpacked = sum(m.compress_size for m in members), sum(m.file_size for m in members)
+    most = min(max(ALWAYS_UNPACKED, LARGEST_RATIO * held), LARGEST_UNPACKED)
+    if unpacked > most:
+        raise ValueError(
+            f"it would unpack to {unpacked:,} bytes, and the limit for {held:,} packed ones is {most:,}"
+        )
+
+
+def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    with packed.open(member) as opened:
+        version = np.lib.format.read_magic(opened)
+        read = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }.get(version)
+        if read is None:
+            raise ValueError(f"{member.filename} has version {version} of the format")
+        shape, by_column, dtype = read(opened)
+        check_shape(shape, dtype, member.file_size)
+        content = opened.read()
+    array = np.frombuffer(content, dtype, count=int(np.prod(shape, dtype=object)))
+    return array.reshape(shape, order="F" if by_column else "C").copy()
+
+
+def check_shape(shape: tuple[int, ...], dtype: np.dtype, held: int) -> None:
+    """Raise `ValueError` for objects, and for an array of more bytes than are `held` for it."""
+    if dtype.hasobject:
+        raise ValueError("it holds objects, which are never read")
+    declared = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if declared > held or min(shape, default=0) < 0:
+        raise ValueError(f"an array declares {declared:,} bytes, and the file holds {held:,} of it")

@@ -1,0 +1,143 @@
+"""Files that would unpack, nest or name without end are refused before they do."""
+
+import io
+import json
+import tomllib
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from hysteresis import _limits
+from hysteresis._limits import DAMAGE, DEEPEST, LARGEST_TOML, load_arrays, parse_json, parse_toml
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text("[]{}\"\\'.=#\n", max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4)
+    ),
+)
+kinds = st.sampled_from(["f8", "f4", "i8", "i4", "?", "U3", "S2", "c16"])
+
+
+@given(values)
+def test_documents_are_what_json_reads(value):
+    assert parse_json(json.dumps(value)) == value
+    assert parse_json(json.dumps(value).encode()) == value
+
+
+@pytest.mark.parametrize(
+    "bomb", ["[" * 10**6, '{"a":' * 10**5, "[" * 65 + "]" * 65, "[[]," * 10**5]
+)
+def test_nesting_has_an_end(bomb: str):
+    with pytest.raises(ValueError, match=f"more than {DEEPEST} deep" if "[]" not in bomb else None):
+        parse_json(bomb)
+
+
+def test_brackets_in_text_are_no_nesting():
+    assert parse_json(json.dumps(["[" * 1000])) == ["[" * 1000]
+    assert parse_toml(f'a = "{"[" * 1000}" # {"[" * 1000}\n')["a"] == "[" * 1000
+    assert parse_json("[" + "[]," * 1000 + "[]]") == [[]] * 1001
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    [
+        "a = " + "[" * 1000 + "]" * 1000, "a." * 20_000 + "b = 1", "[" + "a." * 20_000 + "b]\n",
+        "x = {" + "a." * 20_000 + "b = 1}", '"a".' * 20_000 + "b = 1", "#" * (LARGEST_TOML + 1),
+        "a = " + "{b = " * 1000,
+    ],
+)  # fmt: skip
+def test_keys_and_tables_have_an_end(bomb: str):
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=r"more than 64|the limit is 1,000,000"):
+        parse_toml(bomb)
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+
+
+@given(
+    st.dictionaries(
+        st.text("abc.", min_size=1, max_size=6), st.text(max_size=20) | st.floats(allow_nan=False)
+    )
+)
+def test_toml_is_what_tomllib_reads(table: dict):
+    text = "".join(f"{json.dumps(k)} = {json.dumps(v)}\n" for k, v in table.items() if v == v)
+    try:
+        wanted = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return
+    assert parse_toml(text) == wanted
+
+
+@given(
+    st.dictionaries(
+        st.text("abc", min_size=1, max_size=3),
+        hnp.arrays(kinds, hnp.array_shapes(min_dims=0, min_side=0)),
+        max_size=3,
+    ),
+    st.booleans(),
+)
+def test_arrays_come_back(arrays: dict, packed: bool):
+    file = io.BytesIO()
+    (np.savez_compressed if packed else np.savez)(file, **arrays)
+    found = load_arrays(io.BytesIO(file.getvalue()))
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert found[name].dtype == array.dtype
+        assert found[name].flags.writeable
+        np.testing.assert_array_equal(found[name], array)
+
+
+def npz(content: bytes, name: str = "a.npy") -> io.BytesIO:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr(name, content)
+    return file
+
+
+def header(shape: str, kind: str = "<f8") -> bytes:
+    text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (header("(100000000000,)") + b"12345678", "declares 800,000,000,000 bytes"),
+        (header("(3000000000, 3000000000, 3000000000)"), "declares"),
+        (header("(-1,)"), "declares"),
+        (header("(1,)", "|O") + b"12345678", "objects"),
+        (header("(" * 900 + "1" + ",)" * 900), ""),
+        (header("10**10**10"), ""),
+        (b"", ""),
+        (b"\x93NUMPY\x09\x00aaaa", "version"),
+    ],
+)
+def test_a_header_that_promises_more_is_refused(content: bytes, said: str):
+    tracemalloc.start()
+    with pytest.raises(DAMAGE, match=said or None):
+        load_arrays(npz(content))
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+
+
+def test_a_packed_file_does_not_unpack_to_gigabytes(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(_limits, "ALWAYS_UNPACKED", 2_000_000)
+    file = io.BytesIO()
+    with (
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed,
+        packed.open("a.npy", "w") as to,
+    ):
+        to.write(header("(500000,)"))
+        for _ in range(4):
+            to.write(bytes(1_000_000))
+    assert len(file.getvalue()) < 1e4
+    with pytest.raises(
+        ValueError, match=r"would unpack to 4,000,\d+ bytes, and the limit .* 2,000,000"
+    ):
+        load_arrays(file)

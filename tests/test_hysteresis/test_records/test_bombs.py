@@ -1,0 +1,120 @@
+"""Files that declare more than they hold, or hold what no measurement is: refused at once, by name."""
+
+import contextlib
+import io
+import struct
+import zipfile
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError, read_table
+from hysteresis.records._csv import LONG_CELL
+from hysteresis.records._dialect import MOST_COLUMNS
+
+ROWS = "".join(f"{k},{k * k}\n" for k in range(30))
+
+
+def refused(file: Path, code: str, *words: str) -> None:
+    """At once, and in words that name the limit or the place."""
+    begin = perf_counter()
+    with pytest.raises(InputError) as caught:
+        read_table(file)
+    assert caught.value.code == code
+    for word in words:
+        assert word in str(caught.value)
+    assert perf_counter() - begin < 20.0  # most take less than one second; without limits, hours
+
+
+@pytest.mark.parametrize("quote", ['"', ""])
+def test_a_cell_without_end_is_named(tmp_path: Path, quote: str):
+    """With an open quotation mark, the rest of the file is one cell."""
+    file = tmp_path / "run.csv"
+    file.write_text(f"a,b\n{ROWS}1,{quote}{'1' * 200_000}\n{ROWS}")
+    refused(file, "long-cell", "line 32", "131,072 characters")
+
+
+def test_a_cell_that_would_make_all_others_as_long(tmp_path: Path):
+    """An array of text gives each of 30,000 cells the room of the longest one."""
+    file = tmp_path / "run.csv"
+    file.write_text("a,b\n" + "1,2\n" * 30_000 + f"1,{'x' * 3000}\n")
+    refused(file, "long-cell", "line 30002", "'b'", f"{LONG_CELL}")
+
+
+def test_columns_have_an_end(tmp_path: Path):
+    file = tmp_path / "run.csv"
+    names = [f"c{k}" for k in range(MOST_COLUMNS + 1)]
+    file.write_text(f"{','.join(names)}\n{','.join('1' for _ in names)}\n")
+    refused(file, "too-many-columns", "10,001", "10,000")
+
+
+def tdms(samples: int) -> bytes:
+    """Two channels in one file whose index says `samples` of each, with data for twenty."""
+    nptdms = pytest.importorskip("nptdms")
+    packed = io.BytesIO()
+    step = {"wf_increment": 0.1}
+    channels = [nptdms.ChannelObject("g", name, np.arange(20.0), step) for name in ("force", "x")]
+    with nptdms.TdmsWriter(packed) as writer:
+        writer.write_segment(channels)
+    # Each index holds the kind of number (10: double), one dimension, and the count.
+    was, now = (struct.pack("<iIQ", 10, 1, count) for count in (20, samples))
+    assert packed.getvalue().count(was) == 2
+    return packed.getvalue().replace(was, now)
+
+
+def test_samples_that_a_file_does_not_hold(tmp_path: Path):
+    file = tmp_path / "run.tdms"
+    file.write_bytes(tdms(20))
+    assert len(read_table(file).line) == 20
+    for samples in (21, 2**31, 2**40, 2**62):
+        file.write_bytes(tdms(samples))
+        begin = perf_counter()
+        with contextlib.suppress(
+            InputError
+        ):  # npTDMS takes a piece that is cut off for what it holds
+            assert len(read_table(file).line) <= 40
+        assert perf_counter() - begin < 5.0
+
+
+def xlsx(sheet: str, more: int = 0) -> bytes:
+    """A workbook of one sheet, with `more` bytes of nothing."""
+    openpyxl = pytest.importorskip("openpyxl")
+    packed, changed = io.BytesIO(), io.BytesIO()
+    openpyxl.Workbook().save(packed)
+    with zipfile.ZipFile(packed) as old, zipfile.ZipFile(changed, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            new.writestr(name, sheet if "worksheets/" in name else old.read(name))
+        with new.open("xl/media/nothing.png", "w") as to:
+            for _ in range(more // 1_000_000):
+                to.write(bytes(1_000_000))
+    return changed.getvalue()
+
+
+SHEET = (
+    '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">{}</worksheet>'
+)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<dimension ref="A1:XFD1048576"/>'
+        '<sheetData><row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>',
+        '<sheetData><row r="1000000000"><c r="A1000000000"><v>1</v></c></row></sheetData>',
+        "<sheetData>"
+        + "".join(f'<row><c r="XFD{k}"/></row>' for k in range(1, 2001))
+        + "</sheetData>",
+    ],
+)
+def test_a_sheet_that_is_nearly_empty(inside: str, tmp_path: Path):
+    file = tmp_path / "run.xlsx"
+    file.write_bytes(xlsx(SHEET.format(inside)))
+    refused(file, "binary-file", "spans", "cells, and the limit is 5,0")
+
+
+def test_a_workbook_that_unpacks_without_end(tmp_path: Path):
+    file = tmp_path / "run.xlsx"
+    file.write_bytes(xlsx(SHEET.format("<sheetData/>"), more=300_000_000))
+    refused(file, "binary-file", "would unpack to 300,", "256,000,000")
