@@ -1,8 +1,15 @@
 """Cells of a text file as numbers."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+from .._errors import InputError
+
+LONG_CELL, MOST_TEXT = 256, 256_000_000
+"""Characters of a cell that never matter, and bytes of a column of text with longer ones."""
 
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 
@@ -44,3 +51,27 @@ def parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.nd
     if np.any(np.isnan(x) & ~empty):
         return cells
     return np.where(np.isin(x, floats([*na_values], decimal)), np.nan, x)  # -999 and -999.0 alike
+
+
+def check_room(path: Path, columns: Mapping[str, Any], line: np.ndarray) -> None:
+    """Raise `InputError` where one long cell would make a column of text too large.
+
+    An array of text gives every cell the room of the longest one, four bytes a character.
+    """
+    for name, cells in columns.items():
+        if isinstance(cells, np.ndarray):  # its cells have their room already
+            continue
+        longest = max(map(len, cells), default=0)
+        if longest > LONG_CELL and 4 * longest * len(cells) > MOST_TEXT:
+            k = next(k for k, cell in enumerate(cells) if len(cell) == longest)
+            raise long_cell(path, int(line[k]), LONG_CELL, name)
+
+
+def long_cell(path: Path, line: int, limit: int, column: str = "") -> InputError:
+    return InputError(
+        "long-cell",
+        f"A cell has more than {limit:,} characters.",
+        place=f"{path}, line {line}" + (f", column {column!r}" if column else ""),
+        cause="a quotation mark that is not closed, or text among the numbers.",
+        fix="close it, or leave that line or column out.",
+    )

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._note import Note
-from ._cells import floats, missing, parsed
+from ._cells import check_room, floats, long_cell, missing, parsed
 from ._dialect import header_of, headless, made_square, separator_of, trimmed
 from ._record import Record
 from ._two_clocks import on_one_clock
@@ -30,8 +30,6 @@ from .importers import (
     without_table,
 )
 
-LONG_CELL, MOST_TEXT = 256, 256_000_000
-"""Characters of a cell that never matter, and bytes of a column of text with longer ones."""
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -202,7 +200,7 @@ def _plain(
             line.append(numbered[start][0])
             start = reader.line_num
     except csv.Error:  # of a cell beyond the module's limit, and of nothing else
-        raise _long_cell(path, numbered[start][0], csv.field_size_limit()) from None
+        raise long_cell(path, numbered[start][0], csv.field_size_limit()) from None
     header = header_of(path, rows[0])
     units, body, at = {}, rows[1:], (line[1:2] or [2])[0]
     if units_row and units_row != at:
@@ -231,16 +229,6 @@ def _plain(
     return Sheet(columns, line, units, tuple(notes), decimal)
 
 
-def _long_cell(path: Path, line: int, limit: int, column: str = "") -> InputError:
-    return InputError(
-        "long-cell",
-        f"A cell has more than {limit:,} characters.",
-        place=f"{path}, line {line}" + (f", column {column!r}" if column else ""),
-        cause="a quotation mark that is not closed, or text among the numbers.",
-        fix="close it, or leave that line or column out.",
-    )
-
-
 def _table(
     path: Path,
     data: bytes,
@@ -250,14 +238,7 @@ def _table(
     notes: Sequence[Note] = (),
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
-    for name, cells in sheet.columns.items():
-        if isinstance(cells, np.ndarray):  # its cells have their room already
-            continue
-        # An array of text gives every cell the room of the longest one, four bytes a character.
-        longest = max(map(len, cells), default=0)
-        if longest > LONG_CELL and 4 * longest * len(cells) > MOST_TEXT:
-            k = next(k for k, cell in enumerate(cells) if len(cell) == longest)
-            raise _long_cell(path, int(sheet.line[k]), LONG_CELL, name)
+    check_room(path, sheet.columns, sheet.line)
     text = {
         name: np.char.strip(np.array(cells).astype(str)) for name, cells in sheet.columns.items()
     }

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, read_table
-from hysteresis.records._csv import LONG_CELL
+from hysteresis.records._cells import LONG_CELL
 from hysteresis.records._dialect import MOST_COLUMNS
 
 ROWS = "".join(f"{k},{k * k}\n" for k in range(30))
