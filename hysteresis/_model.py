@@ -7,8 +7,10 @@ from typing import Any, Generic
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from ._parameter import array_module
 from ._show import one_line, table
 from ._type_variables import Prepared, State
 
@@ -112,15 +114,22 @@ def _scan(model: AbstractModel, state: Any, t: Array, u: Array) -> tuple[Any, Ar
     return jax.lax.scan(lambda carry, sample: model.step(carry, *sample), state, (t, u))
 
 
-@partial(jax.jit, static_argnames="starts")
 def time_steps(
-    t: Float[Array, " samples"], t_before: Any, starts: tuple[int, ...]
-) -> Float[Array, " samples"]:
-    """Time since the sample before; 0 where a sequence starts without a past (t_before NaN)."""
-    first = jnp.asarray(starts)
-    dt = jnp.diff(t, prepend=t[:1])
+    t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: tuple[int, ...]
+) -> Float[Array | np.ndarray, " samples"]:
+    """Time since the sample before; 0 where a sequence starts without a past (t_before NaN).
+
+    Of known times it is a NumPy array: no program is compiled for every number of rows.
+    """
+    xp, first = array_module(t, t_before), np.asarray(starts)
+    t = xp.asarray(t)
     begin = t[first] - t_before
-    return dt.at[first].set(jnp.where(jnp.isnan(begin), 0.0, begin))
+    begin = xp.where(xp.isnan(begin), 0.0, begin)
+    dt = xp.diff(t, prepend=t[:1])
+    if xp is np:
+        dt[first] = begin
+        return dt
+    return dt.at[first].set(begin)
 
 
 @partial(jax.jit, static_argnames=("samples", "starts"))

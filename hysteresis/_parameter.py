@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
@@ -85,6 +86,11 @@ def is_concrete(value: Any) -> bool:
         False
     """
     return eqx.is_array_like(value) and not isinstance(value, Tracer)
+
+
+def array_module(*values: Any) -> Any:
+    """NumPy where all values can be looked at now, because it compiles nothing; else `jax.numpy`."""
+    return np if all(map(is_concrete, values)) else jnp
 
 
 def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:

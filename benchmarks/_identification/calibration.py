@@ -33,12 +33,12 @@ from hysteresis import (
 from hysteresis.preisach import GaussianDensity
 from identify.noise._adequacy import BELIEVED, Left, believed
 from identify.noise._model import NoiseModel, Rows, rows_of
-from identify.noise._reml import kinds, lanes, of_free
+from identify.noise._reml import Linearised, kinds, lanes, of_free
 from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings
 from identify.parameters._transform import Transform, transform, transform_for
 from identify.parametric._interval_skewness import Skewness, points_about, skewness
-from identify.parametric._maximum_likelihood import STEP, likeliest_about, linearised, score
+from identify.parametric._maximum_likelihood import STEP, likeliest_about, likelihood_slope
 from identify.parametric._multistart import levenberg_marquardt
 from identify.posterior._log_posterior import Target
 
@@ -223,9 +223,24 @@ def _least_squares(
 
     def one(y: Array) -> Array:
         arguments = (model, prepared, y, rows.counted, jnp.ptp(y))
-        return levenberg_marquardt(bounds, arguments, z, 60, 1e-8).value
+        return levenberg_marquardt(bounds, arguments, z, 60).free
 
     return jax.lax.map(one, y)
+
+
+def _linearised(
+    bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
+) -> Linearised:
+    """The model linearised about z."""
+
+    def residuals(z: Array) -> tuple[Array, Array]:
+        predicted = bounds.model(model, z).evaluate(prepared)
+        return jnp.where(rows.counted, predicted - y, 0.0), predicted
+
+    r, push, predicted = jax.linearize(residuals, z, has_aux=True)
+    J = jax.vmap(push, out_axes=1)(jnp.eye(z.size))
+    rows = rows._replace(output=predicted)
+    return Linearised(r, J, rows, jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z))
 
 
 @eqx.filter_jit
@@ -240,7 +255,7 @@ def _round(
 ) -> Any:
     def one(of_record: tuple[Array, Array, Array]) -> Any:
         y, z, tried = of_record
-        return likeliest_about(linearised(bounds, z, (model, prepared, y, rows)), tried)
+        return likeliest_about(_linearised(bounds, model, prepared, y, rows, z), tried)
 
     return jax.lax.map(one, (y, z, tried))
 
@@ -262,7 +277,7 @@ def _likeliest(*arguments: Any) -> tuple[Array, Any]:
 def _jacobians(
     bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    at = eqx.filter_jit(jax.vmap(lambda y, z: linearised(bounds, z, (model, prepared, y, rows))))(
+    at = eqx.filter_jit(jax.vmap(lambda y, z: _linearised(bounds, model, prepared, y, rows, z)))(
         y, z
     )
     return np.array(at.jacobian), np.asarray(at.residuals), np.asarray(at.precision)
@@ -284,8 +299,9 @@ def _scores(
         y, noise, points = of_record
 
         def at(z: Array) -> Array:
-            there = linearised(bounds, z, (model, prepared, y, rows))
-            return score(there, y, noise) - there.pull
+            there = _linearised(bounds, model, prepared, y, rows, z)
+            slope = likelihood_slope(there.residuals, there.rows, y, noise)
+            return there.jacobian.T @ slope - there.pull
 
         return jax.lax.map(at, points)
 

@@ -3,10 +3,8 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array
 
-from .._parameter import Scalar, parameter
+from .._parameter import Scalar, array_module, parameter
 from .._registry import register
 from ._viscoelastic import (
     POSITIVE,
@@ -16,22 +14,22 @@ from ._viscoelastic import (
     ViscoelasticState,
     check_positive,
 )
-from ._viscoelastic_chain import Chain, Hold
+from ._viscoelastic_chain import Chain, Hold, Known
 
 
 class BurgersState(ViscoelasticState):
     """The state of a Burgers element: time, force and the two creep displacements after a sample."""
 
     @property
-    def force(self) -> Array:
+    def force(self) -> Known:
         return self.load
 
     @property
-    def dashpot(self) -> Array:
+    def dashpot(self) -> Known:
         return self.branches[0]
 
     @property
-    def kelvin(self) -> Array:
+    def kelvin(self) -> Known:
         return self.branches[1]
 
 
@@ -80,7 +78,8 @@ class Burgers(AbstractViscoelastic[BurgersState]):
         check_positive(E1=self.E1, eta1=self.eta1, E2=self.E2, eta2=self.eta2)
 
     def chain(self) -> Chain:
-        return one_branch(self.E1, self.E2, self.eta2)._replace(flow=1 / jnp.asarray(self.eta1))
+        flow = 1 / array_module(self.eta1).asarray(self.eta1)
+        return one_branch(self.E1, self.E2, self.eta2)._replace(flow=flow)
 
 
 @register
@@ -122,5 +121,5 @@ class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
 
 def one_branch(E1: Scalar, E2: Scalar, eta2: Scalar) -> Chain:
     """A spring and a Kelvin-Voigt element in series."""
-    E1, E2, eta2 = map(jnp.asarray, (E1, E2, eta2))
+    E1, E2, eta2 = map(array_module(E1, E2, eta2).asarray, (E1, E2, eta2))
     return Chain(1 / E1, (E2 / eta2)[None], (1 / eta2)[None])

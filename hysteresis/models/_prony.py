@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
 from ._viscoelastic import (
     POSITIVE,
@@ -77,8 +77,10 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
             )
 
     def chain(self) -> Chain:
-        flow = None if self.eta0 is None else 1 / jnp.asarray(self.eta0)
-        return Chain(1 / jnp.asarray(self.E0), self.E / self.eta, 1 / self.eta, flow)
+        xp = array_module(self.E0, self.E, self.eta, self.eta0 if self.eta0 is not None else 0.0)
+        E, eta = xp.asarray(self.E), xp.asarray(self.eta)
+        flow = None if self.eta0 is None else 1 / xp.asarray(self.eta0)
+        return Chain(1 / xp.asarray(self.E0), E / eta, 1 / eta, flow)
 
 
 @register
@@ -134,4 +136,6 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
             )
 
     def chain(self) -> Chain:
-        return Chain(self.E_inf + self.E.sum(), 1 / self.tau, -self.E / self.tau)
+        xp = array_module(self.E_inf, self.E, self.tau)
+        E, tau = xp.asarray(self.E), xp.asarray(self.tau)
+        return Chain(self.E_inf + E.sum(), 1 / tau, -E / tau)

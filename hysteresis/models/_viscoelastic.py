@@ -12,9 +12,10 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, is_start, time_steps
-from .._parameter import Scalar, is_concrete
+from .._parameter import Scalar, array_module, is_concrete
+from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, coupled_recurrence, even_recurrence, linear_recurrence
-from ._viscoelastic_chain import Chain, Hold, exact_step
+from ._viscoelastic_chain import SOLVED, Chain, Hold, Known, against, along, exact_step
 
 POSITIVE = (0.0, float("inf"))
 STIFFNESS, VISCOSITY = "force / displacement", "force * time / displacement"
@@ -26,9 +27,9 @@ class ViscoelasticState(NamedTuple):
     The load is what drives the branches: force where they creep, displacement where they relax.
     """
 
-    t: Array
-    load: Array
-    branches: Array
+    t: Known
+    load: Known
+    branches: Known
 
 
 State = TypeVar("State", bound=ViscoelasticState)
@@ -37,7 +38,8 @@ State = TypeVar("State", bound=ViscoelasticState)
 class ViscoelasticInput(NamedTuple):
     """Steps dt, inputs, the inputs before them, where sequences start, and the state they start in.
 
-    Under an even clock dt is one number: every sequence then starts at rest, with a step of 0.
+    Under an even clock, see `even_step`, dt is one number: every sequence then starts at rest, with a step
+    of 0.
     """
 
     dt: Array
@@ -49,7 +51,9 @@ class ViscoelasticInput(NamedTuple):
 
 class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     """A `Chain` driven from either side, plus an offset. Nothing is strained before the first sample;
-    a first input other than zero is a jump. Steps are exact at any, also uneven, spacing.
+    a first input other than zero is a jump. Steps are exact at any, also uneven, spacing. Where the printed
+    digits of the times cannot tell a clock from an even one, it is even: outputs differ by less than the
+    last digit of the times, a tenth of a step at most, times the rate at which they change.
 
     - `creeps`: the chain runs force -> displacement, else displacement -> force.
     - `leading`: the output leads the input: displacement -> force. Against the chain's own direction
@@ -80,12 +84,13 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
 
     def init(self, t0: Any = None, u0: Any = None) -> State:
         chain = self.chain()
-        zero, rest = jnp.zeros_like(chain.direct), jnp.zeros_like(chain.all_rates)
-        return self._state(zero + (jnp.nan if t0 is None else t0), zero, rest)
+        xp = array_module(chain.direct, chain.all_rates)
+        zero, rest = xp.zeros_like(chain.direct), xp.zeros_like(chain.all_rates)
+        return self._state(zero + (np.nan if t0 is None else t0), zero, rest)
 
     def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
-        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        chain = self.chain()
+        dt = jnp.where(jnp.isnan(state.t), 0.0, t - jnp.asarray(state.t))
+        chain = self._traced_chain()
         decay, before, now = exact_step(chain.all_rates, chain.all_drives, dt, self.hold)
         known = decay * state.branches + before * state.load
         load = jnp.asarray(u)
@@ -108,34 +113,42 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
                 f"{type(self).__name__} depends on the rate, and this record has no time.",
                 fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
             )
-        u = jnp.asarray(u)
-        t = jnp.asarray(t, u.dtype)
         state = self.init() if state is None else state
-        first = jnp.asarray(starts)
+        # Known times and inputs are prepared by NumPy: no program is compiled for every number of rows.
+        xp, first = array_module(t, u, *state), np.asarray(starts)
+        u = xp.asarray(u, dtype=None if xp is jnp else float)
+        t = xp.asarray(t, dtype=u.dtype)
         dt = time_steps(t, state.t, starts)
-        if all(map(is_concrete, (t, state.t, state.branches))):
-            dt = _one_step(t, dt, state, starts)
+        if xp is np and not (np.any(dt[first]) or np.any(state.branches)):
+            even = even_step(t, starts)
+            dt = dt if even is None else np.asarray(even)
         # Against its chain a model's last input is what the chain last answered.
         u_last = self.answer(state) if self.against_chain else state.load
-        u_before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(u_last)
-        return ViscoelasticInput(dt, u, u_before, is_start(u.shape[0], starts), state)
+        u_before = xp.concatenate([u[:1], u[:-1]])
+        if xp is np and is_concrete(u_last):
+            u_before[first] = u_last
+        else:
+            u_before = jnp.asarray(u_before).at[first].set(u_last)
+        start = is_start(u.shape[0], starts)
+        return ViscoelasticInput(*map(jnp.asarray, (dt, u, u_before, start)), state)
 
     def evaluate(self, prepared: ViscoelasticInput) -> Float[Array, " samples"]:
         dt, u, u_before, start, state = prepared
-        chain = self.chain()
+        chain = self._traced_chain()
         direct, rates, drives = chain.direct, chain.all_rates, chain.all_drives
-        begin = state.branches
+        begin = jnp.asarray(state.branches)
         if dt.ndim == 0 and not self.against_chain:
-
-            def answer(rates: Array, drives: Array) -> Array:
-                steps = tuple(zip(*exact_step(rates, drives, dt, self.hold), strict=True))
-                return _even(steps, (u_before, u), 1 - start)
-
-            y = direct * u + answer(chain.rates, chain.drives) + self.offset
+            inputs, goes_on = (u_before, u), 1 - start
+            y = _even(along(chain.rates, chain.drives, dt, self.hold), inputs, goes_on)
+            y += direct * u + self.offset
             if chain.flow is None:
                 return y
             # What flows depends on no other parameter: mapped over many, it is done once.
-            return y + chain.flow * answer(jnp.zeros(1, u.dtype), jnp.ones(1, u.dtype))
+            flow = along(jnp.zeros(1, u.dtype), jnp.ones(1, u.dtype), dt, self.hold)
+            return y + chain.flow * _even(flow, inputs, goes_on)
+        if dt.ndim == 0 and 0 < len(begin) <= SOLVED:
+            steps = against(direct, rates, drives, dt, self.hold)
+            return u / direct + _even(steps, (u_before, u), 1 - start) + self.offset
         dt = dt * (1 - start) if dt.ndim == 0 else dt
         if not self.against_chain:
             branches, inputs = (rates, drives, begin), (dt, u, u_before, start)
@@ -152,11 +165,11 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         x = coupled_recurrence(matrix * (1 - start)[:, None, None], drive)
         return (u - x.sum(-1)) / direct + self.offset
 
-    def answer(self, state: State) -> Array:
+    def answer(self, state: State) -> Known:
         """What the chain answers after a sample: displacement where it creeps, else force."""
         return self.chain().direct * state.load + state.branches.sum()
 
-    def output(self, state: State) -> Array:
+    def output(self, state: State) -> Known:
         """The output after a sample, without the offset."""
         return state.load if self.against_chain else self.answer(state)
 
@@ -186,11 +199,14 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         """Whether the model runs against its chain's own direction."""
         return self.leading == self.creeps
 
+    def _traced_chain(self) -> Chain:
+        return jax.tree.map(jnp.asarray, self.chain())
+
     def _driven_by_force(self, force: bool) -> Chain:
-        chain = self.chain()
+        chain = self._traced_chain()
         return chain if force == self.creeps else chain.turned()
 
-    def _state(self, t: Array, load: Array, branches: Array) -> Any:
+    def _state(self, t: Known, load: Known, branches: Known) -> Any:
         return self.state_type(t, load, branches)
 
 
@@ -231,16 +247,6 @@ _branch_states = jax.jit(_at_once, static_argnums=0)
 
 
 _even = jax.jit(even_recurrence)
-
-
-def _one_step(t: Array, dt: Array, state: ViscoelasticState, starts: tuple[int, ...]) -> Array:
-    """The step of an even clock, whose steps differ by no more than the times' rounding; else dt."""
-    steps = np.delete(np.asarray(dt), starts)
-    at_rest = not np.any(np.asarray(dt)[list(starts)]) and not np.any(np.asarray(state.branches))
-    if not at_rest or not len(steps):
-        return dt
-    rounding = 4 * np.finfo(steps.dtype).eps * np.abs(np.asarray(t)).max()
-    return jnp.mean(steps) if np.ptp(steps) <= rounding else dt
 
 
 def check_positive(**values: Any) -> None:

@@ -12,6 +12,8 @@ from jaxtyping import Array, Float
 from .._registry import register
 
 Hold = Literal["linear", "constant"]
+Known = Array | np.ndarray | np.generic
+"""An array, of NumPy where the parameters are known."""
 
 
 @register
@@ -26,22 +28,27 @@ class Chain(NamedTuple):
     - `flow`: drive of a branch that keeps what it has, the first one; None for no such branch.
     """
 
-    direct: Float[Array, ""]
-    rates: Float[Array, " branches"]
-    drives: Float[Array, " branches"]
-    flow: Float[Array, ""] | None = None
+    direct: Float[Known, ""]
+    rates: Float[Known, " branches"]
+    drives: Float[Known, " branches"]
+    flow: Float[Known, ""] | None = None
 
     @property
-    def all_rates(self) -> Array:
+    def all_rates(self) -> Known:
         """Rates of all branches, 0 for the one that flows."""
         if self.flow is None:
             return self.rates
-        return jnp.append(jnp.zeros_like(self.flow), self.rates)
+        xp = self._module
+        return xp.append(xp.zeros_like(self.flow), self.rates)
 
     @property
-    def all_drives(self) -> Array:
+    def all_drives(self) -> Known:
         """Drives of all branches."""
-        return self.drives if self.flow is None else jnp.append(self.flow, self.drives)
+        return self.drives if self.flow is None else self._module.append(self.flow, self.drives)
+
+    @property
+    def _module(self) -> Any:
+        return jnp if isinstance(self.rates, jax.Array) else np
 
     def to_step(self, t: Any) -> Array:
         """Output after a unit step at t = 0: direct + sum of drive t phi(rate t)."""
@@ -128,6 +135,75 @@ def exact_step(rate: Array, drive: Array, dt: Array, hold: Hold) -> Step:
     if hold == "constant":
         return Step(decay, swept * phi, jnp.zeros_like(swept))
     return Step(decay, swept * (phi - psi), swept * psi)
+
+
+EvenSteps = tuple[tuple[Array, Array, Array], ...]
+"""Of every branch an even step: z becomes a z + b (input before) + c (input now)."""
+
+
+def along(rates: Array, drives: Array, dt: Array, hold: Hold) -> EvenSteps:
+    """The steps of the branches of a chain under an even clock."""
+    return tuple(zip(*exact_step(rates, drives, dt, hold), strict=True))
+
+
+SOLVED = 2
+"""Branches, at most, of which `against` knows the steps in closed form."""
+
+
+def against(direct: Array, rates: Array, drives: Array, dt: Array, hold: Hold) -> EvenSteps:
+    """The steps of a chain of one or two branches that is driven from its other side, under an even clock:
+
+        load = u / direct + sum of z.
+
+    With p and q the drives of a step by the load before and now, delta = 1 - decay, beta = p + q - delta q
+    and d' = direct + sum of q, the states x - q load move by the symmetric matrix
+    diag(delta) + sqrt(beta beta^T) / d', up to the sign of the drives. Its eigenvalues nu solve
+
+        sum over branches of beta / (nu - delta) = d',
+
+    and a = 1 - nu, c = -Q / (direct T), b = -(a c + 1 / T), with T = sum of beta / (nu - delta)^2 and
+    Q = sum of q / (nu - delta). Differences nu - delta are formed without cancellation, so that steps far
+    shorter than the time constants lose nothing.
+
+    Source: Golub, Some modified matrix eigenvalue problems, SIAM Review 15 (1973), section 5.
+    """
+    _, before, now = exact_step(rates, drives, dt, hold)
+    delta = -jnp.expm1(-rates * dt)
+    beta = before + now - delta * now
+    whole = direct + now.sum()
+
+    def step(nu: Array, over: Array, gain: Array) -> tuple[Array, Array, Array]:
+        """From nu, Q / T and 1 / T."""
+        a, c = 1 - nu, -over / direct
+        return a, -(a * c + gain), c
+
+    if len(rates) == 1:
+        return (step(delta[0] + beta[0] / whole, now[0] / whole, beta[0] / whole**2),)
+    share = beta / whole
+    sign, half = jnp.sign(beta.sum()), (delta[0] + share[0] - delta[1] - share[1]) / 2
+    coupling = share[0] * share[1]
+    root = jnp.sqrt(half**2 + coupling)
+    turned = sign * half
+
+    def beyond(along: Array) -> Array:
+        """sign (root - along), from which the far root's distances follow."""
+        return sign * jnp.where(along > 0, coupling / (root + jnp.abs(along)), root - along)
+
+    # Away from both deltas, and what remains of the nearer root is between them.
+    far = jnp.stack([beyond(turned), beyond(-turned)]) + share
+    part, apart = share / far, delta[1] - delta[0]
+    weight = whole * (part[0] * far[1] + part[1] * far[0])
+    outer = step(
+        delta[0] + far[0],
+        (now[0] * far[1] + now[1] * far[0]) / weight,
+        far[0] * far[1] / weight,
+    )
+    inner = step(
+        delta[0] + part[0] * apart,
+        apart * (now[0] * part[1] - now[1] * part[0]) / weight,
+        apart**2 * part[0] * part[1] / weight,
+    )
+    return outer, inner
 
 
 @jax.custom_jvp

@@ -8,7 +8,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, InputError, Record, check_identifiable
@@ -23,8 +22,8 @@ from ..parametric._maximum_likelihood import skewness_at
 from ..parametric._multistart import (
     REFINED,
     SPREADS,
+    STEPS,
     levenberg_marquardt,
-    mean_squared_error,
     scaled_residuals,
     thinned_rows,
 )
@@ -185,7 +184,7 @@ def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
     predicted = predict(model, record)
     left = evidence(record, nothing, predicted, False, np.nan, len(bounds.names))
     covariance, sigma = solved.covariance(k), solved.sigma(k)
-    y = jnp.asarray(np.where(record.mask, record.output, 0.0))
+    y = np.where(record.mask, record.output, 0.0)
     rows = rows_of(record, left.used, predicted)
     about = (problem.template, prepare(problem.template, record), y, rows)
     bent = skewness_at(bounds, about, NoiseModel(sigma), solved.free[k], covariance, 1.0)
@@ -262,7 +261,8 @@ def _searched(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Objective and free vector of every start, best first; it draws wider starts if none was finite."""
     begin = np.stack([_begin(p) for p in problems])
-    rows, thin_starts = thinned_rows(problems[0].record, 1000)
+    # Rows that all records keep: the turning points of one are not those of another.
+    rows, thin_starts = thinned_rows(problems[0].record, 1000, turning=False)
     thin = _data([p.record for p in problems], rows)
     random = np.random.default_rng(seed).normal(0, 1, (starts, begin.shape[2]))
     random[0] = 0.0
@@ -300,7 +300,7 @@ def _step(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def residuals(z: Array) -> Array:
-            return scaled_residuals(own, z, arguments)
+            return scaled_residuals(own, z, arguments)[0]
 
         r, J = residuals(z), jax.jacfwd(residuals)(z)
         straight = jnp.asarray(True)
@@ -310,7 +310,9 @@ def _step(
             straight &= jnp.max(jnp.abs(bent)) <= 1e-11 * large  # rounding; False where not finite
         upper = _triangle(jnp.concatenate([J, r[:, None]], 1))
         least = z - jnp.linalg.pinv(upper[: z.size, : z.size]) @ upper[: z.size, -1]
-        return straight, *_end(own, arguments, least)
+        return straight, *_end(
+            own, arguments, least, residuals(least), jax.jacfwd(residuals)(least)
+        )
 
     return jax.vmap(one)(models, data, scale, free)
 
@@ -323,8 +325,8 @@ def _search(
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
         def from_(z: Array) -> tuple[Array, Array]:
-            end = levenberg_marquardt(own, arguments, z, 40, 1e-6).value
-            return end, mean_squared_error(own, end, arguments)
+            end = levenberg_marquardt(own, arguments, z, 40)
+            return end.free, jnp.sum((data.size * end.residuals) ** 2)
 
         return jax.vmap(from_)(points)
 
@@ -340,17 +342,10 @@ def _refined(
     def one(model: Any, data: _Data, scale: Array, points: Array) -> Any:
         own, arguments = _arguments(bounds, rows, model, data, scale)
 
-        def from_(z: Array) -> tuple[Array, Array, Array]:
-            end = levenberg_marquardt(own, arguments, z, 200, 1e-10)
-            objective = jnp.nan_to_num(mean_squared_error(own, end.value, arguments), nan=jnp.inf)
-            return end.value, objective, end.result == optimistix.RESULTS.successful
-
-        ends, objective, converged = jax.vmap(from_)(points)
-        best = jnp.argmin(objective)
-        last = levenberg_marquardt(own, arguments, ends[best], 200, 1e-10)
-        # Where the first search has converged the second may find no step that is better.
-        arrived = converged[best] | (last.result == optimistix.RESULTS.successful)
-        return arrived, *_end(own, arguments, last.value)
+        ends = jax.vmap(lambda z: levenberg_marquardt(own, arguments, z, STEPS))(points)
+        squares = jnp.nan_to_num(jnp.sum(ends.residuals**2, 1), nan=jnp.inf)
+        best = jax.tree.map(lambda x: x[jnp.argmin(squares)], ends)
+        return best.converged, *_end(own, arguments, best.free, best.residuals, best.jacobian)
 
     return jax.vmap(one)(models, data, scale, points)
 
@@ -364,16 +359,13 @@ def _arguments(
     return bounds._replace(scale=scale), arguments
 
 
-def _end(bounds: Transform, arguments: Any, z: Array) -> tuple[Array, ...]:
+def _end(bounds: Transform, arguments: Any, z: Array, r: Array, J: Array) -> tuple[Array, ...]:
     """z; R of the residuals' Jacobian, in the output's unit; the values, their slopes; sums of powers."""
     *_, counted, size = arguments
     unit = size * jnp.sqrt(counted.sum())
-    J = unit * jax.jacfwd(lambda z: scaled_residuals(bounds, z, arguments))(z)
-    squares, fourths = (
-        jnp.sum((unit * scaled_residuals(bounds, z, arguments)) ** k) for k in (2, 4)
-    )
+    squares, fourths = (jnp.sum((unit * r) ** k) for k in (2, 4))
     values, slope = jax.jvp(bounds.to_values, (z,), (jnp.ones_like(z),))
-    return z, _triangle(J), values, slope, squares, fourths
+    return z, _triangle(unit * J), values, slope, squares, fourths
 
 
 def _triangle(A: Float[Array, "rows columns"]) -> Float[Array, "columns columns"]:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -17,8 +16,9 @@ from ..parameters._settings import Settings
 from ..parameters._transform import Transform
 from ..parametric._maximum_likelihood import Likeliest, likeliest, linearised, plainest, skewness_at
 from ..parametric._multistart import (
-    REFINED,
+    FEW,
     SPREADS,
+    STEPS,
     Optimum,
     longer,
     multi_start,
@@ -32,6 +32,9 @@ from ..records._run_model import predict, starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
 from ._training_data import TrainingData
+
+THINNED = 1000
+"""Rows on which a start is looked for; a record of up to twice as many is not thinned."""
 
 EXACT = 1e-8
 """Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
@@ -90,33 +93,40 @@ def least_squares(
     """
     record, parts, bounds = data.record, data.parts, bounds.for_fit
     y = np.where(record.mask, record.output, 0.0)
-    tried = _search(template, data, y, bounds, first, starts, seed)
+    tried, optima = _search(template, data, y, bounds, first, starts, seed)
     prepared = prepared_longer(template, record.time, record.input, starts_of(record))
     measured = longer(y)
 
-    def fitted(which: tuple[int, ...], free: np.ndarray) -> Optimum:
+    def fitted(which: tuple[int, ...], free: np.ndarray, steps: int = STEPS) -> Optimum:
         counted = longer(np.isin(parts.label, which))
-        return refine(bounds, template, prepared, measured, counted, free)
+        return refine(bounds, template, prepared, measured, counted, free, steps)
 
-    # After the few steps of the search the best start is not always the one that ends lowest.
-    ends = [fitted(parts.all, free) for free in tried.free[:REFINED]]
-    begin = min(ends, key=lambda end: end.objective).free
+    # Where all rows were searched the best optimum is that of the record. Else few steps on every row tell
+    # which of the different optima it is, and that one alone is followed to its end.
+    whole = optima[0]
+    if (
+        len(whole.predicted) != len(measured)
+        or (np.isin(parts.label, parts.all) != record.mask).any()
+    ):
+        ends = [fitted(parts.all, end.free, FEW) for end in optima]
+        whole = min(ends, key=lambda end: end.objective)
+        if not whole.converged:
+            whole = fitted(parts.all, whole.free)
 
     def blocks_of(drop: bool) -> np.ndarray:
-        def solve(train: tuple[int, ...]) -> AbstractModel:
-            free = fitted(parts.without_conditioning(train, drop), begin).free
-            return bounds.model(template, free)
+        def solve(train: tuple[int, ...]) -> Optimum:
+            return fitted(parts.without_conditioning(train, drop), whole.free)
 
-        def error(model: AbstractModel, test: tuple[int, ...]) -> np.ndarray:
+        def error(end: Optimum, test: tuple[int, ...]) -> np.ndarray:
             rows = np.isin(parts.label, test)
-            return predict(model, record)[rows] - y[rows]
+            return end.predicted[: len(y)][rows] - y[rows]
 
         return held_out_errors(parts.folds, solve, error)
 
     choices = (False,) if parts.conditioning is None else (False, True)
     blocks = {drop: blocks_of(drop) for drop in choices}
     dropped = min(blocks, key=lambda drop: blocks[drop].mean())
-    optimum = fitted(parts.without_conditioning(parts.all, dropped), begin)
+    optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
         name, data, template, bounds, settings, prepared, measured, tried, optimum,
         blocks[dropped], dropped, seed,
@@ -131,15 +141,16 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
     widened by the residuals' correlation time.
     """
     bounds, data = fit.bounds, fit.data
-    free = fit.optimum.free
-    predicted = predict(fit.model(free), data.record)
-    judged = fit.evidence(predicted)
-    rows = Rows(*(jnp.asarray(longer(x)) for x in rows_of(data.record, judged.used, predicted)))
-    arguments = (fit.template, fit.prepared, jnp.asarray(fit.measured), rows)
-    at = linearised(bounds, jnp.asarray(free), arguments)
-    errors = _errors(fit, judged.noise, at, rows, noise)
+    optimum, rows = fit.optimum, len(data.record)
+    judged = fit.evidence(optimum.predicted[:rows])
+    noise_rows = Rows(
+        *(longer(x) for x in rows_of(data.record, judged.used, optimum.predicted[:rows]))
+    )
+    arguments = (fit.template, fit.prepared, fit.measured, noise_rows)
+    at = linearised(bounds, optimum, fit.measured, noise_rows)
+    errors = _errors(fit, judged.noise, at, noise_rows, noise)
     found, free = errors.found, errors.free
-    if found is not None:
+    if found is not None and found.free is not optimum.free:
         judged = fit.evidence(predict(fit.model(free), data.record))
     model, covariance = fit.model(free), errors.covariance
     bent = skewness_at(bounds, arguments, errors.taken, free, covariance, 1 / errors.widened)
@@ -177,10 +188,11 @@ def _search(
     first: Float[np.ndarray, "points parameters"],
     starts: int,
     seed: int,
-) -> Starts:
-    """Every start and its objective on about a thousand rows, wider starts where none was finite."""
+) -> tuple[Starts, tuple[Optimum, ...]]:
+    """Every start and its objective on about a thousand rows, and the different optima; wider starts where
+    none was finite."""
     record = data.record
-    rows, thin_starts = thinned_rows(record, 1000)
+    rows, thin_starts = thinned_rows(record, THINNED)
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
     thin_y, thin_mask = longer(y[rows]), longer(record.mask[rows])
@@ -189,7 +201,7 @@ def _search(
     for spread in SPREADS:
         points = np.vstack([first[0] + spread * random, first[1:]])
         tried = multi_start(bounds, template, thin, thin_y, thin_mask, points)
-        if np.isfinite(tried.objective[0]):
+        if np.isfinite(tried[0].objective[0]):
             return tried
     raise InputError(
         "no-finite-start",

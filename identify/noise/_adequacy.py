@@ -39,7 +39,7 @@ class Left(NamedTuple):
         return np.concatenate([np.asarray(self.W) * np.sqrt(self.information), of_prior])
 
 
-def believed(left: Left, place: Float[Array, " rows"], spent: int) -> float:
+def believed(left: Left, place: Float[Array | np.ndarray, " rows"], spent: int) -> float:
     """The smaller of two chances: of white innovations to be as coloured, and of noise to look as much like
     a function of the input. `place` as in `Rows`; `spent`: how many of phi and theta there are."""
     x, W, shapes = (np.asarray(a) for a in left[:3])

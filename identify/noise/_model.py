@@ -23,11 +23,11 @@ class Rows(NamedTuple):
       opposite sign: noise looks like none of them.
     """
 
-    counted: Bool[Array, " rows"]
-    place: Float[Array, " rows"]
-    output: Float[Array, " rows"]
-    slope: Float[Array, " rows"]
-    shapes: Float[Array, "rows shapes"]
+    counted: Bool[Array | np.ndarray, " rows"]
+    place: Float[Array | np.ndarray, " rows"]
+    output: Float[Array | np.ndarray, " rows"]
+    slope: Float[Array | np.ndarray, " rows"]
+    shapes: Float[Array | np.ndarray, "rows shapes"]
 
 
 class NoiseModel(eqx.Module):

@@ -36,11 +36,11 @@ class Linearised(NamedTuple):
     residuals r(z + d) = residuals + jacobian d,     -log prior(z + d) = pull'd + d'precision d / 2.
     """
 
-    residuals: Float[Array, " rows"]
-    jacobian: Float[Array, "rows parameters"]
+    residuals: Float[Array | np.ndarray, " rows"]
+    jacobian: Float[Array | np.ndarray, "rows parameters"]
     rows: Rows
-    pull: Float[Array, " parameters"]
-    precision: Float[Array, "parameters parameters"]
+    pull: Float[Array | np.ndarray, " parameters"]
+    precision: Float[Array | np.ndarray, "parameters parameters"]
 
 
 class NoiseFit(NamedTuple):

@@ -18,6 +18,7 @@ from ..noise._residual_statistics import Noise
 from ..noise._variance_inflation import widening
 from ..parameters._transform import Transform
 from ._interval_skewness import Skewness, points_about, skewness
+from ._multistart import Optimum, refine
 
 ROUNDS = 40
 """Gauss-Newton rounds at most; each linearises the model about the present estimate."""
@@ -91,11 +92,11 @@ def likeliest(
     `temper`: number of rows that count as one, relative to user-specified priors. Returns None where the
     rounds do not reach a maximum.
     """
-    arguments, tried = (model, prepared, jnp.asarray(y), rows), jnp.asarray(lanes(kinds))
+    tried = jnp.asarray(lanes(kinds))
     with_misfit = any("misfit" in kind for kind in kinds)
-    z, least, evidence, every = jnp.asarray(free), np.inf, None, kinds
+    z, least, evidence, every = np.asarray(free), np.inf, None, kinds
     for k in range(1, ROUNDS + 1):
-        at = linearised(bounds, z, arguments)
+        at = linearised_at(bounds, model, prepared, y, rows, z)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if evidence is None and len(kinds) > 1 and len(y) > LONG:
             few = _padded(_first(at))
@@ -108,14 +109,14 @@ def likeliest(
         now = likeliest_about(padded, tried, with_misfit)
         evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
         root = now.left.root(np.asarray(padded.precision))[:, : len(z)]
-        away = now.away[: len(z)]
-        cost = float(now.cost + temper * bounds.penalty(z))
+        away = np.asarray(now.away)[: len(z)]
+        cost = float(now.cost + temper * bounds.penalty(jnp.asarray(z)))
         moved, least = float(np.linalg.norm(root @ away)), min(least, cost)
         if not moved > ENOUGH:  # not a number neither
             break
         if k == FIRST and len(every) > 1 and now.believed(padded, kinds) < HOPELESS:
             break
-        z = z + away * jnp.minimum(1.0, STEP / jnp.max(jnp.abs(away)))
+        z = z + away * min(1.0, STEP / float(np.max(np.abs(away))))
     if not np.isfinite(moved) or cost > least + 1:
         return None
     noise = only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)])
@@ -197,45 +198,76 @@ def only(noise: NoiseModel, kind: tuple[str, ...]) -> NoiseModel:
     return NoiseModel(**{part: getattr(noise, part) for part in PARTS if part in kind})
 
 
+def linearised(
+    bounds: Transform, at: Optimum, measured: Float[np.ndarray, " rows"], rows: Rows
+) -> Linearised:
+    """The model linearised where its output and the Jacobian are known."""
+    residuals = np.where(np.asarray(rows.counted), at.predicted - measured, 0.0)
+    pull, precision = np.zeros(len(at.free)), np.zeros((len(at.free),) * 2)
+    if bounds.asked:
+        pull, precision = map(np.asarray, _slopes_of_penalty(bounds, at.free))
+    rows = rows._replace(output=at.predicted)
+    return Linearised(residuals, at.jacobian, rows, pull, precision)
+
+
+def linearised_at(
+    bounds: Transform,
+    model: AbstractModel,
+    prepared: Any,
+    measured: Float[np.ndarray, " rows"],
+    rows: Rows,
+    z: Float[np.ndarray, " parameters"],
+) -> Linearised:
+    """The model linearised about z, by the program that fits it."""
+    at = refine(bounds, model, prepared, measured, np.asarray(rows.counted), z, steps=1)
+    return linearised(bounds, at, measured, rows)
+
+
 @eqx.filter_jit
-def linearised(bounds: Transform, z: Array, arguments: Any) -> Linearised:
-    """The model linearised about z."""
-    model, prepared, y, rows = arguments
-
-    def residuals(z: Array) -> tuple[Array, Array]:
-        predicted = bounds.insert(model, bounds.to_values(z)).evaluate(prepared)
-        return jnp.where(rows.counted, predicted - y, 0.0), predicted
-
-    (r, predicted), J = residuals(z), jax.jacfwd(lambda z: residuals(z)[0])(z)
-    rows = rows._replace(output=predicted)
-    return Linearised(r, J, rows, jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z))
+def _slopes_of_penalty(bounds: Transform, z: Array) -> tuple[Array, Array]:
+    """Gradient and Hessian of the priors' penalty."""
+    return jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z)
 
 
 def skewness_at(
     bounds: Transform,
-    arguments: Any,
+    arguments: tuple[AbstractModel, Any, np.ndarray, Rows],
     noise: NoiseModel,
     free: Float[np.ndarray, " parameters"],
     covariance: Float[np.ndarray, "parameters parameters"],
     weight: float,
 ) -> Skewness:
-    """Skewness of weighted log-likelihood plus log-prior, noise fixed; `arguments` as for `linearised`."""
-    noise, points = jax.tree.map(jnp.asarray, noise), points_about(free, covariance)
-    about = [linearised(bounds, jnp.asarray(z), arguments) for z in points]
+    """Skewness of weighted log-likelihood plus log-prior, noise fixed.
+
+    `arguments`: as those of `linearised_at` after the bounds.
+    """
+    about = [linearised_at(bounds, *arguments, z) for z in points_about(free, covariance)]
     scores = [weight * score(at, arguments[2], noise) - at.pull for at in about]
     return skewness(np.array(scores), covariance)
 
 
-@eqx.filter_jit
 def score(
-    at: Linearised, measured: Float[Array, " rows"], noise: NoiseModel
-) -> Float[Array, " parameters"]:
+    at: Linearised, measured: Float[np.ndarray, " rows"], noise: NoiseModel
+) -> Float[np.ndarray, " parameters"]:
     """The gradient of the log-likelihood with respect to z."""
+    if noise.is_white:
+        slope = -at.residuals / float(noise.sigma) ** 2
+    else:
+        slope = np.asarray(likelihood_slope(at.residuals, at.rows, measured, noise))
+    return np.asarray(at.jacobian).T @ slope
+
+
+@eqx.filter_jit
+def likelihood_slope(
+    r: Array, rows: Rows, measured: Array, noise: NoiseModel
+) -> Float[Array, " rows"]:
+    """The gradient of the log-likelihood with respect to the residuals."""
+    noise = jax.tree.map(jnp.asarray, noise)
 
     def likelihood(r: Array) -> Array:
-        return noise.log_likelihood(r, at.rows._replace(output=measured + r))
+        return noise.log_likelihood(r, rows._replace(output=measured + r))
 
-    return at.jacobian.T @ jax.grad(likelihood)(at.residuals)
+    return jax.grad(likelihood)(r)
 
 
 def _first(at: Linearised) -> Linearised:
@@ -249,9 +281,9 @@ def _padded(at: Linearised) -> Linearised:
     rows = max(256, 1 << (len(at.residuals) - 1).bit_length()) - len(at.residuals)
     more = -at.jacobian.shape[1] % 4
     return Linearised(
-        jnp.pad(at.residuals, (0, rows)),
-        jnp.pad(at.jacobian, ((0, rows), (0, more))),
-        jax.tree.map(lambda x: jnp.pad(x, ((0, rows), (0, 0))[: x.ndim]), at.rows),
-        jnp.pad(at.pull, (0, more)),
-        jnp.pad(at.precision, (0, more)),
+        np.pad(at.residuals, (0, rows)),
+        np.pad(at.jacobian, ((0, rows), (0, more))),
+        Rows(*(np.pad(x, ((0, rows), (0, 0))[: np.ndim(x)]) for x in at.rows)),
+        np.pad(at.pull, (0, more)),
+        np.pad(at.precision, (0, more)),
     )

@@ -1,34 +1,51 @@
-"""Non-linear least squares from many starts at once, the best one refined."""
+"""Non-linear least squares from many starts, on few rows until the best optimum is known."""
 
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, Record
+from hysteresis.numerics._even_clock import even_step
 
 from ..parameters._transform import Transform
 from ..results._fit_result import Starts
+from ._levenberg_marquardt import Found
+from ._levenberg_marquardt import least_squares as levenberg_marquardt_from
 
 SPREADS = (1.5, 3.0, 6.0)
 """Standard deviation of the starts on the unconstrained scale: 1.5 is a factor of 4.5 for a positive one.
 Wider where no output was finite: a density far outside the record vanishes in floating point."""
 
+FEW, BEST = 8, 8
+"""Steps from every start, and starts that then go on to their end: after few steps the best one is not
+always first."""
+
 REFINED = 4
-"""Starts that are followed to their end: after few steps the best is not always first."""
+"""Different optima, at most, that are tried on every row."""
+
+STEPS = 200
+"""Steps to an optimum, at most."""
+
+SAME = 1e-6
+"""Relative difference of the objective below which two ends are one optimum, or one with its branches
+exchanged."""
 
 
 class Optimum(NamedTuple):
-    """Free vector at the minimum, the objective (mean squared error) there, and whether it converged."""
+    """Free vector at the minimum, the objective (mean squared error) there, and whether it converged.
+
+    - `predicted`: the output of every row. `jacobian`: its derivative, 0 where a row does not count.
+    """
 
     free: Float[np.ndarray, " parameters"]
     objective: float
     converged: bool
     steps: int
+    predicted: Float[np.ndarray, " samples"]
+    jacobian: Float[np.ndarray, "samples parameters"]
 
 
 def refine(
@@ -38,13 +55,18 @@ def refine(
     y: Float[np.ndarray, " samples"],
     mask: Bool[np.ndarray, " samples"],
     free: Float[np.ndarray, " parameters"],
-    steps: int = 200,
+    steps: int = STEPS,
 ) -> Optimum:
-    """Levenberg-Marquardt from one start to full accuracy, on the masked rows."""
+    """Levenberg-Marquardt from one start to full accuracy, on the masked rows; one step only evaluates."""
     arguments = arguments_of(model, prepared, y, mask)
-    z, objective, converged, taken = _run(transform, arguments, jnp.asarray(free), steps, 1e-10)
-    objective = np.nan_to_num(objective, nan=np.inf)
-    return Optimum(np.asarray(z), float(objective), bool(converged), int(taken))
+    found = _run(transform, arguments, np.asarray(free), np.asarray(steps))
+    size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(mask)))
+    residuals = np.asarray(found.residuals)
+    objective = np.nan_to_num(float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf)
+    return Optimum(
+        np.asarray(found.free), float(objective), bool(found.converged), int(found.steps),
+        np.asarray(found.beside), size * np.asarray(found.jacobian),
+    )  # fmt: skip
 
 
 def multi_start(
@@ -54,42 +76,51 @@ def multi_start(
     y: Float[np.ndarray, " samples"],
     mask: Bool[np.ndarray, " samples"],
     starts: Float[np.ndarray, "starts parameters"],
-    few: int = 8,
-    best: int = 8,
-) -> Starts:
-    """A few steps of Levenberg-Marquardt from every start, side by side, and the best to their end; sorted,
-    best first.
+) -> tuple[Starts, tuple[Optimum, ...]]:
+    """A few steps of Levenberg-Marquardt from every start, and the best to their end; sorted, best first.
 
-    The steps are capped, since under `vmap` the slowest lane sets the pace.
+    Also the optima that are different, the best ones of them.
     """
-    arguments = arguments_of(model, prepared, y, mask)
-    z, objective = _sorted(*_run_all(transform, arguments, jnp.asarray(starts), few))
-    for k in range(min(best, len(z))):
-        end = refine(transform, model, prepared, y, mask, z[k])
-        if end.objective < objective[k]:
-            z[k], objective[k] = end.free, end.objective
-    z, objective = _sorted(z, objective)
-    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z)
+    ends = [refine(transform, model, prepared, y, mask, z, FEW) for z in starts]
+    ends.sort(key=lambda end: end.objective)
+    for k in range(min(BEST, len(ends))):
+        if np.isfinite(ends[k].objective) and not ends[k].converged:
+            ends[k] = refine(transform, model, prepared, y, mask, ends[k].free)
+    ends.sort(key=lambda end: end.objective)
+    objective, z = np.array([end.objective for end in ends]), np.stack([end.free for end in ends])
+    optima: list[Optimum] = []
+    for end in ends[:BEST]:
+        if all(end.objective > (1 + SAME) * other.objective for other in optima):
+            optima.append(end)
+    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
 
 
-def _sorted(z: Any, objective: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Best first, infinite where not finite."""
-    objective = np.where(np.isfinite(objective), objective, np.inf)
-    order = np.argsort(objective, kind="stable")
-    return np.asarray(z)[order], objective[order]
-
-
-def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
+def thinned_rows(
+    record: Record, most: int, turning: bool = True
+) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
     """About `most` rows of a record and the starts among them: enough to look for a start.
 
-    Every k-th sequence is kept where there are many, then every k-th sample of each.
+    Every k-th sequence is kept where there are many. Of each, blocks of rows give those of the least and
+    the greatest input, so that `turning` points stay; else every k-th row. Up to twice `most` all are kept.
     """
     sequences = [rows for _, rows in record.sequences()]
+    if len(record) <= 2 * most:
+        return np.arange(len(record)), tuple(rows.start for rows in sequences)
     few = sequences[:: max(1, min(len(record) // most, len(sequences) // 8))]
     stride = -(-sum(rows.stop - rows.start for rows in few) // most)
-    kept = [np.arange(rows.start, rows.stop, stride) for rows in few]
+    if turning:
+        kept = [rows.start + _extremes(record.input[rows], 2 * stride) for rows in few]
+    else:
+        kept = [np.arange(rows.start, rows.stop, stride) for rows in few]
     starts = np.cumsum([0, *(len(rows) for rows in kept[:-1])])
     return np.concatenate(kept), tuple(int(k) for k in starts)
+
+
+def _extremes(u: Float[np.ndarray, " rows"], width: int) -> Int[np.ndarray, " extremes"]:
+    """The first row, and those of the least and the greatest input of every block of so many rows."""
+    blocks = np.pad(u, (0, -len(u) % width), mode="edge").reshape(-1, width)
+    begin = width * np.arange(len(blocks))
+    return np.unique(np.concatenate([[0], begin + blocks.argmin(1), begin + blocks.argmax(1)]))
 
 
 def prepared_longer(
@@ -106,6 +137,13 @@ def prepared_longer(
     more = _missing(len(u))
     if time is not None:
         step = time[-1] - time[-2] if len(time) - starts[-1] > 1 else 1.0
+        if (even := even_step(time, starts)) is not None:
+            # Without the rounding of its print, so that the clock is even with the rows behind, too.
+            first, step = np.asarray(starts), even
+            lengths = np.diff(np.append(first, len(time)))
+            time = np.repeat(time[first], lengths) + even * (
+                np.arange(len(time)) - np.repeat(first, lengths)
+            )
         time = np.append(time, time[-1] + step * np.arange(1, more + 1))
     return model.prepare(time, np.pad(u, (0, more), mode="edge"), starts=starts)
 
@@ -124,57 +162,23 @@ def _missing(rows: int) -> int:
 def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
     """What `scaled_residuals` needs beside the free vector."""
     scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
-    counted = np.where(mask, y, 0.0)
-    return model, prepared, jnp.asarray(counted), jnp.asarray(mask), jnp.asarray(float(scale))
+    return model, prepared, np.where(mask, y, 0.0), np.asarray(mask), np.asarray(float(scale))
 
 
-def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> Array:
-    """Residuals over the output's range and the root of the number of rows; see `arguments_of`."""
+def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> tuple[Array, Array]:
+    """Residuals over the output's range and the root of the number of rows, and the output itself; see
+    `arguments_of`."""
     model, prepared, y, mask, scale = arguments
     predicted = transform.model(model, z).evaluate(prepared)
-    return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum()))
+    return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum())), predicted
 
 
-def mean_squared_error(transform: Transform, z: Array, arguments: Any) -> Array:
-    """The mean squared error at z."""
-    return jnp.sum((arguments[-1] * scaled_residuals(transform, z, arguments)) ** 2)
-
-
-def levenberg_marquardt(
-    transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
-) -> Any:
+def levenberg_marquardt(transform: Transform, arguments: Any, z: Array, limit: Any) -> Found:
     """The solution from z, after at most so many steps."""
-    return optimistix.least_squares(
+    return levenberg_marquardt_from(
         lambda z, arguments: scaled_residuals(transform, z, arguments),
-        optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
-        z,
-        args=arguments,
-        max_steps=steps,
-        throw=False,
-    )
+        z, arguments, arguments[3].sum(), limit,
+    )  # fmt: skip
 
 
-@eqx.filter_jit
-def _run(
-    transform: Transform, arguments: Any, z: Array, steps: int, tolerance: float
-) -> tuple[Array, Array, Array, Array]:
-    """Minimum, objective, convergence, steps taken."""
-    solution = levenberg_marquardt(transform, arguments, z, steps, tolerance)
-    end, converged = solution.value, solution.result == optimistix.RESULTS.successful
-    return (
-        end,
-        mean_squared_error(transform, end, arguments),
-        converged,
-        solution.stats["num_steps"],
-    )
-
-
-@eqx.filter_jit
-def _run_all(transform: Transform, arguments: Any, z: Array, steps: int) -> tuple[Array, Array]:
-    """Minimum and objective from every start."""
-
-    def one(z: Array) -> tuple[Array, Array]:
-        end = levenberg_marquardt(transform, arguments, z, steps, 1e-6).value
-        return end, mean_squared_error(transform, end, arguments)
-
-    return jax.vmap(one)(z)
+_run = eqx.filter_jit(levenberg_marquardt)

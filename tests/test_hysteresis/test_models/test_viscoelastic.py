@@ -23,6 +23,7 @@ from hysteresis import (
     StandardLinearSolid,
 )
 from hysteresis.models._viscoelastic_chain import moments
+from hysteresis.numerics._even_clock import even_step
 from hysteresis.numerics._recurrence import (
     _associative,
     _associative_coupled,
@@ -177,29 +178,85 @@ def test_a_step_is_exact_on_any_clock(make: Any, hold: str, seed: int):
     np.testing.assert_allclose(got, wanted, rtol=0, atol=16 * len(t) * EPS * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("hold", ["linear", "constant"])
-def test_an_even_clock_is_one_number(hold: str):
+CLOSED = {
+    "one branch": lambda hold: StandardLinearSolid(2.0, 1.0, 8.0, 0.3, leading=True, hold=hold),
+    "two branches": lambda hold: Burgers(2.0, 90.0, 1.0, 8.0, 0.3, leading=True, hold=hold),
+    "relaxing": lambda hold: GeneralizedMaxwell(
+        0.1, [2.0, 0.5], [3.0, 0.1], leading=False, hold=hold
+    ),
+    # One of the two modes has no weight, and divided differences would be 0 / 0.
+    "equal": lambda hold: GeneralizedMaxwell(1.0, [2.0, 0.5], [3.0, 3.0], leading=False, hold=hold),
+    "stiff": lambda hold: GeneralizedMaxwell(
+        1e-6, [2.0, 0.5], [1e-3, 1e4], leading=False, hold=hold
+    ),
+    "along": lambda hold: kelvin_voigt(3, hold=hold),
+}
+"""Chains of which an even clock knows the steps in closed form, all but the last driven from their other
+side."""
+
+
+@pytest.mark.parametrize(
+    ("case", "hold"),
+    [*((case, "linear") for case in CLOSED), ("two branches", "constant"), ("along", "constant")],
+)
+def test_an_even_clock_is_one_number(case: str, hold: str):
     """The same outputs and derivatives as step by step, in two sequences; second derivatives too."""
     t, u = np.linspace(3.0, 7.0, 25), jnp.asarray(np.random.default_rng(0).normal(size=25))
-    model = kelvin_voigt(3, hold=hold)
+    model = CLOSED[case](hold)
     even = model.prepare(t, u, starts=(0, 11))
     steps = np.full(25, t[1] - t[0])
     steps[[0, 11]] = 0.0
     assert even.dt.shape == ()
     assert model.prepare(np.append(t[:-1], 7.1), u).dt.shape == (25,)
+    stiffnesses = lambda m: [m.E] if hasattr(m, "E") else [m.E1, m.E2, m.eta2]  # noqa: E731
 
-    def squares(E: jax.Array, u: jax.Array, dt: jax.Array) -> jax.Array:
-        one = eqx.tree_at(lambda m: m.E, model, E)
+    def squares(E: list[jax.Array], u: jax.Array, dt: jax.Array) -> jax.Array:
+        one = eqx.tree_at(stiffnesses, model, E)
         moved = even._replace(dt=dt, u=u, u_before=even.u_before * u)
         return jnp.sum(one.evaluate(moved) ** 2)
 
-    for derivative in (jax.grad(squares, 1), jax.hessian(squares), jax.value_and_grad(squares)):
+    at = [jnp.asarray(E) for E in stiffnesses(model)]
+    every = [jax.value_and_grad(squares, (0, 1))]
+    if case in ("along", "two branches"):
+        every.append(jax.hessian(squares))
+    for derivative in every:
         ours, plain = (
-            jax.tree.leaves(jax.jit(derivative)(jnp.asarray(model.E), u, jnp.asarray(dt)))
-            for dt in (even.dt, steps)
+            jax.tree.leaves(jax.jit(derivative)(at, u, jnp.asarray(dt))) for dt in (even.dt, steps)
         )
         for x, y in zip(ours, plain, strict=True):
             np.testing.assert_allclose(x, y, rtol=0, atol=1e-12 * float(jnp.abs(y).max()))
+
+
+@pytest.mark.parametrize("rate", [300.0, 44100 / 128])
+def test_a_printed_clock_is_even_to_its_last_digit(rate: float):
+    """Outputs at the printed times and under the even clock differ by less than that digit can do."""
+    exact = np.arange(4000) / rate
+    t = np.array([float(f"{x:.6g}") for x in exact])
+    u = np.sin(3 * t) + np.sin(11 * t)
+    model = CLOSED["two branches"]("linear")
+    even = model.prepare(t, u)
+    assert even.dt.shape == ()
+    np.testing.assert_allclose(even.dt, 1 / rate, rtol=1e-5)
+    uneven = even._replace(dt=jnp.asarray(np.diff(t, prepend=t[:1])))
+    found, wanted = np.asarray(model.evaluate(even)), np.asarray(model.evaluate(uneven))
+    digit = 10.0 ** (np.floor(np.log10(t[-1])) - 5)
+    assert digit == pytest.approx(10.0**-4)
+    rate_of_output = np.abs(np.diff(wanted)).max() * rate
+    assert 0 < np.abs(found - wanted).max() < digit * rate_of_output
+
+
+@given(seeds, st.sampled_from([0.0, 1e3]), st.integers(3, 9))
+@settings(max_examples=40)
+def test_uneven_clocks_stay_uneven(seed: int, begin: float, decimals: int):
+    rng = np.random.default_rng(seed)
+    t = begin + np.cumsum(rng.uniform(0.1, 0.3, 40))
+    assert even_step(np.round(t, decimals)) is None
+    # Whole numbers may come from an even clock of another step, which would be a third of a step off.
+    assert even_step(np.array([0.0, 1.0, 3.0, 4.0, 6.0])) is None
+    step, noise = rng.uniform(0.01, 1.0), rng.normal(size=40)
+    assert even_step(begin + step * np.arange(40) + 1e-6 * noise) is None
+    printed = np.round(begin + step * np.arange(40), decimals)
+    assert even_step(printed, (0, 20)) == pytest.approx(step, abs=10.0**-decimals)
 
 
 def spectral_radius(model: AbstractViscoelastic, dt: float) -> float:

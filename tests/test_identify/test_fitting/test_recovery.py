@@ -65,5 +65,5 @@ def test_starts_without_a_finite_output_are_refused() -> None:
 def test_what_the_record_suggests_is_a_start_too() -> None:
     u = np.linspace(0.0, 1.0, 50)
     result = fit(Record.from_arrays(u, 2 * u), LinearSponge(np.nan, 0.0), starts=4)
-    # A line through points on a line: rounding, and the solver's tolerance of 1e-10 on the objective.
+    # A line through points on a line: rounding, and the solver's tolerance.
     np.testing.assert_allclose(result.model.simulate(None, u), 2 * u, atol=1e-5)
