@@ -119,16 +119,17 @@ def time_steps(
 ) -> Float[Array | np.ndarray, " samples"]:
     """Time since the sample before; 0 where a sequence starts without a past (t_before NaN).
 
-    Of known times it is a NumPy array: no program is compiled for every number of rows.
+    Of known times it is found by NumPy: no program is compiled for every number of rows. Of NumPy's times it
+    is a NumPy array.
     """
-    xp, first = array_module(t, t_before), np.asarray(starts)
+    xp, first, own = array_module(t, t_before), np.asarray(starts), isinstance(t, np.ndarray)
     t = xp.asarray(t)
     begin = t[first] - t_before
     begin = xp.where(xp.isnan(begin), 0.0, begin)
     dt = xp.diff(t, prepend=t[:1])
     if xp is np:
         dt[first] = begin
-        return dt
+        return dt if own else jnp.asarray(dt)
     return dt.at[first].set(begin)
 
 
