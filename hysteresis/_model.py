@@ -119,8 +119,8 @@ def time_steps(
 ) -> Float[Array | np.ndarray, " samples"]:
     """Time since the sample before; 0 where a sequence starts without a past (t_before NaN).
 
-    Of known times it is found by NumPy: no program is compiled for every number of rows. Of NumPy's times it
-    is a NumPy array.
+    Of known times it is found by NumPy: no program is compiled for every number of rows. It is a NumPy
+    array if the times are one.
     """
     xp, first, own = array_module(t, t_before), np.asarray(starts), isinstance(t, np.ndarray)
     t = xp.asarray(t)
