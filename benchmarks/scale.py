@@ -24,6 +24,7 @@ import jax
 import numpy as np
 
 from hysteresis import Burgers
+from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 
 from ._measure import Row, judged, noted, options, report
 
@@ -80,6 +81,18 @@ def burgers(rows: int) -> tuple[np.ndarray, ...]:
     return t, force, clean + noise
 
 
+def sliders(rows: int) -> tuple[np.ndarray, ...]:
+    """Play operators, a relaxing branch and a cubic under a sine of 250 rows whose amplitude wanders."""
+    t, cycle = 0.01 * np.arange(rows), np.arange(rows) / 250
+    u = np.sin(2 * np.pi * cycle) * (0.55 + 0.45 * np.sin(2 * np.pi * cycle / 17.3 + 0.4))
+    radii, share = np.array([0.05, 0.15, 0.3, 0.5]), np.array([0.3, 0.25, 0.2, 0.15])
+    play = clamped(u[:, None] - radii, u[:, None] + radii, np.zeros(4))
+    decay = np.full((rows, 1), np.exp(-0.025))
+    slow = relaxed(decay, ((1 - decay) * u[:, None])[:, :, None], np.zeros((1, 1)))[:, 0, 0]
+    noise = np.random.default_rng(0).normal(0.0, 0.005, rows)
+    return t, u, play @ share + 0.3 * (u - slow) + 0.2 * u**3 + noise
+
+
 CASES = (
     Case(
         "Burgers",
@@ -88,6 +101,17 @@ CASES = (
         peer="lmfit_burgers",
         over_peer=3.0,
         second=0.5,
+    ),
+    Case("Preisach", sliders, {100_000: Bar(warm=5.0), 1_000_000: Bar(warm=25.0, memory=1.5)}),
+    Case(
+        "Composition",
+        sliders,
+        {100_000: Bar(warm=12.0, memory=1.0), 1_000_000: Bar(warm=60.0, memory=2.0)},
+    ),
+    Case(
+        "auto",
+        sliders,
+        {1_000: Bar(warm=8.0), 100_000: Bar(warm=25.0), 1_000_000: Bar(warm=90.0, memory=2.0)},
     ),
 )
 

@@ -81,5 +81,6 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
     drop = min(blocks, key=lambda drop: blocks[drop].mean() if len(blocks[drop]) else 0.0)
     rows = rows_of(parts.all, drop)
     unknowns = baseline.fitted(seen, y, thinned(rows, MOST))
-    used = np.isin(np.arange(len(record)), rows)
+    used = np.zeros(len(record), bool)
+    used[rows] = True
     return Scored(baseline, blocks[drop], used, unknowns, baseline.predicted(seen, unknowns))

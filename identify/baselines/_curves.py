@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from hysteresis import Record
 
-from ._input_memory import dead_band, directions
+from ._input_memory import OncePerInput
 
 BINS = 64
 """Equally filled parts of the input in which a curve is averaged."""
@@ -68,15 +68,15 @@ class ReplayBaseline:
     """The last whole cycle of a record, or the mean branches of several sequences, over the input.
 
     - `cycle` (samples,): of the record it is fitted to, the cycle of each row; None for mean branches.
-    - `band`: how far the input has to come back to go the other way, see `directions`.
+    - `branches`: which way the input went last, see `directions`.
     """
 
     name: str
     cycle: Int[np.ndarray, " samples"] | None
-    band: float
+    branches: OncePerInput
 
     def prepared(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        return record.input, directions(record, self.band)
+        return record.input, self.branches(record)
 
     def fitted(
         self, seen: tuple[np.ndarray, np.ndarray], output: np.ndarray, rows: np.ndarray
@@ -103,12 +103,12 @@ class ReplayBaseline:
         return np.where(direction > 0, unknowns.rising(u), unknowns.falling(u))
 
 
-def replay(train: Record) -> ReplayBaseline:
+def replay(train: Record, branches: OncePerInput) -> ReplayBaseline:
     """The replay of a record: its last loop, or the mean branches of its sequences where it has several."""
     several = sum(bool(train.mask[rows].any()) for _, rows in train.sequences()) > 1
     if several or not (train.cycle[train.mask] > 0).any():
-        return ReplayBaseline("mean branches", None, dead_band(train))
-    return ReplayBaseline("replay of the last loop", train.cycle, dead_band(train))
+        return ReplayBaseline("mean branches", None, branches)
+    return ReplayBaseline("replay of the last loop", train.cycle, branches)
 
 
 def binned(

@@ -10,6 +10,7 @@ from hysteresis import Record
 from ..baselines._contract import AbstractBaseline, Scored, scored
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._holds import of_holds
+from ..baselines._input_memory import branches_of
 from ..baselines._linear import constant, cubic_per_branch, ridges, straight_line
 from ..records._folds import Parts, block_errors
 from ..results._baseline import Baseline
@@ -27,9 +28,10 @@ def baselines_of(
     - `test`: the record that they are judged on, prepared like `record`.
     - `columns`: further columns of both records, such as channels and conditions, for plain regressors.
     """
+    branches = branches_of(record)
     single = (
-        constant(), straight_line(columns), MonotoneBaseline(), cubic_per_branch(record),
-        replay(record),
+        constant(), straight_line(columns), MonotoneBaseline(),
+        cubic_per_branch(record, branches), replay(record, branches),
     )  # fmt: skip
     found = [scored(one, record, parts) for one in single]
     found.append(_best([scored(one, record, parts) for one in ridges(record, columns)]))

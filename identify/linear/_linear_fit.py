@@ -11,6 +11,7 @@ from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..noise._residual_statistics import Noise
+from ..records._run_model import same_inputs
 from ._composition import CompositionUnknowns
 from ._composition_memory import memory_blocks
 from ._conditioned_unknowns import ConditionedUnknowns
@@ -78,7 +79,7 @@ class LinearFit(Generic[Unknowns]):
         """
         if not self._has_columns(record):
             return None
-        if self.last is None or not _same_inputs(self.last[0], record):
+        if self.last is None or not same_inputs(self.last[0], record):
             outputs_together([self], record)
         assert self.last is not None
         return self.last[1].copy()
@@ -184,12 +185,3 @@ def outputs_together(fits: Sequence[LinearFit], record: Record) -> None:
 
 def _keep(fit: LinearFit, record: Record, outputs: Float[np.ndarray, " samples"]) -> None:
     object.__setattr__(fit, "last", (record, outputs))
-
-
-def _same_inputs(one: Record, other: Record) -> bool:
-    pairs = [(one.input, other.input), (one.starts, other.starts)]
-    if one.time is not None and other.time is not None:
-        pairs.append((one.time, other.time))
-    return (one.time is None) == (other.time is None) and all(
-        a is b or np.array_equal(a, b) for a, b in pairs
-    )

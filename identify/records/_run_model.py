@@ -30,3 +30,13 @@ def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples
 def starts_of(record: Record) -> tuple[int, ...]:
     """The first row of each sequence, as a model takes them."""
     return tuple(int(k) for k in record.starts)
+
+
+def same_inputs(one: Record, other: Record, columns: tuple[str, ...] = ()) -> bool:
+    """Whether two records differ at most in outputs and in the rows that count, `columns` included."""
+    pairs = [(one.input, other.input), (one.starts, other.starts)]
+    pairs += [(one.columns[name], other.columns[name]) for name in columns]
+    if one.time is not None and other.time is not None:
+        pairs.append((one.time, other.time))
+    clocks = (one.time is None) == (other.time is None)
+    return clocks and all(a is b or np.array_equal(a, b) for a, b in pairs)

@@ -11,7 +11,7 @@ from hysteresis import Record
 from identify.baselines._contract import scored
 from identify.baselines._curves import MonotoneBaseline, isotonic, replay
 from identify.baselines._holds import of_holds
-from identify.baselines._input_memory import directions, lags, slow_states, stops
+from identify.baselines._input_memory import branches_of, directions, lags, slow_states, stops
 from identify.baselines._linear import constant, cubic_per_branch, ridges, straight_line
 from identify.fitting._baselines import baselines_of
 from identify.records._folds import parts
@@ -44,8 +44,8 @@ def predictions(made: Record) -> dict[str, np.ndarray]:
         constant(),
         straight_line(()),
         MonotoneBaseline(),
-        cubic_per_branch(made),
-        replay(made),
+        cubic_per_branch(made, branches_of(made)),
+        replay(made, branches_of(made)),
     )
     return {one.name: scored(one, made, cut).output for one in (*single, ridges(made, ())[0])}
 
