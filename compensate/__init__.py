@@ -3,6 +3,8 @@
 `compensate.runtime` runs without JAX, so this package loads the rest when a name of it is first used.
 """
 
+# Part of hysid: hysid/_packages.py looks for this line.
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

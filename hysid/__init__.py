@@ -4,10 +4,17 @@ The names people use most, in one place; each loads its package when it is first
 lists them once, for type checkers and for this file.
 """
 
+# Part of hysid: hysid/_packages.py looks for this line.
+
 import ast
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from ._packages import fault_of_packages, is_command
+
+if (_fault := fault_of_packages()) and not is_command():
+    raise ImportError(_fault)
 
 _HOME = {
     alias.name: str(node.module)

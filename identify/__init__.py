@@ -1,5 +1,7 @@
 """Learning a model from records: fits, posteriors, verdicts."""
 
+# Part of hysid: hysid/_packages.py looks for this line.
+
 from hysteresis._verdict import Verdict
 
 from . import internal

@@ -1,16 +1,19 @@
 """The command line: its commands, and how a run ends."""
 
+import os
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
 
+from .._packages import fault_of_packages
 from ._armor import armor
 from ._batch import batch
 from ._bench import bench
 from ._compare import compare
-from ._console import INTERRUPTED, Fault, example, explain, stop
+from ._console import CLOSED, INTERRUPTED, USER, Fault, example, explain, stop
 from ._datasets import datasets
 from ._demo import demo
 from ._export import export
@@ -80,8 +83,17 @@ def main() -> None:
     """
     arguments = sys.argv[1:] or ["--help"]
     as_json = "--json" in arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # not where a program has put another one
+            stream.reconfigure(errors="backslashreplace")
+    if fault := fault_of_packages():
+        stop(Fault("foreign-package", fault), fault, USER, as_json)
     try:
         code = app(arguments, prog_name="hysid", standalone_mode=False)
+    except BrokenPipeError:  # `hysid ... | head`
+        # What Python still wants to write at its end has nowhere to go either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        raise SystemExit(CLOSED) from None
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # what newer typers return; older ones raise Abort
     except Exception as error:

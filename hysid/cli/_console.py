@@ -1,5 +1,6 @@
 """What every command does with the terminal: results on stdout; progress, log and errors on stderr."""
 
+import contextlib
 import json
 import os
 import sys
@@ -19,8 +20,8 @@ PURPOSES = {
 }  # fmt: skip
 """What a verdict is for, in words."""
 
-BUG, USER, INTERRUPTED = 1, 2, 130
-"""Exit status: a fault of hysid, of the user's data or settings, and an interruption."""
+BUG, USER, INTERRUPTED, CLOSED = 1, 2, 130, 141
+"""Exit status: a fault of hysid, of the user's data or settings, an interruption, a reader that is gone."""
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
@@ -77,9 +78,10 @@ def log(line: str) -> None:
 def _shown(text: str, encoding: str | None) -> str:
     """A line that a terminal only shows, in characters that its encoding has."""
     if not text.isprintable():
-        from hysteresis._escape import visible  # late: it loads JAX
+        with contextlib.suppress(ImportError):
+            from hysteresis._escape import visible  # late: it loads JAX
 
-        text = visible(text)
+            text = visible(text)
     encoding = encoding or "utf-8"
     return text.encode(encoding, "backslashreplace").decode(encoding)
 
@@ -185,19 +187,34 @@ def explain(error: Exception) -> tuple[Fault, str, int]:
             return Fault("usage", message), message, USER
         hint = f"See: {context.command_path} --help"
         return Fault("usage", message, context.command_path, fix=hint), f"{message} {hint}", USER
-    from hysteresis import InputError  # late: it loads JAX
-
-    if isinstance(error, InputError):
+    # Not imported here: what failed may be that very import.
+    known = getattr(sys.modules.get("hysteresis"), "InputError", None)
+    if known is not None and isinstance(error, known):
         fault = Fault(error.code, error.problem, error.place, error.cause, error.fix)
         return fault, str(error), USER
     if isinstance(error, OSError):
         place, why = str(error.filename or "the disk"), f"{error.strerror or error}."
         return Fault("os-error", why, place), f"{place}: {why}", USER
-    with tempfile.NamedTemporaryFile(
-        "w", suffix=".txt", prefix="hysid-", delete=False, encoding="utf-8"
-    ) as details:
-        traceback.print_exception(error, file=details)
     said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+    if isinstance(error, ImportError):
+        message = f"The installation is not complete ({said})."
+        fix = "Install hysid again, in an environment of its own."
+        return Fault("broken-install", message, fix=fix), f"{message} Fix: {fix}", USER
     message = f"This is a bug in hysid, not your doing ({said})."
-    fault = Fault("bug", message, details.name, fix="Report the bug with this file.")
-    return fault, f"{message} Details: {details.name}", BUG
+    details = _details(error)
+    fault = Fault("bug", message, details, fix="Report the bug with this file.")
+    return fault, f"{message} Details: {details}", BUG
+
+
+def _details(error: Exception) -> str:
+    """Where the traceback was written; without a folder to write to, the line that raised."""
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", suffix=".txt", prefix="hysid-", delete=False, encoding="utf-8",
+            errors="backslashreplace",
+        ) as details:  # fmt: skip
+            traceback.print_exception(error, file=details)
+    except OSError:
+        last = traceback.extract_tb(error.__traceback__)[-1:]
+        return ", ".join(f"{frame.filename}, line {frame.lineno}" for frame in last)
+    return details.name
