@@ -26,7 +26,8 @@ def fault_of_packages() -> str:
         if place is None:
             return f"the package {name!r} of hysid is missing. {_AGAIN}"
         if not _is_ours(name, place):
-            return f"hysid needs its own package {name!r}, but Python finds another one: {place}. {_cause(name, place)}"
+            said = f"hysid needs its own package {name!r}, but Python finds another one: {place}."
+            return f"{said} {_cause(name, place)}"
     return ""
 
 
