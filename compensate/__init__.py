@@ -3,7 +3,7 @@
 `compensate.runtime` runs without JAX, so this package loads the rest when a name of it is first used.
 """
 
-# Part of hysid: hysid/_packages.py looks for this line.
+# hysid:own-package, which hysid/_packages.py looks for
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -4,7 +4,7 @@ The names people use most, in one place; each loads its package when it is first
 lists them once, for type checkers and for this file.
 """
 
-# Part of hysid: hysid/_packages.py looks for this line.
+# hysid:own-package, which hysid/_packages.py looks for
 
 import ast
 from importlib import import_module

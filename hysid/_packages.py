@@ -9,7 +9,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 
 NAMES = ("hysteresis", "identify", "compensate", "hysid")
-MARK = "# Part of hysid: hysid/_packages.py looks for this line."
+MARK = "hysid:own-package"
 OURS = {
     "hysteresis": "_escape.py",
     "identify": "internal.py",

@@ -1,6 +1,6 @@
 """What a material or a sensor does: models with memory, records of measurements, virtual rigs."""
 
-# Part of hysid: hysid/_packages.py looks for this line.
+# hysid:own-package, which hysid/_packages.py looks for
 
 from . import _start_values as _start_values  # registers where our own fits start
 from ._drawing import html_of as html_of

@@ -1,6 +1,6 @@
 """Learning a model from records: fits, posteriors, verdicts."""
 
-# Part of hysid: hysid/_packages.py looks for this line.
+# hysid:own-package, which hysid/_packages.py looks for
 
 from hysteresis._verdict import Verdict
 
