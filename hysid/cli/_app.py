@@ -13,6 +13,7 @@ from ._armor import armor
 from ._batch import batch
 from ._bench import bench
 from ._compare import compare
+from ._config_file import FindsConfig
 from ._console import CLOSED, INTERRUPTED, USER, Fault, example, explain, stop
 from ._datasets import datasets
 from ._demo import demo
@@ -21,6 +22,7 @@ from ._fit import fit
 from ._inspect import check, init
 from ._microchannel import microchannel
 from ._new_data import predict, qualify
+from ._remedies import options_here
 from ._report import report
 from ._reproduce import reproduce
 from ._sample import sample
@@ -48,7 +50,8 @@ for _command, _example in {
     reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
     bench: "hysid bench preisach --quick",
 }.items():
-    app.command(epilog=example(_example))(_command)
+    _class = FindsConfig if _command in (check, fit) else None
+    app.command(epilog=example(_example), cls=_class)(_command)
 app.add_typer(armor, name="armor")
 app.add_typer(microchannel, name="microchannel")
 app.add_typer(datasets, name="datasets")
@@ -97,7 +100,7 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # what newer typers return; older ones raise Abort
     except Exception as error:
-        stop(*explain(error), as_json)
+        stop(*explain(options_here(error, typer.main.get_command(app), arguments)), as_json)
     if code == INTERRUPTED:
         said = "Interrupted. What was written so far is complete."
         stop(Fault("interrupted", said), said, INTERRUPTED, as_json)

@@ -9,8 +9,10 @@ from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+from typer.core import TyperCommand
 
 from ..intake._selection_options import FIELDS
+from ._console import log
 
 if TYPE_CHECKING:
     from typer import Context
@@ -176,6 +178,20 @@ Config = Annotated[
         help="TOML file of options: [selection], [fit], [parameters]. Options given here override it.",
     ),
 ]
+
+
+class FindsConfig(TyperCommand):
+    """A command on FILE that takes the options of FILE's .toml where no column and no --config is given."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        file = given.get("file")
+        if isinstance(file, str) and not {"config", "input", "output", "step"} & set(given):
+            config = Path(file).with_suffix(".toml") if Path(file).name else Path(file)
+            if config.is_file() and config != Path(file):
+                log(f"Options of {config}.")
+                args = ["--config", str(config), *args]
+        return super().parse_args(ctx, args)
 
 
 def options_of(file: Path, command: Any) -> dict[str, Any]:

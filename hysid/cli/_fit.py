@@ -1,5 +1,6 @@
 """`hysid fit`."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -8,7 +9,6 @@ from ._config_file import Config, parameters_said
 from ._console import (
     AsJson,
     File,
-    Out,
     Overwrite,
     Seed,
     candidate_lines,
@@ -27,8 +27,11 @@ MODELS = ("LinearSponge", "Burgers", "Preisach", "Composition", "FoamCurve", "Bo
 @takes_selection()
 def fit(
     file: File,
-    out: Out,
     selection: dict[str, Any],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for the results (default: FILE without its suffix)."),
+    ] = None,
     config: Config = None,
     model: Annotated[
         str,
@@ -94,12 +97,14 @@ def fit(
 ) -> None:
     """Fit models to a record and write the best one to a folder.
 
-    Models are ranked by their errors on rows that were held out from the fit.
+    Models are ranked by their errors on rows that were held out from the fit. Without columns, and without
+    --config, the options are those of FILE's .toml, as hysid init writes it.
     """
     start_jax(double=not allow_float32)
     from ..intake._selection import Selection  # after JAX is set up
     from ..operations import _fit
 
+    out = out or (file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit"))
     document = _fit.fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
         conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,

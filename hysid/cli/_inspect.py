@@ -15,7 +15,10 @@ from ._selection import takes_selection, values_of
 def check(
     file: File, selection: dict[str, Any], config: Config = None, as_json: AsJson = False
 ) -> None:
-    """Describe a record and what makes a model hard to identify."""
+    """Describe a record and what makes a model hard to identify.
+
+    Without columns, and without --config, the options are those of FILE's .toml.
+    """
     start_jax()
     from ..intake._selection import Selection  # after JAX is set up
     from ..operations import _check

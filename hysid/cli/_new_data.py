@@ -4,11 +4,12 @@ from typing import Annotated, Any
 
 import typer
 
+from ..intake._selection_options import OF_READING
 from ._console import USER, AsJson, File, Folder, print_result, start_jax, warnings
 from ._selection import takes_selection
 
 
-@takes_selection("where", "nan", optional=True)
+@takes_selection("where", "nan", "segments", *OF_READING, optional=True)
 def predict(
     folder: Folder,
     file: File,
@@ -21,7 +22,8 @@ def predict(
 ) -> None:
     """Run a fitted model, or its compensator, over a file.
 
-    The file has the columns that the fit used. --where and --nan are by default those of the fit.
+    The file has the columns that the fit used. --where, --nan and how the file is read are by default those
+    of the fit.
     """
     start_jax()
     from ..operations import _predict  # after JAX is set up
@@ -34,7 +36,7 @@ def predict(
     print_result(found, as_json, [*warnings(found["notes"], "Note"), *lines])
 
 
-@takes_selection("where", "nan", optional=True)
+@takes_selection("where", "nan", "segments", *OF_READING, optional=True)
 def qualify(
     folder: Folder,
     file: File,
@@ -51,8 +53,7 @@ def qualify(
     """Judge a fit's compensator on data it has not seen.
 
     The verdict is PASS, CAUTION or FAIL; FAIL, and exit status 2, where the compensator does not meet
-    --max-error or --rate. --where and --nan are by
-    default those of the fit.
+    --max-error or --rate. --where, --nan and how the file is read are by default those of the fit.
     """
     start_jax()
     from ..operations import _qualify  # after JAX is set up

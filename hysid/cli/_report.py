@@ -17,8 +17,15 @@ def report(
 ) -> None:
     """Write an HTML report of one fit or of several.
 
-    DIR/report.html is self-contained. For several fits hysid also writes a page that compares them.
+    DIR/report.html is self-contained. For several fits hysid also writes a page that compares them. For a
+    folder the fitted FILE may be given, where the folder has its name without the suffix.
     """
+    folders = [
+        one.with_suffix("")
+        if one.is_file() and one.suffix and one.with_suffix("").is_dir()
+        else one
+        for one in folders
+    ]
     start_jax()
     from ..reporting import _specimens_page  # after JAX is set up
 

@@ -13,6 +13,8 @@ from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 
 from ..figures._format import pretty, quantity
+from ..intake._command_words import as_words
+from ..intake._selection_options import HELD_OUT
 from . import _section_creep as _report_step
 from ._case import TARGET, Case, Section
 from ._section_channels import channels
@@ -28,6 +30,8 @@ HEADLINES = {
 }
 
 
+TAIL = 0.25
+"""The share of a record that is held out where it has no second cycle."""
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
     loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
     data,
@@ -160,27 +164,34 @@ def in_words(case: Case) -> str:
 
 
 def next_command(case: Case) -> tuple[str, str]:
+    """What to do next, and the command, which runs as it stands where the fit was made from a file."""
     folder, fit = shell_word(str(case.folder)), case.fit
     inputs = [fit.train.input_name] if fit.channels is None else fit.channels.names
-    columns = " ".join(
-        f"--{role} {shell_word(name)}"
-        for role, name in (*(("input", name) for name in inputs), ("output", fit.train.output_name))
-    )
+    by_name = {"input": tuple(inputs), "output": fit.train.output_name}
+    chosen = dict(case.document.get("selection", by_name))
+    looked_at = as_words({k: v for k, v in chosen.items() if k not in HELD_OUT})
     source = shell_word(fit.train.source or "FILE")
-    if isinstance(fit.detail, identify.DiscreteSpectrum):
-        return _report_step.next_command(case, source)
     if not fit.trusted:
-        return "Check the data, then fit again", f"hysid check {source} {columns}"
+        return "Check the data, then fit again", f"hysid check {source} {looked_at}"
     if fit.test is None:
+        count = 0 if chosen.get("step") else int(fit.train.cycle_counts.min())
+        held = "--test-cycles 1" if count > 1 else f"--test-tail {TAIL}"
+        elsewhere = shell_word(f"{case.folder}-held-out")
         return (
             "Hold out some rows and fit again",
-            f"hysid fit {source} {columns} --test-cycles 1 --out DIR",
+            f"hysid fit {source} {looked_at} {held} --out {elsewhere}",
         )
+    if isinstance(fit.detail, identify.DiscreteSpectrum):
+        what = "Predict the times of this file, or of another, with their range"
+        return what, f"hysid predict {folder} {source}"
     if case.posterior is None:
         return "Sample the posterior to quantify the uncertainty", f"hysid sample {folder}"
     if fit.channels is not None:
-        return "Run the model over new data", f"hysid predict {folder} FILE"
-    return "Run the compensator over new data", f"hysid predict {folder} FILE --inverse"
+        return "Run the model over this file, or over new data", f"hysid predict {folder} {source}"
+    return (
+        "Run the compensator over this file, or over new data",
+        f"hysid predict {folder} {source} --inverse",
+    )
 
 
 def _visible(value: Any) -> Any:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from hysteresis import GeneralizedKelvinVoigt, Record
-from hysteresis._escape import shell_word
 from identify import DiscreteSpectrum, Spectrum
 
 from ..figures._format import label, number, plain_name, pretty, quantity
@@ -166,20 +165,6 @@ def facts(case: Case) -> list[tuple[str, str]]:
         ("decades of time", number(float(decades))),
         ("relative error, rms", quantity(100 * found.table[found.order].rms, "%")),
     ]
-
-
-def next_command(case: Case, source: str) -> tuple[str, str]:
-    """What to do next, and the command."""
-    fit = case.fit
-    said = f"--step {step_of(case):g} --output {shell_word(fit.train.output_name)}"
-    said += f" --time {shell_word(fit.train.time_name)}"
-    if not fit.trusted:
-        return "Check the data, then fit again", f"hysid check {source} {said}"
-    if fit.test is None:
-        command = f"hysid fit {source} {said} --test-tail 0.5 --out DIR"
-        return "Hold out the end and test the prediction of it", command
-    folder = shell_word(str(case.folder))
-    return "Predict other times, with their range", f"hysid predict {folder} FILE"
 
 
 def title(case: Case) -> str:

@@ -1,0 +1,160 @@
+"""What commands recommend: every option exists where it is said, and every command that is printed runs."""
+
+import ast
+import html
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+from hysid.cli._app import app
+from hysid.cli._remedies import options_of_command
+from tests.test_hysid.command import F, T, X, put, run, sponge, text
+
+ROOT = Path(__file__).resolve().parents[3]
+COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*[a-z0-9](?!\w)")
+ELSEWHERE = re.compile(r"hysid ([a-z]+)( [^;,.)]*)?|pip \S+[^;,.)]*|rostopic [^;,.)]*")
+COLUMNS = ("--input", F, "--output", X)
+FAST = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
+ROWS = sponge()
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def commands(node=None) -> list:
+    """Every command, those of groups included."""
+    found = []
+    for one in (node or typer.main.get_command(app)).commands.values():  # type: ignore[attr-defined]
+        found += commands(one) if hasattr(one, "commands") else [one]
+    return found
+
+
+def test_options_in_messages_exist():
+    known = {name for one in commands() for name in options_of_command(one)} | {
+        "--help",
+        "--version",
+    }
+    faults = []
+    for package in ("hysteresis", "identify", "compensate", "hysid"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    said = OPTION.findall(ELSEWHERE.sub("", node.value))
+                    faults += [(path.name, name) for name in said if name not in known]
+    assert faults == []
+
+
+def changed(line: int, column: int, value: str) -> str:
+    rows = [list(row) for row in ROWS]
+    rows[line][column] = value
+    return text(rows)
+
+
+BAD = {
+    "decimal commas": text(ROWS).replace(",", ";").replace(".", ","),
+    "overload": changed(9, 2, "OVLD"),
+    "an output is missing": changed(9, 2, ""),
+    "an input is missing": changed(9, 1, ""),
+    "time goes back": text([*ROWS, *ROWS]),
+    "time stands still": changed(9, 0, ROWS[8][0]),
+    "an unknown unit": text(ROWS, (T, F, "displacement (furlong!)", "cycle")),
+    "a column is lost": text(ROWS, (T, "load (N)", X, "cycle")),
+    "mass": text(ROWS, (T, "force (kg)", X, "cycle")),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_each_option_that_is_recommended_is_one_of_the_command(name):
+    put(BAD[name], "bad.csv")
+    put(text(ROWS), "good.csv")
+    unit = "furlong!" if name == "an unknown unit" else ""
+    output = f"displacement ({unit})" if unit else X
+    columns = ("--input", "force (kg)" if name == "mass" else F, "--output", output, "--time", T)
+    for arguments in (
+        ("init", "bad.csv"),
+        ("check", "bad.csv", *columns),
+        ("fit", "bad.csv", *columns),
+    ):
+        result = run(*arguments, *(FAST if arguments[0] == "fit" else ()))
+        said = ELSEWHERE.sub("", result.err)
+        have = options_of_command(COMMANDS[arguments[0]])
+        assert set(OPTION.findall(said)) <= have | {"--help"}, (arguments[0], result.err)
+
+
+def test_a_command_that_lacks_the_option_names_the_one_that_has_it():
+    assert run("fit", put(text(ROWS)), *COLUMNS, "--time", T, *FAST, "--out", "it").code == 0
+    lost = run("predict", "it", put(BAD["a column is lost"], "new.csv"))
+    assert lost.code == 2
+    assert "--input" not in lost.err
+    stood = run("predict", "it", put(BAD["time stands still"], "new.csv"))
+    assert stood.code == 2
+    assert "--dt" not in stood.err or "hysid fit --help" in stood.err
+    comma = put(BAD["decimal commas"], "comma.csv")
+    assert "--decimal" in run("predict", "it", comma).err
+    assert run("predict", "it", comma, "--decimal", ",").code == 0
+
+
+def printed(lines: str) -> list[list[str]]:
+    """The commands that stand on lines of their own."""
+    return [
+        shlex.split(line)[1:] for line in map(str.strip, lines.split("\n")) if line[:6] == "hysid "
+    ]
+
+
+def test_what_init_prints_runs():
+    name = 'my "rig" (N)'
+    put(text(ROWS, (T, '"my ""rig"" (N)"', X, "cycle")), "a b.csv")
+    said = run("init", "a b.csv")
+    found = printed(said.out)
+    assert [words[0] for words in found] == ["init", "fit"]
+    assert any(name in words for words in found)
+    for words in found:
+        assert run(*words, *(FAST if words[0] == "fit" else ())).code == 0
+    assert run("init", "a b.csv", "--overwrite").code == 0
+    put(
+        "Fx,Fy,Fz\n" + "".join(f"{3 * k % 7},{3 * k % 11},{5 * k % 13}\n" for k in range(40)),
+        "wrench.csv",
+    )
+    (words,) = printed(run("init", "wrench.csv").out)
+    assert run(*words).code == 0
+
+
+def test_a_file_alone_takes_its_own_configuration():
+    put(text(ROWS))
+    assert run("init", "run.csv").code == 0
+    checked = run("check", "run.csv")
+    assert checked.code == 0
+    assert "run.toml" in checked.err
+    assert run("fit", "run.csv", *FAST, "--json").json()["selection"]["test_cycles"] == 1
+    assert Path("run/fit.json").exists()
+    assert run("report", "run.csv").code == 0
+    # Columns that are given go before the file, and a file without a configuration needs them.
+    assert "run.toml" not in run("check", "run.csv", *COLUMNS).err
+    assert run("check", put(text(ROWS), "other.csv")).code == 2
+
+
+@pytest.mark.parametrize("held", [(), ("--test-cycles", 1)])
+@pytest.mark.parametrize("cycles", [1, 5])
+def test_what_a_report_prints_runs(cycles, held):
+    put(text([row for row in ROWS if int(row[3]) <= cycles]), "a b.csv")
+    if cycles == 1 and held:
+        held = ("--test-tail", 0.25)
+    assert run("fit", "a b.csv", *COLUMNS, "--time", T, *held, *FAST, "--out", "it's").code == 0
+    assert run("report", "it's").code == 0
+    page = Path("it's/report.html").read_text("utf-8")
+    code = [
+        html.unescape(re.sub(r"<[^>]*>", "", c)) for c in re.findall(r"<code>(.*?)</code>", page)
+    ]
+    found = [shlex.split(line)[1:] for line in code if line.startswith("hysid ")]
+    assert found
+    for words in found:
+        if words[0] == "sample":  # for seconds: its options are there
+            COMMANDS["sample"].make_context("sample", words[1:])
+        else:
+            assert run(*words, *(FAST if words[0] == "fit" else ())).code == 0, words
