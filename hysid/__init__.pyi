@@ -14,6 +14,7 @@ from hysteresis import AbstractModel as AbstractModel
 from hysteresis import BoucWen as BoucWen
 from hysteresis import Burgers as Burgers
 from hysteresis import Conditioned as Conditioned
+from hysteresis import CyclicDrift as CyclicDrift
 from hysteresis import DegradingBoucWen as DegradingBoucWen
 from hysteresis import FoamCurve as FoamCurve
 from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt

@@ -30,6 +30,7 @@ from .models._conditioned import Conditioned as Conditioned
 from .models._conditioned import condition_of as condition_of
 from .models._conditioned import with_condition as with_condition
 from .models._curves import MonotoneCurve as MonotoneCurve
+from .models._cyclic_drift import CyclicDrift as CyclicDrift
 from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
 from .models._degrading_bouc_wen import DegradingState as DegradingState
 from .models._degrading_bouc_wen import Pinching as Pinching

@@ -6,6 +6,7 @@ from hysteresis import (
     AbstractModel,
     BoucWen,
     Burgers,
+    CyclicDrift,
     DegradingBoucWen,
     LinearSponge,
     ModulatedStops,
@@ -55,9 +56,9 @@ def span_stops(rng: np.random.Generator) -> ModulatedStops:
 def _stops(rng: np.random.Generator, levels: np.ndarray, by: Modulator) -> ModulatedStops:
     """Changing little with the modulator, so that an error in it, of the sample before, does not grow."""
     thresholds = np.array([0.05, 0.3, 1.0])
-    weights = rng.uniform(0.5, 1.0, (3, 1)) * rng.uniform(0.9, 1.1, (3, 3))
+    slopes = rng.uniform(0.5, 1.0, (3, 1)) * rng.uniform(0.9, 1.1, (3, 3))
     springs = rng.uniform(0.5, 1.0) * rng.uniform(0.9, 1.1, 3)
-    return ModulatedStops(LOW, HIGH, thresholds, levels, weights, springs, rest=0.2, by=by)
+    return ModulatedStops(LOW, HIGH, thresholds, levels, slopes, springs, rest=0.2, by=by)
 
 
 def friction(rng: np.random.Generator) -> Sum:
@@ -68,6 +69,13 @@ def friction(rng: np.random.Generator) -> Sum:
         LOW, HIGH, speeds, levels, weights, rng.uniform(0.1, 0.2, 3), smoothing=0.5
     )
     return Sum([LinearSponge(rng.uniform(0.5, 2)), slider])
+
+
+def drifting(rng: np.random.Generator) -> Sum:
+    """Beside a line: a drift alone does not depend on the present input."""
+    levels = np.array([LOW, 0.3, HIGH])
+    drift = CyclicDrift(LOW, HIGH, levels, rng.uniform(-0.1, 0.1, 3), HIGH - LOW, least=0.4)
+    return Sum([LinearSponge(rng.uniform(0.5, 2)), drift])
 
 
 def added(rng: np.random.Generator) -> Sum:
@@ -148,12 +156,12 @@ def jumped(model: AbstractModel) -> Known:
     u = np.full(3, 1.7)
     by_position, gone = model.by == "position", 1.7 - model.rest
     before = [model.rest, 1.7, 1.7] if by_position else [0.0, gone, gone]
-    weights, springs = np.asarray(model.weights), np.asarray(model.springs)
-    strained = np.minimum(gone, np.asarray(model.thresholds))
+    slopes, springs = np.asarray(model.slopes), np.asarray(model.springs)
+    strained = np.diff(np.minimum(gone, np.asarray(model.thresholds)), prepend=0.0)
     levels = np.asarray(model.levels)
     y = [
         np.interp(m, levels, springs) * gone
-        + sum(np.interp(m, levels, w) * s for w, s in zip(weights, strained, strict=True))
+        + sum(np.interp(m, levels, w) * s for w, s in zip(slopes, strained, strict=True))
         for m in before
     ]
     return u, u, np.array(y)
@@ -181,8 +189,8 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
         d = np.triu(np.asarray(model.weights))
         both = r[:, None] * (1 - r) + r if model.leading else r[:, None] * r
         return np.full_like(t, (d * both).sum())
-    if isinstance(model, VelocityFriction):
-        return np.zeros_like(t)  # a first sample has no velocity
+    if isinstance(model, VelocityFriction | CyclicDrift):
+        return np.zeros_like(t)  # a first sample has no velocity, and no path behind it
     assert isinstance(model, NonlinearMaxwell)
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))

@@ -464,6 +464,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "stops-by-span", compositions.span_stops, LOW, HIGH, frozenset[Tag](), compositions.jumped
     ),
+    Problem("drift", compositions.drifting, LOW, HIGH, frozenset[Tag](), compositions.held),
     _density_problem("warped-grid", warped, "grid"),
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),

@@ -10,6 +10,7 @@ from hysteresis import (
     AbstractModel,
     AbstractViscoelastic,
     Conditioned,
+    CyclicDrift,
     FoamCurve,
     InputError,
     LinearSponge,
@@ -315,7 +316,7 @@ def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
         "stops",
         {
             "stops": len(model.thresholds), "count": len(model.levels), "thresholds": model.thresholds,
-            "levels": model.levels, "weights": model.weights, "springs": model.springs,
+            "levels": model.levels, "slopes": model.slopes, "springs": model.springs,
             "offset": model.offset, "rest": model.rest, "by_position": model.by == "position",
         },
         {"u": begin.u, "least": begin.least, "largest": begin.largest, "z": begin.z},
@@ -335,6 +336,19 @@ def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
         {"begun": 0, "u": 0.0, "lead": 0.0, "dt": -1.0, "decay": 0.0, "gain": 0.0},
     )  # fmt: skip
     return _bracketed(model, [part], eps)
+
+
+@_tree.register
+def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
+    """Part of a sum: alone it has no inverse."""
+    return _node(
+        "drift",
+        {
+            "count": len(model.levels), "levels": model.levels, "drift": model.rates,
+            "least": model.least, "length": model.length + model.least, "offset": model.offset,
+        },
+        {"begun": 0, "u": 0.0, "path": 0.0},
+    )  # fmt: skip
 
 
 @_tree.register

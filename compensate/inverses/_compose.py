@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import (
     AbstractModel,
+    CyclicDrift,
     InputError,
     ModulatedStops,
     NonlinearMaxwell,
@@ -131,6 +132,15 @@ def _(
     model: ModulatedStops | NonlinearMaxwell | Softening | VelocityFriction,
 ) -> BracketedCompensator:
     return BracketedCompensator(model, model.low, model.high)
+
+
+@inverse_of.register
+def _(model: CyclicDrift) -> AbstractCompensator:
+    raise InputError(
+        "not-invertible",
+        "the output of a CyclicDrift does not depend on the present input.",
+        fix="add a part that rises with it: Sum([part, drift]).",
+    )
 
 
 def range_of(part: AbstractModel) -> tuple[float, float] | None:

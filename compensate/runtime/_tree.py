@@ -13,8 +13,8 @@ Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 KINDS = (
-    "chain", "clip", "curve", "foam", "friction", "line", "maxwell", "moving", "plays", "polynomial",
-    "preisach", "scaled", "series", "share", "softening", "stops", "sum",
+    "chain", "clip", "curve", "drift", "foam", "friction", "line", "maxwell", "moving", "plays",
+    "polynomial", "preisach", "scaled", "series", "share", "softening", "stops", "sum",
 )  # fmt: skip
 
 

@@ -40,11 +40,14 @@ class StopInput(NamedTuple):
 class ModulatedStops(AbstractModel[StopState, StopInput]):
     """Stop operators in parallel whose stiffnesses change with the past of the input:
 
-        y_t = offset + sum_k h_k(m_(t-1)) (e_k (u_t - rest) + sum_j w_jk s_j,t),
-        s_j,t = clip(s_j,t-1 + u_t - u_(t-1), -r_j, r_j)
+        y_t = offset + sum_k h_k(m_(t-1)) (e_k (u_t - rest) + sum_j w_jk (s_j,t - s_(j-1),t)),
+        s_j,t = clip(s_j,t-1 + u_t - u_(t-1), -r_j, r_j),   s_0 = 0
 
     A stop s_j is a spring in series with a slider that gives way at +-r_j (Jenkin element; in parallel, an
-    Iwan model). h_k are hat functions on `levels` of the modulator m: each is 1 at its level and 0 at the
+    Iwan model). Those of the smaller thresholds slide first, so that the branch after a reversal has the
+    slope w_jk where the input has gone from 2 r_(j-1) to 2 r_j. Slopes that fall make a common yielding
+    branch, of stops with the stiffnesses w_jk - w_(j+1)k; a flat stretch before a steep one is a backlash.
+    h_k are hat functions on `levels` of the modulator m: each is 1 at its level and 0 at the
     others, and they add up to 1. m_(t-1) is the input before, `by="position"`, so that friction and
     stiffness depend on the place; or the range that the input has covered until then, `by="span"`, so that
     a joint, a foam or a magnet stiffens or softens with the largest amplitude so far. As m does not know
@@ -53,16 +56,17 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
     **Arguments:**
 
     - `low`, `high`: the range of the input.
-    - `thresholds`: (J,) the r_j, positive, in the unit of the input.
+    - `thresholds`: (J,) the r_j, positive and increasing, in the unit of the input.
     - `levels`: (K,) of the modulator, increasing; beyond them the end ones count.
-    - `weights`: (J, K) w_jk, none negative. `springs`: (K,) e_k, none negative.
+    - `slopes`: (J, K) w_jk, none negative. `springs`: (K,) e_k, none negative.
     - `offset`: the output's constant.
     - `rest`: where the input is before the first sample, and no stop is strained.
     - `by`: "position" or "span".
 
     Raises `InputError` where an argument does not meet these conditions.
 
-    Source: Iwan, J. Appl. Mech. 33 (1966); a stiffness that follows the largest amplitude: Clough and
+    Source: Iwan, J. Appl. Mech. 33 (1966); stops whose sum only has to rise: Krejci and Kuhnen, IEE Proc.
+    Control Theory Appl. 148 (2001); a stiffness that follows the largest amplitude: Clough and
     Johnston (1966), Ogden and Roxburgh (1999).
 
     **Example:**
@@ -83,8 +87,8 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         meaning="strain at which a stop slides",
     )
     levels: Values = parameter(unit="input", fixed=True, meaning="where the modulator has its hats")
-    weights: Values = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness of the stops"
+    slopes: Values = parameter(
+        unit="output / input", bounds=(0.0, float("inf")), meaning="slope after a reversal"
     )
     springs: Values = parameter(
         unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness beside them"
@@ -99,20 +103,22 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         if self.by not in ("position", "span"):
             raise InputError("bad-option", f"by={self.by!r}.", fix="give position or span.")
         J, K = len(self.thresholds), len(self.levels)
-        if self.weights.shape[-2:] != (J, K) or self.springs.shape[-1:] != (K,):
+        if self.slopes.shape[-2:] != (J, K) or self.springs.shape[-1:] != (K,):
             raise InputError(
                 "length-mismatch",
-                f"{J} thresholds and {K} levels, but weights of shape {self.weights.shape} and springs of"
+                f"{J} thresholds and {K} levels, but slopes of shape {self.slopes.shape} and springs of"
                 f" shape {self.springs.shape}.",
-                fix=f"give ({J}, {K}) weights and ({K},) springs.",
+                fix=f"give ({J}, {K}) slopes and ({K},) springs.",
             )
-        if not all(map(is_concrete, (self.thresholds, self.levels, self.weights, self.springs))):
+        if not all(map(is_concrete, (self.thresholds, self.levels, self.slopes, self.springs))):
             return
-        ordered = bool((jnp.diff(self.levels) > 0).all() and (self.thresholds > 0).all())
-        if not ordered or min(self.weights.min(initial=0.0), self.springs.min()) < 0:
+        steps = np.diff(self.thresholds, prepend=0.0)
+        ordered = bool((np.diff(self.levels) > 0).all() and (steps > 0).all())
+        if not ordered or min(self.slopes.min(initial=0.0), self.springs.min()) < 0:
             raise InputError(
                 "parameter-out-of-bounds",
-                "thresholds must be positive, levels increase, weights and springs not be negative.",
+                "thresholds must be positive and increase, levels increase, slopes and springs not be"
+                " negative.",
             )
 
     def init(self, t0: Any = None, u0: Any = None) -> StopState:
@@ -160,9 +166,9 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         return u if self.by == "position" else largest - least
 
     def _output(self, u: Array, z: Array, modulator: Array) -> Array:
-        stiffness = jnp.asarray(self.weights) @ (h := hats(modulator, jnp.asarray(self.levels)))
+        slopes = jnp.asarray(self.slopes) @ (h := hats(modulator, jnp.asarray(self.levels)))
         spring = jnp.dot(self.springs, h) * (u - self.rest)
-        return self.offset + spring + jnp.dot(stiffness, u - z)
+        return self.offset + spring + jnp.dot(slopes, jnp.diff(u - z, prepend=0.0))
 
 
 # A scan that is not compiled compiles each of its steps by itself: 2 s a length instead of 0.2 s.

@@ -3,9 +3,10 @@
 The model is a sum of parts that are linear in non-negative unknowns (but for the offset's sign):
 
     y = offset + curve(u) + Maxwell branches + their strengths + softening + relays
-        + stops by position + stops by span + friction
+        + stops by position + stops by span + friction + drift
 
-Each part rises with its input by construction, but for the strengths; so does a sum of them.
+Each part rises with its input by construction, but for the strengths, or does not depend on the present
+one (drift); so does a sum of them.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -18,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import (
     AbstractModel,
+    CyclicDrift,
     ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
@@ -44,12 +46,19 @@ CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "relays",
 )
 PLACE_STOPS, SPAN_STOPS, FRICTION = "stops by position", "stops by span", "friction"
-PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION)
+DRIFT = "drift"
+PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION, DRIFT)
 CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
 
-THRESHOLDS = np.geomspace(0.006, 0.4, 9)
+THRESHOLDS = np.geomspace(0.006, 0.45, 14)
 """Of the stops, in parts of the input's range."""
+
+BANDS = np.diff(THRESHOLDS, prepend=0.0)
+"""Widths of the bands between them."""
+
+BAND_FIRMNESS = 30.0
+"""How much stronger the prior holds a band alone than a stop. It lets branches yield and stiffen again."""
 
 PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
 """Levels of the position and of the range covered, in parts of the input's range."""
@@ -62,7 +71,7 @@ SMOOTHING = 2.0
 
 FIRMNESS = {
     CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0,
-    PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0,
+    PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0, DRIFT: 1.0,
 }  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
 
@@ -88,6 +97,7 @@ class CompositionUnknowns(NamedTuple):
     - `floor`: the output, or its negative where it falls, is never below it (slack); None for no limit.
     - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
     - `rest`: where the input of the stops is before the first sample.
+    - `unseen`: the shortest path before a fitted row, in ranges of the input: before it nothing drifts.
     - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time.
     """
 
@@ -103,6 +113,7 @@ class CompositionUnknowns(NamedTuple):
     rest: float = 0.0
     speed: float = 0.0
     step: float = 0.0
+    unseen: float = 0.0
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -114,9 +125,10 @@ class CompositionUnknowns(NamedTuple):
             STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
-            PLACE_STOPS: len(THRESHOLDS) * len(PLACES),
-            SPAN_STOPS: (len(THRESHOLDS) + 1) * len(SPANS),
+            PLACE_STOPS: 2 * len(THRESHOLDS) * len(PLACES),
+            SPAN_STOPS: (2 * len(THRESHOLDS) + 1) * len(SPANS),
             FRICTION: (len(SPEEDS) + 1) * len(PLACES),
+            DRIFT: len(PLACES),
         }
         return (1, *(of[part] for part in self.parts))
 
@@ -129,6 +141,11 @@ class CompositionUnknowns(NamedTuple):
     def count(self) -> int:
         """Number of unknowns."""
         return sum(self.sizes)
+
+    @property
+    def free(self) -> Bool[np.ndarray, " unknowns"]:
+        """The unknowns of either sign."""
+        return np.repeat([True, *(part == DRIFT for part in self.parts)], self.sizes)
 
     def where(self, parts: tuple[str, ...]) -> Int[np.ndarray, " some"]:
         """Places of the unknowns that a composition of these parts has too."""
@@ -152,6 +169,9 @@ class CompositionUnknowns(NamedTuple):
                 each = D.T @ D / (n + 1)
             else:
                 each = np.eye(size)
+            if part in (PLACE_STOPS, SPAN_STOPS):
+                kind = np.arange(size) // (len(THRESHOLDS) * len(PLACES if part == PLACE_STOPS else SPANS))
+                each[kind == 1] *= BAND_FIRMNESS
             branches = size // len(each)
             own = strength * FIRMNESS[part]
             ridge = 10 * RIDGE if part == STRENGTHS else RIDGE
@@ -177,6 +197,7 @@ class CompositionUnknowns(NamedTuple):
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
             SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
             SPAN_STOPS: self._span_stops, FRICTION: self._friction,
+            DRIFT: self._drift,
         }  # fmt: skip
         one = np.ones((len(memory.v), 1))
         return np.hstack([one, *(made[part](memory) for part in self.parts)])
@@ -206,8 +227,8 @@ class CompositionUnknowns(NamedTuple):
         b: Float[np.ndarray, " n"],
         start: Bool[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, " n"]:
-        """The minimum of x'Hx/2 - b'x with all unknowns but the offset, the first, not negative."""
-        return nonnegative_least_squares(H, b, np.arange(len(b)) == 0, start)
+        """The minimum of x'Hx/2 - b'x with no unknown negative that is not `free`."""
+        return nonnegative_least_squares(H, b, self.free, start)
 
     def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> AbstractModel:
         """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""
@@ -247,6 +268,12 @@ class CompositionUnknowns(NamedTuple):
                     viscous / self.speed, smoothing=SMOOTHING * self.step,
                 )
             )  # fmt: skip
+        if DRIFT in values:
+            span = self.high - self.low
+            rates, places = values[DRIFT], self._inputs(PLACES)
+            parts.append(
+                CyclicDrift(self.low, self.high, places, rates, span, least=self.unseen * span)
+            )
         before = [self._first] if self.first else []
         after = [] if self.floor is None else [Clip(low=self.floor)]
         whole: AbstractModel = Sum(parts)
@@ -254,15 +281,20 @@ class CompositionUnknowns(NamedTuple):
         return Scaled(whole, -1.0) if self.scale < 0 else whole
 
     def _stops(self, part: str, values: Values) -> ModulatedStops:
-        """Weights of the columns s / r as stiffnesses."""
+        """Weights of the columns s_j / r_j, then (s_j - s_(j-1)) / (r_j - r_(j-1)), as slopes.
+
+        A stop is the sum of all bands up to its threshold.
+        """
         by_place, span = part == PLACE_STOPS, self.high - self.low
         levels = PLACES if by_place else SPANS
-        weights, springs = _split(values, len(THRESHOLDS), len(levels))
+        weights, springs = _split(values, 2 * len(THRESHOLDS), len(levels))
+        stops, bands = weights[: len(THRESHOLDS)], weights[len(THRESHOLDS) :]
+        slopes = (stops / THRESHOLDS[:, None])[::-1].cumsum(0)[::-1] + bands / BANDS[:, None]
         springs = np.zeros(len(levels)) if by_place else springs / span
         return ModulatedStops(
             self.low, self.high, span * THRESHOLDS,
             self._inputs(levels) if by_place else span * levels,
-            weights / (span * THRESHOLDS)[:, None], springs, rest=self.rest,
+            slopes / span, springs, rest=self.rest,
             by="position" if by_place else "span",
         )  # fmt: skip
 
@@ -292,12 +324,12 @@ class CompositionUnknowns(NamedTuple):
 
     @property
     def totals(self) -> Float[np.ndarray, "sums unknowns"]:
-        """The sums as rows: a rise over the range, a mean strength, a mass of relays."""
+        """The sums as rows: a rise over the range, a mean strength, a mass of relays, a mean drift."""
         rows = [np.ones((1, 1))]
         for part, size in zip(self.parts, self.sizes[1:], strict=True):
             branches = len(self.branches(part)) or 1
             each = np.ones((1, size // branches))
-            rows += [each / each.size if part == STRENGTHS else each] * branches
+            rows += [each / each.size if part in (STRENGTHS, DRIFT) else each] * branches
         return np.asarray(scipy.linalg.block_diag(*rows))
 
     # Columns of each part
@@ -339,16 +371,27 @@ class CompositionUnknowns(NamedTuple):
         return found
 
     def _place_stops(self, memory: Memory) -> Columns:
-        return _modulated(memory.strained, hats_of(memory.before, PLACES))
+        return _modulated(_with_bands(memory.strained), hats_of(memory.before, PLACES))
 
     def _span_stops(self, memory: Memory) -> Columns:
         rest = (self.rest - self.low) / (self.high - self.low)
-        strained = np.hstack([memory.strained, (memory.v - rest)[:, None]])
+        strained = np.hstack([_with_bands(memory.strained), (memory.v - rest)[:, None]])
         return _modulated(strained, hats_of(memory.covered, SPANS))
 
     def _friction(self, memory: Memory) -> Columns:
         speed = memory.velocity[:, None] / (self.speed / (self.high - self.low))
         return _modulated(np.hstack([np.tanh(speed / SPEEDS), speed]), hats_of(memory.felt, PLACES))
+
+    def _drift(self, memory: Memory) -> Columns:
+        further = np.maximum(memory.path - self.unseen, 0.0) / (1 + self.unseen)
+        return np.log1p(further)[:, None] * hats_of(memory.felt, PLACES)
+
+
+def _with_bands(
+    strained: Float[np.ndarray, "samples stops"],
+) -> Float[np.ndarray, "samples columns"]:
+    """Stops over their thresholds, then what they differ by over that of the thresholds."""
+    return np.hstack([strained, np.diff(strained * THRESHOLDS, prepend=0.0) / BANDS])
 
 
 def _modulated(

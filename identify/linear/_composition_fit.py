@@ -10,7 +10,16 @@ from hysteresis.preisach import Initial
 
 from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
 from ..records._orientation import output_falls
-from ._composition import CELLS, CURVE, FRICTION, MAXWELL, PARTS, STRENGTHS, CompositionUnknowns
+from ._composition import (
+    CELLS,
+    CURVE,
+    DRIFT,
+    FRICTION,
+    MAXWELL,
+    PARTS,
+    STRENGTHS,
+    CompositionUnknowns,
+)
 from ._composition_memory import Memory, memory_blocks, memory_of
 from ._cross_validation import (
     ROWS,
@@ -29,6 +38,9 @@ STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 LEAST_GAIN = 0.05
 """Share of the mean squared held-out error that a further part must take away."""
 
+DRIFT_GAIN = 0.5
+"""The same for a drift: it tells of one history, and the next run of a sample may begin anew."""
+
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
 
@@ -42,8 +54,9 @@ def fit_compositions(
     """Compositions from a curve alone to the best one, each with one part more.
 
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
-    by more than the standard error of the difference, paired by blocks of rows. In the end the input is
-    mapped by half of the static curve if that gains as much. All that is chosen on some thousand rows; the
+    by more than the standard error of the difference, paired by blocks of rows. In the end a drift joins
+    if it takes away half of what is left, and the input is mapped by half of the static curve if that gains
+    as much as a part. All that is chosen on some thousand rows; the
     unknowns are fitted to all of them.
     """
     return fitted(path_of(record, parts, leadings, initial))
@@ -58,9 +71,14 @@ def path_of(
     memory = memory_of(whole.memory(), record, fitted_rows(parts))
     paths = []
     for leading in leadings:
-        for floor in (None, *slack(record)):
-            meaning = whole._replace(leading=leading, floor=floor)
-            paths.append(_path(Problem(record, parts, meaning, memory)))
+        free, *floored = (
+            _path(
+                Problem(record, parts, whole._replace(leading=leading, floor=floor), memory)
+            )
+            for floor in (None, *slack(record))
+        )
+        # Friction, too, keeps an output on a level for long.
+        paths += [free, *(path for path in floored if _better(free[-1], path[-1]))]
     path = min(paths, key=lambda path: path[-1].blocks.mean())
     if len(path) > 1:  # a curve behind a curve is a curve
         mapped = _best(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
@@ -114,9 +132,11 @@ class Problem:
         whole: CompositionUnknowns,
         memory: Memory | None = None,
     ) -> None:
-        self.record, self.parts, self.whole, self.rows = record, parts, whole, fitted_rows(parts)
+        self.record, self.parts, self.rows = record, parts, fitted_rows(parts)
         if memory is None:
             memory = memory_of(whole.memory(), record, self.rows)
+        whole = whole._replace(unseen=float(memory.path.min()))
+        self.whole = whole
         self.floor = -np.inf if whole.floor is None else whole.floor / abs(whole.scale)
         self.label, self.y = parts.label[self.rows], record.output[self.rows] / whole.scale
         self.A = whole.columns(memory)
@@ -169,7 +189,8 @@ class Problem:
     ) -> Float[np.ndarray, " unknowns"]:
         """The unknowns at the minimum over `which`."""
         columns = self.whole.where(some)
-        x = self.whole.minimum(*self.objective(which, some, strength), self.inside[columns])
+        meaning = self.whole.of(*some)
+        x = meaning.minimum(*self.objective(which, some, strength), self.inside[columns])
         self.inside[columns] = x != 0
         return x
 
@@ -251,7 +272,7 @@ def _path(problem: Problem) -> list[Tried]:
     that gained less than half of the best so far is not tried again in this step.
     """
     path = [_best(problem, (CURVE,))]
-    gains = dict.fromkeys((p for p in problem.whole.parts if p != CURVE), np.inf)
+    gains = dict.fromkeys((p for p in problem.whole.parts if p not in (CURVE, DRIFT)), np.inf)
     while gains:
         before = path[-1]
         found: list[Tried] = []
@@ -261,16 +282,25 @@ def _path(problem: Problem) -> list[Tried]:
             found.append(_best(problem, (*before.parts, part)))
             gains[part] = _gain(before, found[-1])
         better = best_of(found)
-        if _gain(before, better) < LEAST_GAIN or as_good(before.blocks, better.blocks):
+        if not _better(before, better):
             break
         path.append(better)
         del gains[better.parts[-1]]
+    if DRIFT in problem.whole.parts:
+        drifting = _best(problem, (*path[-1].parts, DRIFT))
+        if _better(path[-1], drifting, DRIFT_GAIN):
+            path.append(drifting)
     return path
 
 
 def _gain(before: Tried, after: Tried) -> float:
     """By which part of the mean squared held-out error a choice is better than the one before."""
     return float(1 - after.blocks.mean() / before.blocks.mean())
+
+
+def _better(before: Tried, after: Tried, least: float = LEAST_GAIN) -> bool:
+    """Whether it gains enough, and more than the standard error of the difference."""
+    return _gain(before, after) >= least and not as_good(before.blocks, after.blocks)
 
 
 def _best(problem: Problem, some: tuple[str, ...]) -> Tried:

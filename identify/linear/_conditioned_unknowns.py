@@ -81,9 +81,9 @@ class ConditionedUnknowns(NamedTuple):
         b: Float[np.ndarray, " n"],
         start: Bool[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, " n"]:
-        """The minimum of x'Hx/2 - b'x with all unknowns but the offsets not negative."""
-        offsets = np.arange(len(b)) % (len(b) // len(self.knots)) == 0
-        return nonnegative_least_squares(H, b, offsets, start)
+        """The minimum of x'Hx/2 - b'x with no unknown negative that is not free in `base`."""
+        free = np.tile(self.base.free, len(self.knots))
+        return nonnegative_least_squares(H, b, free, start)
 
     def model(self, unknowns: Float[Array, "*draws unknowns"] | np.ndarray) -> AbstractModel:
         """The model of the unknowns; of many vectors, one whose arrays have a leading axis of draws."""

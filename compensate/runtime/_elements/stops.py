@@ -5,7 +5,7 @@ from ._search import among
 
 
 class Parameters:
-    """y = offset + sum of h_k(m) (springs_k (u - rest) + weights_jk s_j).
+    """y = offset + sum of h_k(m) (springs_k (u - rest) + slopes_jk (s_j - s_(j-1))), s_0 = 0.
 
     s_j is a stop that slides at thresholds_j, h_k are hat functions on `levels` of m: the input before if
     `by_position`, else the range covered.
@@ -15,7 +15,7 @@ class Parameters:
     count: int
     thresholds: Reals
     levels: Reals
-    weights: Reals
+    slopes: Reals
     springs: Reals
     offset: float
     rest: float
@@ -48,10 +48,13 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
         k = p.count - 2
     within = level - k
     y = p.offset + (p.springs[k] * (1.0 - within) + p.springs[k + 1] * within) * (u - p.rest)
+    strain = 0.0
     for j in range(p.stops):
         node = j * p.count + k
-        stiffness = p.weights[node] * (1.0 - within) + p.weights[node + 1] * within
-        y = y + stiffness * (u - place(p, s, j, u))
+        slope = p.slopes[node] * (1.0 - within) + p.slopes[node + 1] * within
+        before = strain
+        strain = u - place(p, s, j, u)
+        y = y + slope * (strain - before)
     return y
 
 

@@ -1,0 +1,53 @@
+"""A drift with the path travelled, different from place to place."""
+
+from math import fabs, log1p
+
+from ._codes import Reals
+from ._search import among
+
+
+class Parameters:
+    """y = offset + sum of h_k(u before) drift_k log(1 + max(path - least, 0) / length).
+
+    h_k are hat functions on `levels`.
+    """
+
+    count: int
+    levels: Reals
+    drift: Reals
+    least: float
+    length: float
+    offset: float
+
+
+class State:
+    """The input before and the path until then; `begun` is 0 before the first sample."""
+
+    status: int
+    begun: int
+    u: float
+    path: float
+
+
+def look(p: Parameters, s: State, dt: float, u: float) -> float:
+    if not s.begun:
+        return p.offset
+    level = among(p.levels, p.count, s.u)
+    k = int(level)
+    if k > p.count - 2:
+        k = p.count - 2
+    within = level - k
+    slope = p.drift[k] * (1.0 - within) + p.drift[k + 1] * within
+    further = s.path - p.least
+    if further < 0.0:
+        further = 0.0
+    return p.offset + slope * log1p(further / p.length)
+
+
+def move(p: Parameters, s: State, dt: float, u: float) -> float:
+    y = look(p, s, dt, u)
+    if s.begun:
+        s.path = s.path + fabs(u - s.u)
+    s.begun = 1
+    s.u = u
+    return y

@@ -1,0 +1,123 @@
+"""A drift of the output with the path that the input has travelled."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from .._model import AbstractModel, Series, is_start
+from .._parameter import Scalar, is_concrete, parameter
+from .._registry import register
+from ..numerics._hats import hats
+from ..numerics._recurrence import linear_recurrence
+
+Values = Float[Array, "..."] | Any
+
+
+class DriftState(NamedTuple):
+    """The last input, NaN before the first sample, and the path travelled until then."""
+
+    u: Array
+    path: Array
+
+
+class DriftInput(NamedTuple):
+    """The input and the path before each sample."""
+
+    before: Array
+    path: Array
+
+
+@register
+class CyclicDrift(AbstractModel[DriftState, DriftInput]):
+    """Softening, hardening or creep from cycle to cycle, by the logarithm of the path travelled:
+
+        y_t = offset + sum_k d_k h_k(u_(t-1)) log((length + max(P_(t-1), least)) / (length + least)),
+        P_t = P_(t-1) + |u_t - u_(t-1)|,   P_0 = 0
+
+    h_k are hat functions of the place before on `levels`: each is 1 at its level and 0 at the others, and
+    they add up to 1. A drift that differs between them is a change of stiffness. It does not depend on the
+    rate, nor on the present input: beside parts that rise with it, the sum has an inverse. The logarithm
+    never ends, but from the tenth cycle to the hundredth it changes as much as from the first to the tenth.
+    Until the path `least` nothing drifts, where first cycles were not measured or differ from later ones.
+
+    **Arguments:**
+
+    - `low`, `high`: the range of the input.
+    - `levels`: (K,) places, increasing; beyond them the end ones count.
+    - `rates`: (K,) d_k, of either sign. `length`: a path, positive. `least`: a path, not negative.
+    - `offset`: the output's constant.
+
+    Raises `InputError` where an argument does not meet these conditions.
+
+    Source: the logarithm of cycles in Mullins softening and cyclic creep, e.g. Diani, Fayolle, Gilormini,
+    European Polymer Journal 45 (2009).
+
+    **Example:**
+
+        >>> drift = hysteresis.CyclicDrift(0.0, 1.0, np.array([0.0, 1.0]), np.array([0.0, -1.0]), 1.0)
+        >>> drift.simulate(None, np.array([0.0, 1.0, 1.0, 0.0, 1.0])).round(3).tolist()
+        [0.0, 0.0, -0.693, -0.693, 0.0]
+    """
+
+    low: float = eqx.field(static=True, converter=float)
+    high: float = eqx.field(static=True, converter=float)
+    levels: Values = parameter(unit="input", fixed=True, meaning="places of the hats")
+    rates: Values = parameter(unit="output", meaning="drift at each place")
+    length: float = eqx.field(static=True, converter=float)
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+    least: float = eqx.field(default=0.0, static=True, converter=float)
+
+    def __check_init__(self) -> None:
+        if not (self.low < self.high and self.length > 0 and self.least >= 0):
+            raise InputError(
+                "zero-range",
+                f"the input reaches from {self.low:g} to {self.high:g}, over paths of {self.length:g} from"
+                f" {self.least:g} on.",
+            )
+        if self.rates.shape[-1:] != (len(self.levels),):
+            raise InputError(
+                "length-mismatch",
+                f"{len(self.levels)} levels, but rates of shape {self.rates.shape}.",
+                fix=f"give ({len(self.levels)},) rates.",
+            )
+        if is_concrete(self.levels) and not (jnp.diff(self.levels) > 0).all():
+            raise InputError("parameter-out-of-bounds", "levels must increase.")
+
+    def init(self, t0: Any = None, u0: Any = None) -> DriftState:
+        zero = jnp.zeros_like(jnp.asarray(self.rates)[0])
+        return DriftState(zero + jnp.nan, zero)
+
+    def step(self, state: DriftState, t: Any, u: Any) -> tuple[DriftState, Float[Array, ""]]:
+        u = jnp.asarray(u, state.u.dtype)
+        before = jnp.where(jnp.isnan(state.u), u, state.u)
+        return DriftState(u, state.path + abs(u - before)), self._output(before, state.path)
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: DriftState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> DriftInput:
+        state = self.init() if state is None else state
+        u = jnp.asarray(u, state.u.dtype)
+        first = jnp.asarray(starts)
+        begin = jnp.where(jnp.isnan(state.u), u[first], state.u)
+        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(begin)
+        start = is_start(len(u), starts)
+        (path,) = linear_recurrence((1 - start,), (abs(u - before) + start * state.path,))
+        path = jnp.concatenate([path[:1], path[:-1]]).at[first].set(state.path)
+        return DriftInput(before, path)
+
+    def evaluate(self, prepared: DriftInput) -> Float[Array, " samples"]:
+        return jax.vmap(self._output)(prepared.before, prepared.path)
+
+    def _output(self, before: Array, path: Array) -> Array:
+        rate = jnp.dot(jnp.asarray(self.rates), hats(before, jnp.asarray(self.levels)))
+        further = jnp.maximum(path - self.least, 0.0) / (self.length + self.least)
+        return self.offset + rate * jnp.log1p(further)
