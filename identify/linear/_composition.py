@@ -170,7 +170,9 @@ class CompositionUnknowns(NamedTuple):
             else:
                 each = np.eye(size)
             if part in (PLACE_STOPS, SPAN_STOPS):
-                kind = np.arange(size) // (len(THRESHOLDS) * len(PLACES if part == PLACE_STOPS else SPANS))
+                kind = np.arange(size) // (
+                    len(THRESHOLDS) * len(PLACES if part == PLACE_STOPS else SPANS)
+                )
                 each[kind == 1] *= BAND_FIRMNESS
             branches = size // len(each)
             own = strength * FIRMNESS[part]

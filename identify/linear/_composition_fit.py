@@ -72,9 +72,7 @@ def path_of(
     paths = []
     for leading in leadings:
         free, *floored = (
-            _path(
-                Problem(record, parts, whole._replace(leading=leading, floor=floor), memory)
-            )
+            _path(Problem(record, parts, whole._replace(leading=leading, floor=floor), memory))
             for floor in (None, *slack(record))
         )
         # Friction, too, keeps an output on a level for long.

@@ -44,17 +44,20 @@ def fit_lagging(
 ) -> Lagging | None:
     """Compositions with the lag between the clocks taken out; None where `path`, without it, is as good.
 
-    The lag has to take away a fifth of the squared error, of held-out rows too, and by more than twice the
-    standard error of that gain: relaxation looks much like a lag.
+    The lag has to take away a fifth of the squared error, of held-out rows too, and the logarithms of the
+    blocks' errors have to fall by more than twice the standard error of that: relaxation looks much like a
+    lag.
     """
     found = find_lag(record, path[-1].problem.whole.floor)
     if found.gain <= WORTH:
         return None
     moved = shifted(record, found.lag)
     again = path_of(moved, parts, (found.leading,), initial)
-    gain = path[-1].blocks - again[-1].blocks
-    least = max(2 * np.std(gain) / np.sqrt(len(gain)), WORTH * path[-1].blocks.mean())
-    return Lagging(again, moved, found.lag, found.error) if gain.mean() > least else None
+    without, within = path[-1].blocks, again[-1].blocks
+    fall = np.log(without / within)
+    worth = within.mean() < (1 - WORTH) * without.mean()
+    sure = fall.mean() > 2 * np.std(fall) / np.sqrt(len(fall))
+    return Lagging(again, moved, found.lag, found.error) if worth and sure else None
 
 
 class Lag(NamedTuple):
