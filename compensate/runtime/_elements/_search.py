@@ -1,4 +1,7 @@
-"""Where a number lies between rising edges, or among the nodes of hat functions."""
+"""Searches: for the edges or nodes around a number, and for the root of a rising function."""
+
+from collections.abc import Callable
+from typing import Any
 
 from ._codes import Reals
 
@@ -40,3 +43,30 @@ def among(levels: Reals, count: int, x: float) -> float:
     while x >= levels[k + 1]:  # at most: count
         k = k + 1
     return k + (x - levels[k]) / (levels[k + 1] - levels[k])
+
+
+def newton(
+    curve: Callable[[Any, float], float], slope: Callable[[Any, float], float],
+    p: Any, y: float, low: float, high: float,
+) -> float:  # fmt: skip
+    """u with curve(u) = y between low and high: Newton's steps, halving where one leads out.
+
+    Every fourth step halves the bounds: the end comes after four times as many as a number has bits.
+    """
+    u = low + (high - low) / 2.0
+    for k in range(240):
+        value = curve(p, u)
+        if value == y:
+            return u
+        if value < y:
+            low = u
+        else:
+            high = u
+        steep = slope(p, u)
+        before = u
+        u = u + (y - value) / steep if steep > 0.0 else low
+        if k % 4 == 0 or u <= low or u >= high:
+            u = low + (high - low) / 2.0
+        if u == before:
+            return u
+    return u

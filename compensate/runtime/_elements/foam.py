@@ -3,7 +3,7 @@
 from math import asinh, sqrt
 
 from ._codes import OK
-from ._newton import newton
+from ._search import newton
 
 
 class Parameters:

@@ -1,7 +1,7 @@
 """A polynomial between two inputs, continued along its tangents."""
 
 from ._codes import EXTRAPOLATED, OK, SATURATED, Reals
-from ._newton import newton
+from ._search import newton
 
 
 class Parameters:
