@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from threadpoolctl import threadpool_limits
+
 from hysteresis import InputError, Preisach, Record, Scaled
 from hysteresis.records._excitation import check_rows
 
@@ -24,6 +26,8 @@ Report = Callable[[str], None]
 Said = Mapping[str, Mapping[str, Any]]
 
 
+# Many small factorisations: threads of BLAS that wait for busy cores made them fifteen times slower.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def fit(
     record: Record,
     model: Asked | Sequence[Asked] = "auto",
