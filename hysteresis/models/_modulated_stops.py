@@ -111,11 +111,13 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
                 f" shape {self.springs.shape}.",
                 fix=f"give ({J}, {K}) slopes and ({K},) springs.",
             )
-        if not all(map(is_concrete, (self.thresholds, self.levels, self.slopes, self.springs))):
+        given = self.thresholds, self.levels, self.slopes, self.springs
+        if not all(map(is_concrete, given)):
             return
-        steps = np.diff(self.thresholds, prepend=0.0)
-        ordered = bool((np.diff(self.levels) > 0).all() and (steps > 0).all())
-        if not ordered or min(self.slopes.min(initial=0.0), self.springs.min()) < 0:
+        thresholds, levels, slopes, springs = map(np.asarray, given)
+        steps = np.diff(thresholds, prepend=0.0)
+        ordered = bool((np.diff(levels) > 0).all() and (steps > 0).all())
+        if not ordered or min(slopes.min(initial=0.0), springs.min()) < 0:
             raise InputError(
                 "parameter-out-of-bounds",
                 "thresholds must be positive and increase, levels increase, slopes and springs not be"

@@ -108,7 +108,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
                 "zero-range", f"the springs reach from {self.low:g} to {self.high:g}.",
                 fix="give low < high, enclosing the inputs the model will see.",
             )  # fmt: skip
-        if is_concrete(self.times) and not bool((self.times > 0).all()):
+        if is_concrete(self.times) and not (np.asarray(self.times) > 0).all():
             raise InputError("parameter-out-of-bounds", "a relaxation time is not positive.")
         given = enumerate((self.increments, self.strengths))
         shapes = {k: a.shape for k, a in given if a is not None}
@@ -122,7 +122,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
                 fix="give (branches, n) increments, (branches, n + 1) strengths, or one of both.",
             )
         for array in (self.increments, self.strengths):
-            if array is not None and is_concrete(array) and not bool((array >= 0).all()):
+            if array is not None and is_concrete(array) and not (np.asarray(array) >= 0).all():
                 raise InputError(
                     "parameter-out-of-bounds", "springs and strengths are not negative."
                 )

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
@@ -105,10 +106,12 @@ class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
                 f" {self.viscous.shape}.",
                 fix=f"give ({J}, {K}) weights and ({K},) viscous coefficients.",
             )
-        if not all(map(is_concrete, (self.speeds, self.levels, self.weights, self.viscous))):
+        given = self.speeds, self.levels, self.weights, self.viscous
+        if not all(map(is_concrete, given)):
             return
-        ordered = bool((jnp.diff(self.levels) > 0).all() and (self.speeds > 0).all())
-        if not ordered or min(self.weights.min(initial=0.0), self.viscous.min()) < 0:
+        speeds, levels, weights, viscous = map(np.asarray, given)
+        ordered = bool((np.diff(levels) > 0).all() and (speeds > 0).all())
+        if not ordered or min(weights.min(initial=0.0), viscous.min()) < 0:
             raise InputError(
                 "parameter-out-of-bounds",
                 "speeds must be positive, levels increase, weights and viscous not be negative.",

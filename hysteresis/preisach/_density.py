@@ -127,7 +127,7 @@ class AbstractGridDensity(AbstractCellDensity[EverettTable]):
     """
 
     @abc.abstractmethod
-    def masses(self) -> Float[Array, "cells cells"]:
+    def masses(self) -> Float[Array, "cells cells"] | Float[np.ndarray, "cells cells"]:
         """The mass of each cell; row i is its alpha cell, column j <= i its beta cell. Those on the
         diagonal are half cells, those above it are not used."""
 
@@ -189,8 +189,8 @@ class GridDensity(AbstractGridDensity):
     def cells(self) -> int:
         return self.weights.shape[0]
 
-    def masses(self) -> Float[Array, "cells cells"]:
-        return jnp.asarray(self.weights)
+    def masses(self) -> Float[Array, "cells cells"] | Float[np.ndarray, "cells cells"]:
+        return self.weights
 
 
 def check_weights(weights: Any, signed: bool = False) -> None:

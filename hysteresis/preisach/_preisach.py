@@ -223,6 +223,12 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> PreisachInput:
+        return jax.tree.map(_to_device, self.located(u, state, starts=starts))
+
+    def located(
+        self, u: Series, state: PreisachState | None = None, *, starts: tuple[int, ...] = (0,)
+    ) -> PreisachInput:
+        """`prepare`, with NumPy arrays for inputs in NumPy: nothing is compiled, and nothing copied."""
         past = self._past(state)
         concrete = is_concrete(u) and is_concrete(past)
         u = np.asarray(u, float) if concrete else jnp.asarray(u)
@@ -237,11 +243,10 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         if self.up is not None:
             before = state.visited if state is not None else None
             visited = running_extremes(seen, before or Visited.nothing(), starts)
-        prepared = PreisachInput(
+        return PreisachInput(
             tree, *branch(tree.anchor, seen), *branch(past_anchor, past), past, place,
             *self._place(u), self._unvisited(visited),
         )  # fmt: skip
-        return jax.tree.map(_to_device, prepared)
 
     @property
     def may_be_redriven(self) -> bool:
@@ -300,7 +305,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
 
     # Parts
 
-    def least_slope(self) -> Float[Array, " cells"]:
+    def least_slope(self) -> Float[Array, " cells"] | Float[np.ndarray, " cells"]:
         """The least dy/du over each cell of a grid, over every branch an input can reach.
 
         On a rising branch from r, dy/du in row k is R'_k + 2 s_o (sum of w_kj over the columns from r
@@ -309,14 +314,17 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         does not rise with its input and cannot be inverted.
         """
         assert isinstance(self.density, AbstractGridDensity)
-        w = jnp.tril(self.density.masses())
-        half = jnp.diagonal(w)
-        beside = w - jnp.diag(half)
-        swept = jnp.stack([beside[:, ::-1].cumsum(1), beside.T.cumsum(1)])
-        swept = jnp.concatenate([jnp.zeros_like(swept[..., :1]), swept], -1)
-        swept = jnp.concatenate([swept, swept + 2 * half[None, :, None]], -1)
-        least = (2 * self.orientation * swept).min((0, 2))
+        masses = self.density.masses()
         reversible = 0.0 if self.reversible is None else self.reversible
+        concrete = is_concrete(masses) and is_concrete(reversible)
+        xp = np if concrete else jnp  # where nothing is traced, nothing needs compiling
+        w, reversible = xp.tril(xp.asarray(masses)), xp.asarray(reversible)
+        half = xp.diagonal(w)
+        beside = w - xp.diag(half)
+        swept = xp.stack([beside[:, ::-1].cumsum(1), beside.T.cumsum(1)])
+        swept = xp.concatenate([xp.zeros_like(swept[..., :1]), swept], -1)
+        swept = xp.concatenate([swept, swept + 2 * half[None, :, None]], -1)
+        least = (2 * self.orientation * swept).min((0, 2))
         return (least + reversible) / np.diff(self.density.edges)
 
     @property

@@ -8,7 +8,6 @@ choice of parts make columns of it, and do not change it.
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Float, Int
@@ -17,6 +16,7 @@ from hysteresis import Preisach, Record
 from hysteresis.numerics._blocked_recurrences import clamped, relaxed, running
 from hysteresis.preisach import GridDensity, Initial
 
+from ..records._run_model import starts_of
 from ._preisach_design_matrix import design_block
 
 ROWS = 1 << 13
@@ -95,8 +95,7 @@ def memory_blocks(
     prepared = None
     if layout.relays:
         v = np.concatenate([_mapped(layout, u) for u in _cut(record.input)])
-        prepared = grid.prepare(None, np.clip(v, 0.0, 1.0), starts=tuple(record.starts.tolist()))
-        prepared = jax.tree.map(np.asarray, prepared)
+        prepared = grid.located(np.clip(v, 0.0, 1.0), starts=starts_of(record))
     state = _State.nothing(layout)
     last = int(rows[-1]) + 1 if len(rows) else 0
     for begin in range(0, last, ROWS):

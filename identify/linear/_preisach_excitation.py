@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
 
-from ..records._run_model import prepare
+from ..records._run_model import located
 from ._preisach_design_matrix import NodeSpace, design_rows
 from ._preisach_normal_equations import CHUNK
 
@@ -87,7 +87,7 @@ def identifiability(
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
-    A = _rows(grid, prepare(grid, record))[record.mask]
+    A = _rows(grid, located(grid, record))[record.mask]
     return _identifiability(_covariance(A, cells, noise), A, grid)
 
 
@@ -117,13 +117,13 @@ def design(
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
-    rows = [_rows(grid, prepare(grid, record))[record.mask]]
+    rows = [_rows(grid, located(grid, record))[record.mask]]
     S = _covariance(rows[0], cells, noise)
     nodes = np.linspace(low, high, cells + 1)
     candidates = [np.array([low, high, turn, high]) for turn in nodes[:-1]]
     candidates += [np.array([low, high, low, turn, low]) for turn in nodes[1:]]
     virgin = _grid(cells, low, high, "negative")
-    designs = [_rows(virgin, virgin.prepare(None, _path(turns, cells))) for turns in candidates]
+    designs = [_rows(virgin, virgin.located(_path(turns, cells))) for turns in candidates]
     turns = [np.array([low])]
     told = _identifiability(S, rows[0], grid)
     used = np.tril_indices(cells)
@@ -154,7 +154,7 @@ def excited_cells(
     assert isinstance(model.density, GridDensity)
     cells = model.density.cells
     grid = _grid(cells, model.density.low, model.density.high, model.initial)
-    B = design_rows(grid, prepare(grid, record))[used]
+    B = design_rows(grid, located(grid, record))[used]
     steps = range(0, B.shape[0], CHUNK)
     columns = [NodeSpace(cells).to_unknowns(B[k : k + CHUNK].toarray().T) for k in steps]
     most, least = (np.max([c.max(1) for c in columns], 0), np.min([c.min(1) for c in columns], 0))

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 
 from ..records._folds import Parts, block_errors
-from ..records._run_model import prepare
+from ..records._run_model import located
 from ._cross_validation import JITTER, NormalEquations, total
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import DesignBlock, design_blocks
@@ -42,7 +42,7 @@ class PreisachProblem:
         self.starts = record.starts
         self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
         self.template = meaning.rising(np.zeros(meaning.count))
-        self.prepared = prepare(self.template, record)
+        self.prepared = located(self.template, record)
         P = meaning.expansion
         self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())
         self.normal = dict(normal_equations(meaning.space, self.blocks(), self.y, parts.label, P))

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import Record, Scaled
 from hysteresis.preisach import GridDensity, Preisach
 
-from ..records._run_model import prepare
+from ..records._run_model import located
 from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace, design_blocks
 
@@ -238,7 +238,7 @@ class GridUnknowns:
         """The output of their model on a record, block by block."""
         model = self.rising(unknowns)
         nodes = self.space.from_unknowns(self.expansion @ unknowns)[:, None]
-        blocks = design_blocks(model, prepare(model, record))
+        blocks = design_blocks(model, located(model, record))
         return self.scale * np.concatenate([block.product(nodes)[:, 0] for block in blocks])
 
     def _table(self, weights: Float[np.ndarray, " weights"]) -> Float[np.ndarray, "cells cells"]:

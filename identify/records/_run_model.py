@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import AbstractModel, Record, with_condition
+from hysteresis import AbstractModel, Preisach, Record, with_condition
+from hysteresis.preisach import PreisachInput
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:
@@ -13,6 +14,11 @@ def prepare(model: AbstractModel, record: Record) -> Any:
     return model.prepare(
         record.time, with_condition(model, record, record.input), starts=starts_of(record)
     )
+
+
+def located(model: Preisach, record: Record) -> PreisachInput:
+    """`prepare` of a Preisach model in NumPy: nothing is compiled."""
+    return model.located(record.input, starts=starts_of(record))
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
