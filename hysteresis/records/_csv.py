@@ -360,6 +360,10 @@ def read_csv(
         own = table.number(input_time, rows)
         moved, note = on_one_clock(moved, own, t, groups, input_time, time or "")
         notes.append(note)
+        if (ended := np.isnan(t) & np.isnan(table.number(output, rows))).any():  # before the input
+            rows[np.flatnonzero(rows)[ended]] = False
+            moved, t = {name: x[~ended] for name, x in moved.items()}, t[~ended]
+            groups = None if groups is None else groups[~ended]
     return Record.from_arrays(
         moved[inputs[0]] if named else None,
         table.number(output, rows),

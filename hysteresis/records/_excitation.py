@@ -103,13 +103,18 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
     }
 
 
+def turn_in_words(record: AbstractRecord) -> str:
+    """Which way the loops of a record turn, and whether the output lags or leads its input."""
+    way, falls = loop_direction(record), _correlation(record) < 0
+    turn = "counter-clockwise" if way > 0 else "clockwise"
+    # Where the output falls with the input, lagging loops turn clockwise.
+    return turn + (": the output lags" if (way > 0) != falls else ": the output leads")
+
+
 def describe(record: AbstractRecord, loop: str | None = None) -> str:
     """The summary for a reader, and the record's history; `loop` replaces the line about the loops."""
     s = summary(record)
-    way, falls = s["loop_direction"], _correlation(record) < 0
-    turn = "counter-clockwise" if way > 0 else "clockwise"
-    # Where the output falls with the input, lagging loops turn clockwise.
-    turn += ": the output lags" if (way > 0) != falls else ": the output leads"
+    way, turn = s["loop_direction"], turn_in_words(record)
     lines = [
         f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
         f"{_count(s['sequences'], 'sequence')}, {_count(s['cycles'], 'complete cycle')}"

@@ -23,6 +23,8 @@ PAIRS: dict[tuple[str, str], float] = {
     ("current", "field"): 1.0,
     ("current", "moment"): 1.0,
     ("temperature", "moment"): 0.9,
+    ("field", "resistance"): 0.9,
+    ("temperature", "resistance"): 0.8,
     ("voltage", "displacement"): 0.9,  # a piezo actuator
     ("voltage", "strain"): 0.9,
     ("current", "displacement"): 0.8,

@@ -7,6 +7,7 @@ import numpy as np
 
 from hysteresis import InputError, Record, Table, loop_direction
 from hysteresis._escape import shell_word
+from hysteresis.records._excitation import turn_in_words
 
 from ._column_pairs import (
     Column,
@@ -14,11 +15,11 @@ from ._column_pairs import (
     columns_of,
     correlation,
     duplicates,
-    held,
     leftover,
     noise,
     pairs,
 )
+from ._commanded import commanded
 from ._exceptions import NothingDrivenError
 from ._quantities import OSCILLATION
 from ._unnamed_columns import by_shape
@@ -27,8 +28,8 @@ MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""
 FAINT = 0.4
 """Below this score a pair is rejected if another pair scores almost as high."""
-HELD = 0.7
-"""Above this share of rows at two levels a column is held constant, so the rig commanded it."""
+MOST = 40_000
+"""Rows that are looked at."""
 ALIKE = 0.99
 """Correlation of two readings of one quantity."""
 FLAT = 2.0
@@ -105,9 +106,12 @@ def choose(
     if best.score < FAINT and second is not None and second.score > 0.8 * best.score:
         raise _undecided(columns, place)
     clear = second is None or second.score < 0.8 * best.score
-    sure = "sure" if clear and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
+    read = best.input.kind.sure == best.output.kind.sure == 1.0  # by name and by unit
+    sure = (
+        "sure" if clear and read and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
+    )
     best = _quietest(best, found, asked_out)
-    choice = _directed(table, best, options, asked_in, asked_out)
+    choice = _directed(table, best, options, asked_in, asked_out, time)
     more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
     return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
 
@@ -162,12 +166,13 @@ def _directed(
     options: Mapping[str, Any],
     asked_in: str | None,
     asked_out: str | None,
+    time: str | None,
 ) -> Choice:
     """A pair with its input and output chosen.
 
     A model with memory describes a loop whose output lags its input. The pair is turned if the usual
-    input has gaps, if the usual output was held constant, and if the usual input hardly changes while the
-    output does (a slack specimen), because the output is then not a function of the input.
+    input has gaps, if the rig commanded the usual output (`commanded`), and if the usual input hardly
+    changes while the output does (a slack specimen): the output is then not a function of the input.
     """
     a, b = pair.input, pair.output
     why = {"input": "the usual input of this pair", "output": "the usual output of this pair"}
@@ -178,8 +183,10 @@ def _directed(
         reason = ""
     elif a.missing > max(MISSING, 2 * b.missing):
         reason = f"{a.name!r} has gaps ({a.missing:.0%}), and an input must be complete"
-    elif held(b.x) > HELD > held(a.x):
-        reason = f"{b.name!r} is held constant, so the rig commanded it"
+    elif how := _driven(table, b, a, time):
+        reason = f"{b.name!r} {how}, so the rig commanded it"
+    elif how := _driven(table, a, b, time):
+        why["input"] = f"{a.name!r} {how}, so the rig commanded it"
     elif b.kind.name in ("displacement", "strain", "angle"):
         ours, theirs = (leftover(r.input, r.output, r.branch) for r in (record, other))
         if ours > FLAT * theirs and ours > 0.03:
@@ -190,12 +197,16 @@ def _directed(
     if reason:
         a, b, record = b, a, other
         why = {"input": reason, "output": "the response to it"}
-    turn = loop_direction(record) if record.n_cycles else 0.0
-    if turn:
-        falls = _falls(record)
-        lags = (turn > 0) != falls
-        why["output"] += f"; it {'lags' if lags else 'leads'} the input (loop {turn:+.2f})"
+    if loop_direction(record) and record.n_cycles:
+        why["output"] += f"; loop {turn_in_words(record)}"
     return Choice(a, b, "", why, {}, [_said(b.name, a.name)])
+
+
+def _driven(table: Table, column: Column, other: Column, time: str | None) -> str:
+    """How the rig drove a column and not the other one, in words; "" where that does not show."""
+    good = np.isfinite(column.x) & np.isfinite(other.x)
+    clock = table.columns[time][good][:MOST] if time else None
+    return commanded(column.x[good][:MOST], other.x[good][:MOST], clock)
 
 
 def _falls(record: Record) -> bool:
@@ -203,7 +214,7 @@ def _falls(record: Record) -> bool:
 
 
 def _record(
-    table: Table, a: Column, b: Column, options: Mapping[str, Any], most: int = 40_000
+    table: Table, a: Column, b: Column, options: Mapping[str, Any], most: int = MOST
 ) -> Record:
     """Rows where both are numbers, in their sequences, without a clock."""
     keys = [*(options.get("group") or ()), *([options["each"]] if options.get("each") else [])]

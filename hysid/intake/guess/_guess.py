@@ -35,6 +35,8 @@ _SURE_OF = {"encoding-guessed": LIKELY, "no-header": GUESS}
 """How sure notes of reading are that say no more than what is likely."""
 _ASIDE = ("time", "index", "aside", "label", "speed", "frequency", "viscosity", OSCILLATION)
 """Kinds of columns that are no input and no output."""
+MOST_TABLES = 12
+"""Tables of a file that are tried where the longest one holds no input and output."""
 STAYS = 0.7
 """Share of rows above which an input counts as held constant."""
 
@@ -84,6 +86,24 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     not show which columns are input and output; the message names the options to give.
     """
     given = {key: value for key, value in (given or {}).items() if value}
+    found = _guess(file, given)
+    number = 0
+    while found.no_roles and number < MOST_TABLES and "table" not in given:
+        number += 1  # the longest table shows results at times, and another one the samples
+        try:
+            other = _guess(file, {**given, "table": number})
+        except InputError:
+            break
+        if not other.no_roles and other.rows >= LEAST:
+            why = f"the longest table holds no samples: {found.no_roles}"
+            other.selection["table"] = number
+            other.says("table", number, LIKELY, why)
+            return other
+    return found
+
+
+def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
+    """The guess for one table of a file."""
     out = Guess()
     table = _read(file, out, given)
     columns = columns_of(table)
@@ -179,7 +199,8 @@ def _time(
         clocks,
         key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0, -len(words_of(c.name))),
     )
-    sure = SURE if best.kind.name == "time" else GUESS
+    sure = LIKELY if best.kind.name == "time" else GUESS
+    sure = SURE if best.kind.name == "time" and best.kind.sure == 1.0 else sure
     out.selection["time"] = best.name
     out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
     return best.name
@@ -234,7 +255,8 @@ def _measured(
 ) -> list[Column]:
     """Columns that can be an input or an output."""
     keys = sequences.group + ((sequences.each,) if sequences.each else ())
-    magnetic = any(column.kind.name == "moment" for column in columns.values())
+    kinds = {column.kind.name for column in columns.values()}
+    magnetic = "moment" in kinds or {"field", "resistance"} <= kinds
     found = []
     for name, column in columns.items():
         asked = name in (given.get("output"), *(given.get("input") or ()))

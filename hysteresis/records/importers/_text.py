@@ -12,6 +12,8 @@ from ._sheet import Sheet, is_number
 
 _LOOK = 400
 """Lines from which the separator and the dialect are found."""
+_SETTINGS = 6
+"""A table of fewer rows lists settings or results: no loop has so few."""
 Lines = Sequence[tuple[int, str]]
 """Lines that are not blank, each with its number."""
 
@@ -54,6 +56,8 @@ def arranged(
     found = [] if bare else blocks(rows)
     found = found or nameless(rows, dialect, above, head)
     sheet = sheet_of(found, dialect, decimal, table)
+    if sheet is not None and len(sheet.line) < _SETTINGS and maker_of(head):
+        without_table(path, lines)
     if sheet is not None and "column 1" in found[0].header:
         sheet = _unnamed(sheet)
     if sheet is None and dialect.sure:
@@ -62,12 +66,13 @@ def arranged(
 
 
 def without_table(path: Path, lines: Lines) -> None:
-    """Raise `InputError` `no-rows` for a text that names its maker and holds no table of three rows."""
+    """Raise `InputError` `no-rows` for a text that names its maker and holds no table of a few rows."""
     maker = maker_of("\n".join(line for _, line in lines[:_LOOK]))
     if not maker:
         return
     _, split = splitter([line for _, line in lines[:_LOOK]])
-    if max((len(block.rows) for block in blocks([(k, split(s)) for k, s in lines])), default=0) < 3:
+    found = blocks([(k, split(s)) for k, s in lines])
+    if max((len(block.rows) for block in found), default=0) < _SETTINGS:
         problem = (
             f"this is a file of {maker} without a table of numbers: settings or results alone."
         )

@@ -177,6 +177,35 @@ FILES = {
         {"X_Value": "s", "Excitation (Trigger)": "Newtons", "Response (Trigger)": "m/s^2"},
         "X_Value", {"Excitation (Trigger)", "Response (Trigger)"},
     ),
+    "LVM, clocks of their own": File(
+        "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tMulti\n***End_of_Header***\t\n\t\n"
+        "Channels\t2\t\t\nY_Unit_Label\tN\t\tmm\n***End_of_Header***\t\t\n"
+        "X_Value\tForce\tX_Value\tPos\tComment\n"
+        + rows(TIME, U, TIME[::2] + [""] * 30, Y[::2] + [""] * 30),
+        {"Force": "N", "Pos": "mm", "X_Value Force": "s"}, "X_Value Pos", {"Force", "Pos"},
+    ),
+    "RheoCompass, commas": File(
+        "Project:,x\nTest:,y\n\nResult:,Flow 1\n\nInterval and data points:,1,60\nInterval data:,Point No.,"
+        "Time,Shear Strain,Shear Stress,Status\n,,,,,\n,,[s],[%],[Pa],\n"
+        + rows(NONE, range(1, 61), TIME, Y, U, ["ok"] * N, sep=","),
+        {"Time": "s", "Shear Strain": "%", "Shear Stress": "Pa"}, "Time",
+        {"Shear Strain", "Shear Stress"},
+    ),
+    "Quantum Design, resistance": File(
+        QUANTUM + "Comment,Time Stamp (sec),Temperature (K),Magnetic Field (Oe),Bridge 1 Resistance (Ohms),"
+        "Bridge 1 Excitation (uA)\n"
+        + rows(NONE, STAMP, U, ["0.1"] * N, Y, numbers(99 + np.cos(T)), sep=","),
+        {"Temperature (K)": "K", "Bridge 1 Resistance (Ohms)": "Ohms"},
+        "Time Stamp (sec)", {"Temperature (K)", "Bridge 1 Resistance (Ohms)"},
+    ),
+    "TRIOS, oscillation before flow": File(
+        "Filename\tx\n[step]\nFrequency sweep - 1\nAngular frequency\tStep time\tStorage modulus"
+        "\tLoss modulus\tOscillation strain\tOscillation stress\nrad/s\ts\tPa\tPa\t%\tPa\n"
+        + rows(U, TIME, Y, U, Y, U)
+        + "\n[step]\nFlow ramp - 2\nStress\tShear rate\tViscosity\tTime\nPa\t1/s\tPa.s\ts\n"
+        + rows(Y[:30], U[:30], ONE[:30], TIME[:30]),
+        {"Stress": "Pa", "Shear rate": "1/s"}, "Time", {"Stress", "Shear rate"}, rows=30,
+    ),
     "no names": File(
         rows(numbers(T, ".3f"), U, numbers(np.sin(T)), numbers(ANSWER, ".2f"), numbers(2 * DRIVE)),
         {f"column {k}": "" for k in range(1, 6)}, "column 1", {"column 2", "column 4"}, sure="guess",
@@ -219,6 +248,31 @@ def test_the_table_and_the_roles(name, tmp_path):
     assert expected.sure == "sure" or expected.sure in sure
 
 
+def test_what_the_rig_commanded_is_the_input(tmp_path):
+    """A ramp of either quantity, a staircase, and neither: then the one that leads."""
+    bent = DRIVE**2 / 15
+    stairs = np.repeat(np.arange(6.0), 10)
+    slow = np.convolve(stairs, np.exp(-np.arange(60) / 4) / 4.5)[:N]
+    for force, x, commanded, word in (
+        (DRIVE, bent, "F (N)", "constant rate"),
+        (bent, DRIVE, "x (mm)", "constant rate"),
+        (stairs, slow, "F (N)", "goes in steps"),
+        (slow, stairs, "x (mm)", "goes in steps"),
+        (bent, DRIVE**1.5, "F (N)", "usual input"),
+    ):
+        file = tmp_path / "run.csv"
+        file.write_text("t (s),F (N),x (mm)\n" + rows(TIME, numbers(force), numbers(x), sep=","))
+        told = init(file, None, {}, overwrite=True)
+        assert told["selection"]["input"] == commanded
+        why = {found["what"]: found["why"] for found in told["found"]}
+        assert word in why["input"]
+        # The other direction is offered as a command.
+        assert any(
+            told["selection"]["output"] in other.split("--output")[0]
+            for other in told["alternatives"]
+        )
+
+
 def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     two = "Time\tForce\tDisp\ns\tN\tmm\n" + rows(TIME, U, Y) + "\nTime\tLoad\tWay\ns\tN\tmm\n"
@@ -243,6 +297,11 @@ def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
 
 REFUSED = {
     "settings": ("DataLogger 4.0 Version 4.0\n____\n\nProjekt Name: PMD\nPrüfer:\n", "DataLogger"),
+    "UFF over time": (
+        "    -1\n    58\nA\nB\n13-Apr-23\nChannel 1\nNONE\n    1         0    0         0 P\n"
+        "     2  30\n" + " 0.0 1.0 2.0 3.0\n" * 30,
+        "UFF 58",
+    ),
     "a spectrum": (
         "    -1\n    58\nPSD\nVib\n13-Apr-23\nChannel 1\nNONE\n    9         0    0         0 P\n"
         "     5  3\n 0.0 1.0 2.0 3.0\n 0.0 1.0 2.0 3.0\n",

@@ -1,0 +1,77 @@
+"""What a rig was told to do: a column that is held, goes in steps, or moves at a constant rate."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from ._column_pairs import held
+
+HELD = 0.7
+"""Above this share of rows at two levels a column is held constant."""
+STRAIGHT, BENT = 0.005, 0.02
+"""Deviation from straight lines over time, relative to the range: below the first a drive keeps a constant
+rate, above the second a column does not."""
+LONG = 0.2
+"""The share of its range that a column goes between two reversals where that counts."""
+LEVELS, STANDS = 3, 0.6
+"""A staircase has so many levels at least, and stands for so large a share of its rows."""
+
+
+def commanded(x: np.ndarray, other: np.ndarray, t: np.ndarray | None) -> str:
+    """How the rig drove x (n,) and not the other column (n,), in words; "" where that does not show.
+
+    `t` (n,): the clock, without which no rate shows.
+    """
+    if held(x) > HELD > held(other):
+        return "is held constant"
+    if _stands(x) > STANDS and _stands(other) < 0.5 * STANDS:
+        return "goes in steps"
+    if t is None:
+        return ""
+    ours, theirs = _bend(x, t), _bend(other, t)
+    return "moves at a constant rate" if ours < STRAIGHT and theirs > BENT else ""
+
+
+def _stands(x: np.ndarray) -> float:
+    """The share of rows at which x stays as it is, where it stays at several levels in turn."""
+    still = np.diff(x) == 0
+    levels = np.unique(x[1:][still])
+    return float(still.mean()) if still.size and len(levels) >= LEVELS else 0.0
+
+
+def _bend(x: np.ndarray, t: np.ndarray) -> float:
+    """The largest deviation of x from a straight line over t between its reversals, relative to its range.
+
+    A column that never goes far counts as bent.
+    """
+    span = float(np.ptp(x)) if x.size else 0.0
+    if not span:
+        return np.inf
+    worst, found = 0.0, False
+    for rows in _ways(x, 0.1 * span):
+        if abs(x[rows][-1] - x[rows][0]) < LONG * span or len(x[rows]) < 5:
+            continue
+        clock = t[rows] - t[rows][0]
+        if not (np.all(np.isfinite(clock)) and np.ptp(clock) > 0):
+            return np.inf
+        line = np.polyval(np.polyfit(clock, x[rows], 1), clock)
+        worst, found = max(worst, float(np.sqrt(np.mean((x[rows] - line) ** 2))) / span), True
+    return worst if found else np.inf
+
+
+def _ways(x: np.ndarray, least: float) -> list[slice]:
+    """The rows between reversals that are larger than noise: x has come back by `least`."""
+    cuts, low, high, rising = [0], 0, 0, 0
+    for k, value in enumerate(x.tolist()):
+        if rising >= 0 and value > x[high]:
+            high = k
+        if rising <= 0 and value < x[low]:
+            low = k
+        if rising >= 0 and x[high] - value > least:
+            cuts.append(high)
+            rising, low = -1, k
+        elif rising <= 0 and value - x[low] > least:
+            cuts.append(low)
+            rising, high = 1, k
+    cuts = sorted({*cuts, len(x) - 1})
+    return [slice(a, b + 1) for a, b in pairwise(cuts)]
