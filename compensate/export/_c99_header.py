@@ -5,40 +5,13 @@ from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
 
+from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ._header_facts import condition, facts, origin, trained
+from ._header_facts import HEAD, STATUSES, clock, condition, facts, origin, trained
 from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
-
-HEAD = """\
-{title}
-
-    {stem}_state state;
-    {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
-
-reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
-estimate: {estimate}.{trained}
-deviation: its standard deviation{unknown}; a null pointer for none.
-{time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
-nothing: the last estimate is held. {stem}_reset is the state before the first sample;
-{stem}_self_test replays what the file was made with. {predict}{origin}
-
-Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
-{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
-"""
-
-STATUSES = {
-    Status.OK: "as exact as the model",
-    Status.EXTRAPOLATED: "beyond what is known: continued, or the nearer end taken",
-    Status.SATURATED: "beyond the outputs the model can have: the end of its range is held",
-    Status.FLAT: "the model does not change here: the nearest input is held",
-    Status.BELOW_THRESHOLD: "no contact yet",
-    Status.RUN_IN: "the memory before the first sample is not known yet",
-    Status.INVALID: "the sample was not finite: nothing changed",
-}
 
 
 class _Part(NamedTuple):
@@ -101,7 +74,7 @@ class _Header:
             stem_upper=self.stem.upper(), dt="dt, " if rates else "",
             reading=reading, estimate=estimate, low=low, high=high,
             unknown="" if self.error else ", which is not known here: NaN",
-            time="dt: time since the last call, in the unit of the model's times.\n" if rates else "",
+            time=clock(d, self.stem),
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
@@ -329,9 +302,14 @@ class _Header:
         low, high = (self._number(v, "real") for v in self.document["limits"])
         zero, rates = self._number(0, "real"), self.document["rates"]
         time = f"{real} dt, " if rates else ""
-        clock = f"""\
-    if (isfinite(dt) && dt > {zero}) {{
+        longest = self._number(self.document.get("longest") or LONGEST, "real") if rates else ""
+        # Not !(dt <= 0): a dt that is NaN is no time.
+        passing = f"""\
+    if (dt > {zero}) {{
         s->waited += dt;
+        if (s->waited > {longest}) {{
+            s->waited = {longest};
+        }}
     }}
 """ if rates else ""  # fmt: skip
         held = f"{real} condition, " if self.condition else ""
@@ -340,10 +318,14 @@ class _Header:
             for p in self.parts if p.tree["kind"] == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        strange = ""
+        strange = f"""
+        if (passed >= {longest}
+            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
+            s->n{k}.status = {upper}_EXTRAPOLATED;
+        }}""" if rates else ""  # fmt: skip
         if self.condition:
             first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            strange = f"""
+            strange += f"""
         if ((condition < {first} || condition > {last})
             && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
             s->n{k}.status = {upper}_EXTRAPOLATED;
@@ -359,7 +341,7 @@ static inline int {stem}_step(
     {stem}_state *s, {time}{real} reading, {held}{real} *estimate, {real} *deviation)
 {{
     int status = {upper}_INVALID;
-{clock}    if ({usable}) {{
+{passing}    if ({usable}) {{
         {real} seen = reading < {low} ? {low} : reading;
         if (seen > {high}) {{
             seen = {high};
@@ -378,12 +360,23 @@ static inline int {stem}_step(
 }}"""
         if not self.predicts:
             return text
+        nearest, farthest = (self._number(v, "real") for v in self.document["inputs"])
         return f"""{text}
 
-/* The model itself: an input in, the reading it gives out. */
+/* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
+ * changes nothing; one far beyond the trained ones is taken for the nearer end. */
 static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and f", {real} condition"})
 {{
-{clock}    s->estimate = input;{takes.replace("        (", "    (")}
+{passing}    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
+        return ({real})NAN;
+    }}
+    if (input < {nearest}) {{
+        input = {nearest};
+    }}
+    if (input > {farthest}) {{
+        input = {farthest};
+    }}
+    s->estimate = input;{takes.replace("        (", "    (")}
     {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
     s->waited = {zero};
     s->begun = 1;

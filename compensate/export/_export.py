@@ -17,13 +17,16 @@ from hysteresis.records._common_part import STILL
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..runtime._compensator import KIND
-from ..runtime._file import COMPENSATOR_SCHEMA, number
+from ..runtime._file import COMPENSATOR_SCHEMA, LONGEST, number
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._c99_header import header
 from ._document import write
 from ._element_tree import Tree, error_tree, guard_tree, tree_of
 from ._precision import require_double
+
+LASTING, FAR = 1000.0, 1000.0
+"""Durations of the readings that one step may take; spans of the estimates that an input may be beyond."""
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
@@ -184,11 +187,15 @@ class Program:
                 "name": conditioned.condition, "unit": conditioned.unit,
                 "low": float(ends[0]) - margin, "high": float(ends[1]) + margin,
             }  # fmt: skip
+        seen = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
+        away = FAR * max(float(np.ptp(seen)), 1e-3 * float(np.abs(seen).max()), 1e-30)
         self._trees: dict[type, Tree] = {np.float64: tree}
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates, "start": number(begin),
+            "limits": [float(low), float(high)], "rates": rates,
+            "longest": longest_step(t) if rates else None,
+            "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
             "golden": {
@@ -237,6 +244,14 @@ class Program:
         document = self.document(np.float32 if real == "float" else np.float64)
         write_whole(path, header(document, path.stem, single=real == "float"))
         return Exported(path, self.notes)
+
+
+def longest_step(t: np.ndarray) -> float:
+    """The longest time between two samples that an export takes: far more than the readings it was made of.
+
+    Beyond, a free dashpot would flow so far that nothing of the readings is left in the numbers.
+    """
+    return min(LASTING * (float(np.ptp(t)) or 1.0), LONGEST)
 
 
 def wider(y: np.ndarray) -> tuple[float, float]:

@@ -5,6 +5,37 @@ from typing import Any
 
 from hysteresis._escape import c_string, visible
 
+from ..runtime._file import LONGEST
+from ..runtime._status import Status
+
+HEAD = """\
+{title}
+
+    {stem}_state state;
+    {stem}_reset(&state);
+    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
+
+reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
+estimate: {estimate}.{trained}
+deviation: its standard deviation{unknown}; a null pointer for none.
+{time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
+nothing: the last estimate is held. {stem}_reset is the state before the first sample;
+{stem}_self_test replays what the file was made with. {predict}{origin}
+
+Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
+{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
+"""
+
+STATUSES = {
+    Status.OK: "as exact as the model",
+    Status.EXTRAPOLATED: "beyond what is known: continued, or the nearer end taken",
+    Status.SATURATED: "beyond the outputs the model can have: the end of its range is held",
+    Status.FLAT: "the model does not change here: the nearest input is held",
+    Status.BELOW_THRESHOLD: "no contact yet",
+    Status.RUN_IN: "the memory before the first sample is not known yet",
+    Status.INVALID: "the sample was not finite: nothing changed",
+}
+
 BEYOND = {"limit": "is held there", "nan": "is NaN", "free": "is given as it is"}
 
 
@@ -24,6 +55,18 @@ def trained(document: dict[str, Any], stem: str) -> str:
     if p["bottom"] < p["top"]:
         ends = f"an estimate was at most {p['bottom']:.6g}, another at least {p['top']:.6g}"
     return f"{text}\nAfter a reset the status is {upper}_RUN_IN until {ends}{wait}."
+
+
+def clock(document: dict[str, Any], stem: str) -> str:
+    """What dt is, and how long it may be; nothing where no rate matters."""
+    if not document["rates"]:
+        return ""
+    longest = document.get("longest") or LONGEST
+    return (
+        f"dt: time since the last call, in the unit of the model's times, at most {longest:.6g}; a"
+        f" longer one is taken for that,\n{stem.upper()}_EXTRAPOLATED; one that is negative or NaN is"
+        " none.\n"
+    )
 
 
 def condition(document: dict[str, Any], stem: str) -> str:

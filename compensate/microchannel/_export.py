@@ -77,7 +77,9 @@ def export_force(
             "no-time", "this model depends on the rate, and no times were given.",
             fix="give the times of the readings.",
         )  # fmt: skip
-    t, y = (np.zeros(len(y)) if t is None else t)[:GOLDEN], y[:GOLDEN]
+    t = np.zeros(len(y)) if t is None else t
+    longest = longest_step(t) if rates else None
+    t, y = t[:GOLDEN], y[:GOLDEN]
     found = estimator.simulate(t, y)
     ends = (estimator.low_reading, estimator.high_reading)
     limits = zip(*(np.broadcast_to(np.asarray(end, float), (count,)) for end in ends), strict=True)
@@ -86,6 +88,7 @@ def export_force(
         "channels": [channel._asdict() for channel in channels], "estimate": estimate._asdict(),
         "limits": [[number(low), number(high)] for low, high in limits],
         "high": estimator.high, "deviation": float(estimator.deviation), "rates": rates,
+        "longest": longest,
         "model": model,
         "golden": {
             "dt": np.diff(t, prepend=t[0]).tolist(), "reading": y.tolist(),

@@ -5,7 +5,7 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._file import replayed
+from ._file import LONGEST, replayed
 from ._status import Status
 from ._tree import error_of, guard_of, node_of
 
@@ -29,6 +29,7 @@ class Compensator:
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
     - `rates`: whether `step` needs the time since the last reading.
+    - `longest`: time between two readings; a longer one is taken for it, EXTRAPOLATED.
     - `condition`: name, unit and known range of the condition that `step` needs beside the reading,
       {"name", "unit", "low", "high"}; None where the model depends on none.
     - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
@@ -51,6 +52,7 @@ class Compensator:
         self.estimate: dict[str, str] = document["estimate"]
         self.limits: tuple[float, float] = tuple(document["limits"])
         self.rates: bool = document["rates"]
+        self.longest: float = document.get("longest") or LONGEST
         self._tree, self._start = document["tree"], document["start"]
         self._error_tree = document["error"]
         # Files of format 1 have neither guard nor origin.
@@ -82,7 +84,8 @@ class Compensator:
     ) -> Estimate:
         """One reading in, one estimate out.
 
-        `dt`: time since the last call; the first one's does not matter. `condition`: at this reading, where
+        `dt`: time since the last call, at most `longest`; the first one's does not matter, and one that is
+        negative or not a number is none. `condition`: at this reading, where
         the model depends on one; beyond its known range the nearer end is taken, EXTRAPOLATED. A reading or
         a condition that is NaN or infinite is INVALID: the last estimate is held, and nothing else changes.
 
@@ -92,8 +95,8 @@ class Compensator:
         if dt is None:
             if self.rates:
                 raise TypeError("this compensator depends on the rate: step(reading, dt)")
-        elif 0.0 < dt < inf:
-            self._waited += dt
+        elif dt > 0.0:
+            self._waited = min(self._waited + dt, self.longest)
         strange = False
         if self.condition is not None:
             if condition is None:
@@ -112,7 +115,7 @@ class Compensator:
         value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
         status = self._status()
-        if strange and status in (_OK, Status.FLAT):
+        if (strange or dt >= self.longest) and status in (_OK, Status.FLAT):
             status = _EXTRAPOLATED
         self._deviation = deviation = self._error(value)
         if self._guard is not None:

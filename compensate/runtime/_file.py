@@ -12,6 +12,15 @@ SCHEMA = 1
 COMPENSATOR_SCHEMA = 2
 """The format of compensators. Format 1 had neither a guard nor an origin; it is still read."""
 
+DAMAGE = (
+    ArithmeticError, AttributeError, ImportError, LookupError, MemoryError, RuntimeError, SyntaxError,
+    TypeError, ValueError,
+)  # fmt: skip
+"""What a document that was made up raises where it is run; for deep nesting it is a `RuntimeError`."""
+
+LONGEST = 1e30
+"""Longest time between two readings, of files of earlier versions, which do not name one."""
+
 _NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
 _WRITTEN_BY = {
@@ -61,10 +70,10 @@ def replayed(
     document = read(path, kind)
     try:
         made, worst = replay(document)
-        tolerance = document["golden"]["tolerance"]
-    except (KeyError, TypeError, ValueError, ArithmeticError, IndexError, ImportError) as error:
+        agrees = worst <= document["golden"]["tolerance"]
+    except DAMAGE as error:
         raise FileError(f"{path}: cannot be run ({error}). Export it again.") from None
-    if not worst <= tolerance:
+    if not agrees:
         raise FileError(f"{path}: replayed, its own {said.format(worst)}. Export it again.")
     made.reset()
     return made
@@ -76,7 +85,9 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
         document = json.loads(Path(path).read_bytes())
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}.") from None
-    except ValueError:
+    except RecursionError:
+        raise FileError(f"{path}: nested too deep. Export it again.") from None
+    except (ValueError, MemoryError):
         raise FileError(f"{path}: not whole, or no JSON. Export it again.") from None
     if not isinstance(document, dict) or document.get("kind") != kind:
         raise FileError(f"{path}: {_WRITTEN_BY[kind]}")
@@ -86,6 +97,10 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
             f"{path}: written in format {document.get('schema')}, this version reads {newest}."
             " Update hysid, or export it again."
         )
-    if document.get("checksum") != checksum(document):
+    try:
+        whole = document.get("checksum") == checksum(document)
+    except RecursionError:
+        raise FileError(f"{path}: nested too deep. Export it again.") from None
+    if not whole:
         raise FileError(f"{path}: changed since it was written (checksum). Export it again.")
     return document

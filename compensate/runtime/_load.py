@@ -28,6 +28,6 @@ def _kind(path: str | Path) -> str | None:
     """What the file says it is; None where it does not, which is said by who reads it whole."""
     try:
         document = json.loads(Path(path).read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError, MemoryError):
         return None
     return document.get("kind") if isinstance(document, dict) else None

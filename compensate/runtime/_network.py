@@ -3,10 +3,11 @@
 from collections.abc import Callable, Sequence
 from math import exp, inf, isfinite
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 from ._compensator import Estimate
-from ._file import replayed
+from ._file import LONGEST, replayed
 from ._status import Status
 from ._tree import node_of
 
@@ -18,13 +19,18 @@ TERMS = 50
 """Of a sum, in one statement: Python's compiler goes as deep as the sum is long."""
 
 
+MOST = 200_000
+"""Weights of a network; compiling that many takes seconds."""
+
+
 class ForceEstimator:
     """Force from readings, as `compensate.microchannel.ForceEstimator`, reading by reading, without JAX.
 
     - `title`; `channels`: name and unit of every reading, {"name", "unit"}; `estimate`: of the force.
     - `limits`: (low, high) of every channel in the training; readings beyond them are EXTRAPOLATED.
     - `high`: the largest force; a larger estimate is cut to it and SATURATED. `deviation`: of the force.
-    - `rates`: whether `step` needs the time since the last reading.
+    - `rates`: whether `step` needs the time since the last reading; `longest`: of it. A longer one is taken
+      for that, EXTRAPOLATED.
 
     The JAX estimator that was exported gives the same to 1e-9 of the largest force.
 
@@ -47,6 +53,7 @@ class ForceEstimator:
         self.high: float = float(document["high"])
         self.deviation: float = float(document["deviation"])
         self.rates: bool = document["rates"]
+        self.longest: float = document.get("longest") or LONGEST
         self._model = document["model"]
         self.reset()
 
@@ -75,16 +82,17 @@ class ForceEstimator:
         if dt is None:
             if self.rates:
                 raise TypeError("this estimator depends on the rate: step(reading, dt)")
-        elif 0.0 < dt < inf:
-            self._waited += dt
+        elif dt > 0.0:
+            self._waited = min(self._waited + dt, self.longest)
         readings: Any = reading if hasattr(reading, "__len__") else (reading,)
         if len(readings) != len(self.limits):
             raise ValueError(f"{len(readings)} readings for {len(self.limits)} channels")
         if not isfinite(sum(readings)) and not all(map(isfinite, readings)):
             return Estimate(self._value, Status.INVALID, self.deviation)
-        found = self._move(self._waited if self._begun else 0.0, readings)
+        dt = self._waited if self._begun else 0.0
+        found = self._move(dt, readings)
         self._waited, self._begun = 0.0, True
-        status = _OK
+        status = _OK if dt < self.longest else _EXTRAPOLATED
         if found > self.high:
             status = _SATURATED
         for now, (low, high) in zip(readings, self.limits, strict=True):
@@ -118,15 +126,29 @@ def _written_out(model: dict[str, Any]) -> Callable[..., Any]:
     """Memory and layers as one Python function without loops, in a third of the time that loops take:
     (memory, parts kept and taken, readings) -> output, memory.
 
-    What is compiled is made here of numbers; no text of a file is run. Weights of 0 are left out:
-    networks side by side are one with blocks on the diagonal.
+    What is compiled is made of counts alone, and nothing of a file is in it: its numbers are the values of
+    arguments c0, c1, and so on. Weights of 0 are left out: networks side by side are one with blocks on the
+    diagonal.
+
+    Raises `ValueError` for a number that is not finite.
     """
+    numbers: list[float] = []
+
+    def named(number: Any) -> str:
+        number = float(number)
+        if not isfinite(number):
+            raise ValueError("a weight is not finite")
+        numbers.append(number)
+        if len(numbers) > MOST:
+            raise ValueError(f"a network has more than {MOST:,} weights")
+        return f"c{len(numbers) - 1}"
+
     thresholds, lags = model["thresholds"], range(len(model["times"]))
     inputs, held, moves = [], [], []
     for c, scale in enumerate(model["scale"]):
         plays, delayed = [f"z{c}_{k}" for k in range(len(thresholds))], [f"q{c}_{k}" for k in lags]
         for z, r in zip(plays, thresholds, strict=True):
-            half = _text(scale * r)
+            half = named(scale * r)
             moves.append(f"a = u{c} - {half}; b = u{c} + {half}")
             moves.append(f"{z} = a if {z} < a else b if {z} > b else {z}")
         moves += [f"{q} = k{k} * {q} + m{k} * u{c}" for k, q in enumerate(delayed)]
@@ -134,33 +156,27 @@ def _written_out(model: dict[str, Any]) -> Callable[..., Any]:
         inputs += [f"u{c}", *plays, *delayed]
     given = {"u": [f"u{c}" for c in range(len(model["scale"]))], "held": held}
     given["kept"] = [f"{part}{k}" for k in lags for part in "km"]
-    lines = ["def step(held, kept, u):"]
-    lines += [f"{', '.join(names)}, = {name}" for name, names in given.items() if names]
+    lines = [f"{', '.join(names)}, = {name}" for name, names in given.items() if names]
     lines += moves
     seen, layers = inputs, list(zip(model["matrices"], model["biases"], strict=True))
     for layer, (matrix, bias) in enumerate(layers):
         found = []
         for k, (row, b) in enumerate(zip(matrix, bias, strict=True)):
-            terms = [f"{_text(w)}*{name}" for w, name in zip(row, seen, strict=True) if w]
+            terms = [f"{named(w)}*{name}" for w, name in zip(row, seen, strict=True) if w]
             sums = [terms[n : n + TERMS] for n in range(0, len(terms), TERMS)]
-            lines.append(f"v = {_text(b)}")
+            lines.append(f"v = {named(b)}")
             lines += [f"v = v + {' + '.join(part)}" for part in sums]
             found.append(f"h{layer}_{k}")
             if layer < len(layers) - 1:
                 lines.append(f"{found[-1]} = v if v > 0.0 else 0.0")
         seen = found
     lines.append(f"return v, ({', '.join(held)}{',' if held else ''})")
+    takes = ["held", "kept", "u", *(f"c{k}" for k in range(len(numbers)))]
     names: dict[str, Any] = {}
-    exec("\n    ".join(lines), names)
-    return names["step"]
-
-
-def _text(number: Any) -> str:
-    """A number as Python reads it back, to the last bit. Raises `ValueError` for one that is not finite."""
-    number = float(number)
-    if not isfinite(number):
-        raise ValueError("a weight is not finite")
-    return f"({number!r})"
+    exec("\n    ".join([f"def step({', '.join(takes)}):", *lines]), names)
+    step: FunctionType = names["step"]
+    step.__defaults__ = tuple(numbers)
+    return step
 
 
 def load_force(path: str | Path) -> ForceEstimator:

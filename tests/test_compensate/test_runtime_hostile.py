@@ -1,0 +1,94 @@
+"""What a broken sensor or clock gives: exported compensators stay finite, and are right again."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensate import Status, export_c, export_runtime
+from compensate.runtime import load
+from hysteresis import Burgers
+from tests.c_harness import COMPILERS, Compiled
+from tests.test_compensate.test_runtime import DEPTH, EXPORTED, Problem, run
+
+HUGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200)
+CLOCKS = (np.nan, np.inf, -np.inf, 1e308, 1e150, -1.0, 0.0, 1e12)
+FEW = 60
+EXACT = [p for p in EXPORTED if not {"rates"} & p.tags and p.name != "moving"]
+
+
+def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Readings and clocks that no sensor means."""
+    random = np.random.default_rng(7)
+    return random.choice(HUGE, rows), random.choice(CLOCKS, rows)
+
+
+@pytest.mark.parametrize("problem", EXPORTED[::3], ids=lambda p: p.name)
+def test_python_is_finite_whatever_it_is_fed(problem: Problem, tmp_path: Path):
+    done = run(problem)
+    export_runtime(done.model, tmp_path / "it.json", done.y, times=done.t, depth=DEPTH)
+    it = load(tmp_path / "it.json")
+    y, dt = hostile(FEW)
+    for k, (a, b) in enumerate(zip(y.tolist(), dt.tolist(), strict=True)):
+        found = it.step(a, b)
+        assert np.isfinite(found.value) or k == 0
+        assert (found.status == Status.INVALID) == (not np.isfinite(a))
+    for a, b in zip(done.y[:FEW].tolist(), done.dt[:FEW].tolist(), strict=True):
+        assert np.isfinite(it.step(a, b).value)
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("problem", EXPORTED[::5], ids=lambda p: p.name)
+def test_c_is_finite_whatever_it_is_fed(problem: Problem, real: str, tmp_path: Path):
+    """Estimates, predictions and deviations, on one state; good samples are finite afterwards."""
+    done = run(problem)
+    path = tmp_path / "it.h"
+    export_c(done.model, path, done.y, times=done.t, depth=DEPTH, real=real)
+    it = Compiled(path, COMPILERS[0], ("-O1",))
+    y, dt = hostile(FEW)
+    value, status = it.run(np.append(dt, done.dt[:FEW]), np.append(y, done.y[:FEW]))
+    assert np.isfinite(value[1:]).all()
+    assert (status[FEW:] != Status.INVALID).all()
+    if "double it_predict(" in it.text.replace("it_real", "double"):
+        u = np.append(y, done.u[:FEW])
+        back = it.predict(np.append(dt, done.dt[:FEW]), u)
+        limit = np.finfo(real if real == "double" else "f4").max
+        assert np.array_equal(np.isnan(back), ~(np.abs(u) <= limit))
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_a_long_pause_is_held_and_said(tmp_path: Path):
+    """In C and in Python alike: the longest time is named, one beyond it is taken for it."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0)
+    t = np.linspace(0, 10, 200)
+    y = np.asarray(model.simulate(t, np.sin(t)))
+    export_runtime(model, tmp_path / "it.json", y, times=t)
+    export_c(model, tmp_path / "it.h", y, times=t)
+    c, it = Compiled(tmp_path / "it.h", COMPILERS[0]), load(tmp_path / "it.json")
+    assert it.longest == 10_000.0
+    assert "at most 10000;" in c.text
+    for pause in (9_999.0, 10_000.0, 1e300, np.inf):
+        dt = np.append(np.full(20, 0.05), [pause, *[0.05] * 20])
+        it.reset()
+        found = [it.step(a, b) for a, b in zip(y[:41].tolist(), dt.tolist(), strict=True)]
+        value, status = c.run(dt, y[:41])
+        np.testing.assert_allclose(value, [e.value for e in found], rtol=1e-9, atol=1e-9)
+        assert status.tolist() == [int(e.status) for e in found]
+        late = np.flatnonzero(status == Status.EXTRAPOLATED).tolist()
+        assert late == ([] if pause < 10_000 else [20])
+
+
+@pytest.mark.parametrize("problem", EXACT[::6], ids=lambda p: p.name)
+@pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler")
+def test_a_nan_leaves_no_trace_in_a_prediction(problem: Problem, tmp_path: Path):
+    done = run(problem)
+    path = tmp_path / "it.h"
+    export_c(done.model, path, done.y, times=done.t, depth=DEPTH)
+    it = Compiled(path)
+    u = np.insert(done.u[:FEW], [5, 9, 9], [np.nan, np.inf, -np.inf])
+    zero = np.zeros(u.size)
+    found, clean = it.predict(zero, u), it.predict(zero, done.u[:FEW])
+    np.testing.assert_array_equal(found[np.isfinite(u)], clean)
+    assert np.isnan(found[~np.isfinite(u)]).all()
