@@ -5,6 +5,7 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -71,6 +72,9 @@ def as_float(value: Any) -> Any:
     """`value` as a floating array, integers in JAX's present default precision; None stays None."""
     if value is None:
         return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        # jnp.asarray would compile a program for every shape, 20 ms each.
+        return jax.device_put(value if value.dtype.kind == "f" else value.astype(float))
     array = jnp.asarray(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else jnp.asarray(value, float)
 

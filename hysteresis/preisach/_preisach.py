@@ -384,5 +384,8 @@ def _settle(model: Preisach, state: PreisachState, path: Array) -> PreisachState
 
 
 def _to_device(part: Any) -> Array:
+    if isinstance(part, np.ndarray):
+        # jnp.asarray would compile a program for every length.
+        return jax.device_put(part.astype(float) if part.dtype.kind == "f" else part)
     array = jnp.asarray(part)
     return jnp.asarray(part, float) if jnp.issubdtype(array.dtype, jnp.floating) else array
