@@ -41,7 +41,13 @@ from .posterior._predictive import LEVELS, Bands, predictive
 from .posterior._sample import sample
 from .records._run_model import predict
 from .results._baseline import Baseline
-from .results._detail import Composition, DiscreteSpectrum, GridWeights, Parametric
+from .results._detail import (
+    Composition,
+    DiscreteSpectrum,
+    GridWeights,
+    Parametric,
+    ReversalCurves,
+)
 from .results._extrapolation import Extrapolation, RowsBeyond
 from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
@@ -89,6 +95,7 @@ __all__ = [
     "PooledParameter",
     "Posterior",
     "Profile",
+    "ReversalCurves",
     "RowsBeyond",
     "Sensitivity",
     "Sloppiness",

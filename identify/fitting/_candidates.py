@@ -9,8 +9,14 @@ from hysteresis.preisach import AbstractGridDensity
 COMPOSITION = "Composition"
 """Not a model but a search for one: curves, relays and relaxations, as many as the record shows."""
 
-AUTO = ("LinearSponge", "Burgers", "Preisach", COMPOSITION)
-"""What `model="auto"` tries, the simplest first."""
+SURFACE = "EverettSurface"
+"""A Preisach model read off first-order reversal curves."""
+
+AUTO = ("LinearSponge", "Burgers", "Preisach", SURFACE, COMPOSITION)
+"""What `model="auto"` tries, the simplest first; a surface only where a record consists of such curves."""
+
+SEARCHES = (SURFACE, COMPOSITION)
+"""Names that are no models: a way to find one."""
 
 Asked = str | AbstractModel | type[AbstractModel]
 """Names with or without commas between, a class, or a model to start from; "auto" is several."""
@@ -19,7 +25,7 @@ Asked = str | AbstractModel | type[AbstractModel]
 class Candidate(NamedTuple):
     """A model to fit: its name in the result, its class, and the model to start from, if one was given.
 
-    The class is None for a search for compositions.
+    The class is None for the `SEARCHES`.
     """
 
     name: str
@@ -71,8 +77,9 @@ def names() -> tuple[str, ...]:
 def _named(name: str) -> list[Candidate]:
     if name.casefold() == "auto":
         return [one for name in AUTO for one in _named(name)]
-    if name.casefold() == COMPOSITION.casefold():
-        return [Candidate(COMPOSITION, None)]
+    for search in SEARCHES:
+        if name.casefold() == search.casefold():
+            return [Candidate(search, None)]
     known = find_model(name)
     if known is None:
         meant = similar(name, names())

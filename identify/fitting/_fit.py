@@ -16,9 +16,10 @@ from ..parameters._settings import with_settings
 from ..parameters._transform import transform_for
 from ..records._folds import as_good
 from ..results._fit_result import FitResult
-from ._candidates import Asked, Candidate, candidates
+from ._candidates import SURFACE, Asked, Candidate, candidates
 from ._linear import fit_composition, fit_grid
 from ._parametric import LeastSquares, explained, least_squares
+from ._reversal_curves import consists_of_curves, fit_surface
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
 
@@ -56,7 +57,8 @@ def fit(
     **Arguments:**
 
     - `record`: the measurements; its mask says which rows count.
-    - `model`: `"auto"`; a name, whatever its case, out of Composition and `hysteresis.model_names()`; a
+    - `model`: `"auto"`; a name, whatever its case, out of Composition, EverettSurface and
+      `hysteresis.model_names()`; a
       registered class; or a model to start from: its fixed parameters stay, the others are fitted. A list
       holds several of them.
     - `test`: a record to judge on; or `test_cycles`, the last so many of each sequence; or
@@ -123,7 +125,13 @@ def fit(
         say=say,
     )
     options = _Options(initial, starts, seed, noise, parameters or {})
-    asked, left = _with_condition(asked, data) if model == "auto" else (asked, {})
+    left: dict[str, str] = {}
+    if model == "auto":
+        asked, left = _with_condition(asked, data)
+        # What such curves show best may have no inverse, because noise makes some of its masses negative.
+        bars = data.falls or data.condition is not None or purpose == "compensate"
+        if bars or not consists_of_curves(data.record):
+            asked = tuple(one for one in asked if one.name != SURFACE)
     tried, skipped = _tried(asked, data, options, say)
     chosen, *others = _ranked(tried)
     best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
@@ -230,6 +238,8 @@ def _fitted(
 ) -> list[_Trial]:
     """The fits of one candidate, several of a composition; `only`: there is no other one."""
     name, template = candidate.name, candidate.template
+    if candidate.kind is None and name == SURFACE:
+        return [_Trial(fit_surface(name, data))]
     if candidate.kind is None:
         path = fit_composition(data, options.initial, options.seed, say)
         return [_Trial(fit) for fit in path]

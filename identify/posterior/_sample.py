@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from hysteresis import InputError
 from hysteresis._serialisation import described
 
-from ..results._detail import Composition, DiscreteSpectrum, GridWeights
+from ..results._detail import Composition, DiscreteSpectrum, GridWeights, ReversalCurves
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, Identity
 from ..storage._checkpoint_file import digest
@@ -74,8 +74,8 @@ def sample(
       nothing had been interrupted. NUTS keeps none, and independent draws need none.
     - `progress(done, total, text)` is called now and then.
 
-    Raises `InputError` for a spectrum, a fit without free parameters, too few steps or walkers, a
-    checkpoint that belongs to something else, is damaged or cannot be written.
+    Raises `InputError` for a spectrum, reversal curves, a fit without free parameters, too few steps or
+    walkers, a checkpoint that belongs to something else, is damaged or cannot be written.
 
     **Example:**
 
@@ -93,6 +93,12 @@ def sample(
             "a spectrum has no posterior to draw from.",
             fix="what its record leaves open are the errors of its parameters and the range of"
             " `Spectrum.predict` (hysid predict, hysid report).",
+        )
+    if isinstance(detail, ReversalCurves):
+        raise InputError(
+            "no-posterior",
+            "a model read off reversal curves has no posterior to draw from.",
+            fix="fit Preisach to the same record.",
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)

@@ -126,6 +126,39 @@ class Composition:
 
 
 @dataclass(frozen=True, eq=False)
+class ReversalCurves:
+    """A Preisach model read off first-order reversal curves, see `everett_surface`.
+
+    `count`: how many.
+
+    **Example:**
+
+        >>> identify.ReversalCurves(12).kind
+        'reversal curves'
+    """
+
+    count: int
+    kind: ClassVar[str] = "reversal curves"
+    is_linear: ClassVar[bool] = True
+    least_parameter: ClassVar[float] = -np.inf
+    key: ClassVar[str] = "reversal_curves"
+
+    def words(self) -> Words:
+        return {self.key: self.count}
+
+    def arrays(self) -> dict[str, Any]:
+        return {}
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        return None
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "ReversalCurves":
+        """The inverse of `words` and `arrays`."""
+        return cls(int(words))
+
+
+@dataclass(frozen=True, eq=False)
 class DiscreteSpectrum:
     """A discrete spectrum of time constants, of creep or relaxation under a constant input.
 
@@ -174,12 +207,12 @@ class DiscreteSpectrum:
         return cls(Spectrum(**words | changed))
 
 
-Detail: TypeAlias = Parametric | GridWeights | Composition | DiscreteSpectrum
+Detail: TypeAlias = Parametric | GridWeights | Composition | ReversalCurves | DiscreteSpectrum
 
 
 def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel) -> Detail:
     """The kind of a saved fit, from its fit.json and fit.npz."""
-    for kind in (GridWeights, Composition, DiscreteSpectrum):
+    for kind in (GridWeights, Composition, ReversalCurves, DiscreteSpectrum):
         if kind.key in document:
             return kind.rebuilt(document[kind.key], arrays, model)
     return Parametric()

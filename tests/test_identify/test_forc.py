@@ -10,7 +10,8 @@ from scipy.stats import norm
 
 from hysteresis import InputError, Record, read_csv
 from hysteresis.preisach import GridDensity
-from identify import Forc, everett_surface, forc_curves, forc_diagram
+from identify import Forc, everett_surface, fit, forc_curves, forc_diagram, load, sample, save
+from identify.fitting._reversal_curves import consists_of_curves
 from tests.problems import HIGH, LOW, histories
 
 RANGE = HIGH - LOW
@@ -82,6 +83,29 @@ def test_sequences_that_only_rise_are_curves():
     curves = forc_curves(record)
     assert [curve.reversal for curve in curves] == [-0.2, 0.1, 0.5]
     assert [len(curve.input) for curve in curves] == [9, 9, 8]
+
+
+def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
+    """Relays spread evenly, 14 curves of which one sequence holds one; held-out ones lie between."""
+    down = np.linspace(LOW, HIGH - 0.2 * RANGE, 14)
+    rows = [np.linspace(b, HIGH, 25) for b in down]
+    y = np.concatenate([uniform_forc(b, row) for b, row in zip(down, rows, strict=True)])
+    record = Record.from_arrays(np.concatenate(rows), y, groups=np.repeat(np.arange(14), 25))
+    assert consists_of_curves(record)
+    found = fit(record, "EverettSurface")
+    # Between nodes the output is bilinear. Held out, the first and the last curve are extrapolated.
+    assert np.abs(found.residuals).max() < 5e-3 * RANGE**2
+    assert found.score < 3
+    again = load(save(found, tmp_path / "fit"))
+    assert again.detail == found.detail
+    np.testing.assert_array_equal(again.predict(record), found.predict(record))
+    with pytest.raises(InputError, match="no-posterior"):
+        sample(found)
+
+
+def test_loops_are_not_read_off():
+    u = 1.5 * np.sin(np.linspace(0, 40, 400))
+    assert not consists_of_curves(Record.from_arrays(u, u + 0.1 * np.cos(np.linspace(0, 40, 400))))
 
 
 def test_what_comes_before_the_top_is_no_curve():

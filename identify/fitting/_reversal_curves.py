@@ -1,0 +1,97 @@
+"""A Preisach model from a record that consists of first-order reversal curves, without a solver."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hysteresis import InputError, Preisach, Record
+
+from ..forc._curves import Forc, forc_curves
+from ..forc._everett import everett_surface
+from ..records._folds import held_out_errors
+from ..records._run_model import predict
+from ..results._detail import ReversalCurves
+from ..results._fit_result import FitResult, Parameter
+from ..results._goodness_of_fit import evidence
+from ._training_data import TrainingData
+
+FEWEST = 10
+"""Curves from different reversals that such a record has."""
+
+SHARE = 0.4
+"""Of the rows, on the curves: half of those that also show the ways to the reversals."""
+
+APART = 0.05
+"""Reversals closer than this part of their mean distance are taken for one, measured twice."""
+
+
+def consists_of_curves(record: Record) -> bool:
+    """Whether a record consists of first-order reversal curves of an output that rises."""
+    try:
+        curves = _curves(record)
+    except InputError:
+        return False
+    rows = sum(len(curve.input) for curve in curves)
+    return len(curves) >= FEWEST and rows > SHARE * int(record.mask.sum())
+
+
+def fit_surface(name: str, data: TrainingData) -> FitResult:
+    """The Everett function of the curves as a model, see `everett_surface`; held-out curves judge it.
+
+    Raises `InputError` `too-few-curves`, and `not-increasing` where the output falls.
+    """
+    record, parts = data.record, data.parts
+    if data.falls:
+        raise InputError(
+            "not-increasing",
+            "the output falls as the input rises; a surface is made of rising curves.",
+        )
+
+    def model_of(which: tuple[int, ...]) -> Preisach:
+        return everett_surface(_curves(replace(record, mask=np.isin(parts.label, which)))).model
+
+    def error(model: Preisach, which: tuple[int, ...]) -> np.ndarray:
+        rows = np.isin(parts.label, which)
+        return predict(model, record)[rows] - record.output[rows]
+
+    blocks = held_out_errors(parts.folds, model_of, error)
+    model = model_of(parts.all)
+    judged = evidence(record, parts, predict(model, record), False, float(blocks.mean()))
+    assert model.reversible is not None
+    sums = {
+        "offset": float(model.offset), "reversible.rise": float(np.sum(model.reversible)),
+        "density.mass": float(np.sum(model.density.weights)),
+    }  # fmt: skip
+    unit, count = record.output_unit, len(_curves(record))
+    note = f"Interpolated between {count} first-order reversal curves; nothing was smoothed."
+    return FitResult(
+        name=name,
+        model=model,
+        parameters=tuple(
+            Parameter(name, value, unit, None, "inseparable") for name, value in sums.items()
+        ),
+        covariance=np.zeros((0, 0)),
+        residuals=judged.residuals,
+        used=judged.used,
+        metrics=judged.metrics,
+        success=True,
+        score=judged.score,
+        blocks=blocks,
+        noise=judged.noise,
+        train=record,
+        notes=(note, *judged.notes),
+        detail=ReversalCurves(count),
+        clocks=data.clocks,
+        channels=data.channels,
+    )
+
+
+def _curves(record: Record) -> tuple[Forc, ...]:
+    """One curve for each reversal."""
+    curves = forc_curves(record)
+    least = APART * (curves[-1].reversal - curves[0].reversal) / len(curves)
+    kept = list(curves[:1])
+    for curve in curves[1:]:
+        if curve.reversal > kept[-1].reversal + least:
+            kept.append(curve)
+    return tuple(kept)
