@@ -20,7 +20,9 @@ from ._console import (
 )  # fmt: skip
 from ._selection import takes_selection
 
-MODELS = ("LinearSponge", "Burgers", "Preisach", "Composition", "FoamCurve", "BoucWen")
+MODELS = (
+    "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "FoamCurve", "BoucWen",
+)  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
 
 

@@ -97,7 +97,7 @@ def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     assert np.abs(found.residuals).max() < 5e-3 * RANGE**2
     assert found.score < 3
     again = load(save(found, tmp_path / "fit"))
-    assert again.detail == found.detail
+    assert again.detail.words() == found.detail.words() == {"reversal_curves": 14}
     np.testing.assert_array_equal(again.predict(record), found.predict(record))
     with pytest.raises(InputError, match="no-posterior"):
         sample(found)
