@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sparse
 from jaxtyping import Bool, Float
 
 from hysteresis import InputError, Preisach, Record
-from hysteresis.preisach import GridDensity
+from hysteresis.preisach import GridDensity, PreisachInput
 
 from ..records._run_model import located
-from ._preisach_design_matrix import NodeSpace, design_rows
-from ._preisach_normal_equations import CHUNK
+from ._preisach_design_matrix import NodeSpace, design_block, design_blocks, design_rows
+from ._preisach_normal_equations import CHUNK, normal_equations
 
 
 class Identifiability(NamedTuple):
@@ -87,8 +88,8 @@ def identifiability(
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
-    A = _rows(grid, located(grid, record))[record.mask]
-    return _identifiability(_covariance(A, cells, noise), A, grid)
+    gram, swing = _told_by(grid, record)
+    return _identifiability(_covariance(gram, cells, noise), swing, grid)
 
 
 def design(
@@ -117,15 +118,15 @@ def design(
     """
     low, high = _range(record, cells, noise)
     grid = _grid(cells, low, high, initial)
-    rows = [_rows(grid, located(grid, record))[record.mask]]
-    S = _covariance(rows[0], cells, noise)
+    gram, swing = _told_by(grid, record)
+    S = _covariance(gram, cells, noise)
     nodes = np.linspace(low, high, cells + 1)
     candidates = [np.array([low, high, turn, high]) for turn in nodes[:-1]]
     candidates += [np.array([low, high, low, turn, low]) for turn in nodes[1:]]
     virgin = _grid(cells, low, high, "negative")
     designs = [_rows(virgin, virgin.located(_path(turns, cells))) for turns in candidates]
     turns = [np.array([low])]
-    told = _identifiability(S, rows[0], grid)
+    told = _identifiability(S, swing, grid)
     used = np.tril_indices(cells)
     while (
         len(turns) <= most and (open_ := 1 + cells + np.flatnonzero(told.told[used] < enough)).size
@@ -133,9 +134,9 @@ def design(
         steps = [_step(S, A, noise) for A in designs]
         best = int(np.argmax([(G[:, open_] ** 2).sum() for G in steps]))
         S = S - steps[best].T @ steps[best]
-        rows.append(designs[best])
+        swing = swing.joined(_Swing.of(designs[best]))
         turns.append(candidates[best][1:] if turns[-1][-1] == low else candidates[best][2:])
-        told = _identifiability(S, np.vstack(rows), grid)
+        told = _identifiability(S, swing, grid)
     path = np.concatenate(turns)
     return Design(path[np.append(True, np.diff(path) != 0)], told)
 
@@ -154,17 +155,67 @@ def excited_cells(
     assert isinstance(model.density, GridDensity)
     cells = model.density.cells
     grid = _grid(cells, model.density.low, model.density.high, model.initial)
-    B = design_rows(grid, located(grid, record))[used]
-    steps = range(0, B.shape[0], CHUNK)
-    columns = [NodeSpace(cells).to_unknowns(B[k : k + CHUNK].toarray().T) for k in steps]
-    most, least = (np.max([c.max(1) for c in columns], 0), np.min([c.min(1) for c in columns], 0))
-    return _swung(most - least, cells)
+    return _swung(_swing(grid, located(grid, record), record, used), cells)
 
 
-def _swung(swing: Float[np.ndarray, " unknowns"], cells: int) -> Bool[np.ndarray, "cells cells"]:
+class _Swing(NamedTuple):
+    """The least and the greatest entry of each column of a design."""
+
+    least: Float[np.ndarray, " unknowns"]
+    most: Float[np.ndarray, " unknowns"]
+
+    @classmethod
+    def of(cls, A: Float[np.ndarray, "rows unknowns"]) -> "_Swing":
+        return cls(A.min(0), A.max(0))
+
+    def joined(self, other: "_Swing") -> "_Swing":
+        """Of the rows of both."""
+        return _Swing(np.minimum(self.least, other.least), np.maximum(self.most, other.most))
+
+
+def _swing(
+    grid: Preisach, prepared: PreisachInput, record: Record, used: Bool[np.ndarray, " samples"]
+) -> _Swing:
+    """Of the used rows of a record.
+
+    On a branch, along which the input goes one way, each relay switches one way and at most once, so the
+    first and the last used row of every branch have the extremes.
+    """
+    way = np.sign(np.diff(record.input, prepend=record.input[:1]))
+    moved = np.where(way != 0, np.arange(len(way)), 0)
+    way = way[np.maximum.accumulate(moved)]
+    turned = np.append(True, way[1:] != way[:-1])
+    turned[record.starts] = True
+    rows = np.flatnonzero(used)
+    branch = np.cumsum(turned)[rows]
+    first = np.flatnonzero(np.diff(branch, prepend=0))
+    ends = np.unique(np.concatenate([rows[first], rows[np.append(first[1:], len(rows)) - 1]]))
+    assert isinstance(grid.density, GridDensity)
+    space = NodeSpace(grid.density.cells)
+    found = None
+    for k in range(0, len(ends), CHUNK):
+        B = design_block(grid, prepared, ends[k : k + CHUNK]).matrix
+        one = _Swing.of(space.to_unknowns(B.T.toarray()).T)
+        found = one if found is None else found.joined(one)
+    assert found is not None
+    return found
+
+
+def _told_by(grid: Preisach, record: Record) -> tuple[Float[np.ndarray, "n n"], _Swing]:
+    """A'A of the rows that count, and how far its columns swing there."""
+    assert isinstance(grid.density, GridDensity)
+    space, prepared = NodeSpace(grid.density.cells), located(grid, record)
+    label, y = np.where(record.mask, 0, -1), np.zeros(len(record))
+    count = 1 + space.cells + space.cells * (space.cells + 1) // 2
+    blocks = design_blocks(grid, prepared)
+    sums = dict(normal_equations(space, blocks, y, label, sparse.eye(count)))
+    return sums[0].H, _swing(grid, prepared, record, record.mask)
+
+
+def _swung(swing: _Swing, cells: int) -> Bool[np.ndarray, "cells cells"]:
     """The cells whose relays swing at all: one that never switches adds a constant."""
     excited = np.zeros((cells, cells), bool)
-    excited[np.tril_indices(cells)] = swing[1 + cells :] > 1e-9
+    excited[np.tril_indices(cells)] = (swing.most - swing.least)[1 + cells :] > 1e-9
     return excited
 
 
@@ -193,17 +244,19 @@ def _path(turns: np.ndarray, cells: int) -> np.ndarray:
     return np.concatenate([*legs, turns[-1:]])
 
 
-def _rows(grid: Preisach, prepared: object) -> Float[np.ndarray, "rows unknowns"]:
+def _rows(grid: Preisach, prepared: PreisachInput) -> Float[np.ndarray, "rows unknowns"]:
     assert isinstance(grid.density, GridDensity)
-    B = design_rows(grid, prepared)  # type: ignore[arg-type]
+    B = design_rows(grid, prepared)
     return NodeSpace(grid.density.cells).to_unknowns(B.toarray().T).T
 
 
-def _covariance(A: np.ndarray, cells: int, noise: float) -> Float[np.ndarray, "n n"]:
+def _covariance(
+    gram: Float[np.ndarray, "n n"], cells: int, noise: float
+) -> Float[np.ndarray, "n n"]:
     """(A'A / sigma^2 + 1 / v)^-1, in units of the output's range: of sum w = 1/2."""
-    variance = np.full(A.shape[1], (0.5 / (cells * (cells + 1) / 2)) ** 2)
+    variance = np.full(len(gram), (0.5 / (cells * (cells + 1) / 2)) ** 2)
     variance[0], variance[1 : 1 + cells] = 1.0, 1.0 / cells**2
-    precision = A.T @ A / noise**2 + np.diag(1 / variance)
+    precision = gram / noise**2 + np.diag(1 / variance)
     return scipy.linalg.inv(precision)
 
 
@@ -214,12 +267,12 @@ def _step(S: np.ndarray, A: np.ndarray, noise: float) -> Float[np.ndarray, "rows
     return scipy.linalg.solve_triangular(inner, AS, lower=True)
 
 
-def _identifiability(S: np.ndarray, A: np.ndarray, grid: Preisach) -> Identifiability:
+def _identifiability(S: np.ndarray, swing: _Swing, grid: Preisach) -> Identifiability:
     assert isinstance(grid.density, GridDensity)
     cells = grid.density.cells
     used = np.tril_indices(cells)
     told = np.zeros((cells, cells))
     prior = (0.5 / (cells * (cells + 1) / 2)) ** 2
     told[used] = np.clip(1 - np.diagonal(S)[1 + cells :] / prior, 0.0, 1.0)
-    excited = _swung(np.ptp(A, axis=0), cells)
+    excited = _swung(swing, cells)
     return Identifiability(told, excited, grid.density.low, grid.density.high)

@@ -5,7 +5,8 @@ import pytest
 
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify import design, identifiability
+from identify import design, excited_cells, identifiability
+from identify.linear._preisach_design_matrix import NodeSpace, design_rows
 
 CELLS = 8
 
@@ -76,3 +77,19 @@ def test_a_rich_record_needs_no_more() -> None:
 def test_bad_options(keywords: dict) -> None:
     with pytest.raises(InputError, match="bad-option"):
         identifiability(record_of([0.0, 1.0]), **keywords)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_the_ends_of_branches_tell_which_cells_switched(noise: float) -> None:
+    """Against the columns of all used rows, which may miss turning points."""
+    random, cells = np.random.default_rng(int(100 * noise)), 9
+    u = np.interp(np.arange(200) / 7, np.arange(30), random.uniform(0.0, 0.8, 30))
+    u = np.clip(u + noise * random.normal(size=200), 0.0, 1.0)
+    data = Record.from_arrays(u, u, groups=np.arange(200) // 90)
+    used = random.uniform(size=200) < 0.5
+    grid = Preisach(GridDensity(0.0, 1.0, np.tri(cells)), np.zeros(cells), initial="demagnetised")
+    B = design_rows(grid, grid.located(u, starts=(0, 90, 180)))
+    columns = NodeSpace(cells).to_unknowns(B.toarray().T)[1 + cells :, used]
+    found = excited_cells(grid, data, used)[np.tril_indices(cells)]
+    np.testing.assert_array_equal(found, np.ptp(columns, axis=1) > 1e-9)
+    assert 0 < found.sum() < len(found)
