@@ -31,15 +31,17 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GaussianDensity
-from identify.noise._adequacy import BELIEVED, Left, believed
-from identify.noise._model import NoiseModel, Rows, rows_of
-from identify.noise._reml import Linearised, kinds, lanes, of_free
+from identify.noise._adequacy import BELIEVED
+from identify.noise._arithmetic import Rows
+from identify.noise._model import NoiseModel, rows_of
+from identify.noise._reml import kinds
 from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings
 from identify.parameters._transform import Transform, transform, transform_for
-from identify.parametric._interval_skewness import Skewness, points_about, skewness
-from identify.parametric._maximum_likelihood import STEP, likeliest_about, likelihood_slope
-from identify.parametric._multistart import levenberg_marquardt
+from identify.parametric._interval_skewness import Skewness
+from identify.parametric._maximum_likelihood import likeliest, linearised_at, skewness_at
+from identify.parametric._multistart import refine
+from identify.parametric._standard_errors import covariance_of, rescaled
 from identify.posterior._log_posterior import Target
 
 from .._measure import Row, judged, noted
@@ -50,9 +52,6 @@ SEED = 20261121
 SAMPLES, RECORDS, BY_EMCEE = 200, 1000, 100
 NOISE, PHI = 0.02, 0.7
 """Deviation of the noise, of the output's range; correlation of neighbouring rows where it has one."""
-
-ROUNDS = 6
-"""How often the models are linearised anew; the fits start near their end."""
 
 NINETY = float(scipy.stats.norm.ppf(0.95))
 LOW, HIGH = 86.5, 93.5
@@ -150,11 +149,7 @@ def _case(
 
 
 def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
-    """Simulate and fit so many records by one compiled program.
-
-    One after the other: side by side they are no faster, and LAPACK called from several lanes at once can
-    leave XLA's threads waiting for ever.
-    """
+    """Simulate and fit so many records."""
     random = np.random.default_rng([seed, len(case.name), round(100 * phi)])
     typical = np.asarray(case.model.simulate(case.t, case.u))
     record = Record.from_arrays(case.u, typical, case.t)
@@ -166,40 +161,61 @@ def study(case: Case, phi: float, records: int, seed: int = SEED) -> Study:
     size = NOISE * np.ptp(clean, axis=1, keepdims=True)
     y, again = (clean + size * _noise(random, clean.shape, phi) for _ in range(2))
     rows = rows_of(record, record.mask, typical)
-    middle = jnp.asarray(bounds.to_free(case.model))
-    least = np.asarray(_least_squares(bounds, case.model, prepared, jnp.asarray(y), rows, middle))
-    z, now = _likeliest(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
-    J, _, precision = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, z)
-    weight = np.asarray(now.left.information)[:, None, None]
-    information = weight * _squared(np.asarray(now.left.W)) + precision
-    wider = np.asarray(now.wider)
-    covariance = np.linalg.inv(information)
-    noises = jax.vmap(of_free)(now.noise)
-    points = jnp.asarray(points_about(np.asarray(z), covariance))
-    scores = _scores(bounds, case.model, prepared, jnp.asarray(y), rows, noises, points)
-    bent = skewness(np.asarray(scores), covariance)
-    covariance = covariance * wider[:, :, None] * wider[:, None]
-    estimate, chosen = np.array(z), [kinds("auto")[k] for k in np.asarray(now.best)]
-    trusted = np.array([_chance(now.left, k, rows, chosen[k]) > BELIEVED for k in range(records)])
-    sigma = np.array(noises.sigma)
-    bent = Skewness(*(np.where(trusted[:, None], part, 0.0) for part in bent))
-    # What a fit does where no noise model is believed: least squares, its errors widened.
-    J0, r0, _ = _jacobians(bounds, case.model, prepared, jnp.asarray(y), rows, jnp.asarray(least))
-    freedom = SAMPLES - J0.shape[2]
-    plain = np.linalg.inv(_squared(J0)) * (np.sum(r0**2, 1) / freedom)[:, None, None]
-    for k in np.flatnonzero(~trusted):
-        noise = estimate_noise([r0[k]], J0.shape[2])
-        covariance[k] = plain[k] * noise.correlation_time
-        estimate[k], sigma[k], J[k] = least[k], noise.sigma, J0[k]
-    spread = np.sqrt(np.einsum("nij,njk,nik->ni", J, covariance, J))
+    middle = bounds.to_free(case.model)
+    fits = [_fit(bounds, case.model, prepared, one, rows, middle) for one in y]
+    estimate, least = np.stack([f.estimate for f in fits]), np.stack([f.least for f in fits])
+    covariance, plain = np.stack([f.covariance for f in fits]), np.stack([f.plain for f in fits])
+    spread = np.stack([np.sqrt(np.einsum("ij,jk,ik->i", f.J, f.covariance, f.J)) for f in fits])
     predicted = np.asarray(_outputs(bounds, case.model, prepared, jnp.asarray(estimate)))
-    noisy = np.sqrt(spread**2 + sigma[:, None] ** 2)
+    noisy = np.sqrt(spread**2 + np.array([[f.sigma] for f in fits]) ** 2)
+    bent = Skewness(*(np.stack(part) for part in zip(*(f.bent for f in fits), strict=True)))
     return Study(
         bounds.names, truth, estimate, np.sqrt(np.einsum("njj->nj", covariance)), bent,
         least, np.sqrt(np.einsum("njj->nj", plain)),
         np.mean(np.abs(predicted - clean) <= NINETY * spread, 1),
-        np.mean(np.abs(predicted - again) < NINETY * noisy, 1), trusted, y,
+        np.mean(np.abs(predicted - again) < NINETY * noisy, 1), np.array([f.believed for f in fits]), y,
     )  # fmt: skip
+
+
+class _Fit(NamedTuple):
+    """Estimate, covariance and skewness in the free space of one record, size of the noise, Jacobian,
+    whether the noise is believed; estimate and covariance of plain least squares."""
+
+    estimate: np.ndarray
+    covariance: np.ndarray
+    bent: Skewness
+    sigma: float
+    J: np.ndarray
+    believed: bool
+    least: np.ndarray
+    plain: np.ndarray
+
+
+def _fit(
+    bounds: Transform, model: AbstractModel, prepared: Any, y: np.ndarray, rows: Rows, z: np.ndarray
+) -> _Fit:
+    """What a fit does, from the middle of the prior."""
+    first = refine(bounds, model, prepared, y, np.asarray(rows.counted), z)
+    r = first.predicted - y
+    plain = covariance_of(first.jacobian, r @ r / (len(y) - len(z)))
+    found = likeliest(bounds, model, prepared, y, rows, first.free, kinds("auto"))
+    if found is None or found.believed < BELIEVED:
+        # No noise model is believed: least squares, its errors widened.
+        noise = estimate_noise([r], len(z))
+        nothing = Skewness(np.zeros(len(z)), np.zeros(len(z)))
+        covariance = plain * noise.correlation_time
+        return _Fit(
+            first.free, covariance, nothing, noise.sigma, first.jacobian, False, first.free, plain
+        )
+    covariance = covariance_of(found.root, 1.0)
+    about = (model, prepared, y, rows)
+    bent = skewness_at(bounds, about, found.noise, found.free, covariance, 1.0)
+    at = linearised_at(bounds, *about, found.free)
+    covariance = rescaled(covariance, found.wider)
+    sigma = float(found.noise.sigma)
+    return _Fit(
+        found.free, covariance, bent, sigma, np.asarray(at.jacobian), True, first.free, plain
+    )
 
 
 def _noise(random: np.random.Generator, shape: tuple[int, ...], phi: float) -> np.ndarray:
@@ -213,108 +229,6 @@ def _noise(random: np.random.Generator, shape: tuple[int, ...], phi: float) -> n
 @eqx.filter_jit
 def _outputs(bounds: Transform, model: AbstractModel, prepared: Any, z: Array) -> Array:
     return jax.vmap(lambda z: bounds.insert(model, bounds.to_values(z)).evaluate(prepared))(z)
-
-
-@eqx.filter_jit
-def _least_squares(
-    bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
-) -> Array:
-    """From the middle of the prior."""
-
-    def one(y: Array) -> Array:
-        arguments = (model, prepared, y, rows.counted, jnp.ptp(y))
-        return levenberg_marquardt(bounds, arguments, z, 60).free
-
-    return jax.lax.map(one, y)
-
-
-def _linearised(
-    bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
-) -> Linearised:
-    """The model linearised about z."""
-
-    def residuals(z: Array) -> tuple[Array, Array]:
-        predicted = bounds.model(model, z).evaluate(prepared)
-        return jnp.where(rows.counted, predicted - y, 0.0), predicted
-
-    r, push, predicted = jax.linearize(residuals, z, has_aux=True)
-    J = jax.vmap(push, out_axes=1)(jnp.eye(z.size))
-    rows = rows._replace(output=predicted)
-    return Linearised(r, J, rows, jax.grad(bounds.penalty)(z), jax.hessian(bounds.penalty)(z))
-
-
-@eqx.filter_jit
-def _round(
-    bounds: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    y: Array,
-    rows: Rows,
-    z: Array,
-    tried: Array,
-) -> Any:
-    def one(of_record: tuple[Array, Array, Array]) -> Any:
-        y, z, tried = of_record
-        return likeliest_about(_linearised(bounds, model, prepared, y, rows, z), tried)
-
-    return jax.lax.map(one, (y, z, tried))
-
-
-def _likeliest(*arguments: Any) -> tuple[Array, Any]:
-    """The rounds of `likeliest`, the kind of noise chosen in the first one."""
-    bounds, model, prepared, y, rows, z = arguments
-    every = jnp.asarray(lanes(kinds("auto")))
-    tried = jnp.broadcast_to(every, (len(z), *every.shape))
-    for k in range(ROUNDS):
-        now = _round(bounds, model, prepared, y, rows, z, tried)
-        tried = every[now.best][:, None] if k == 0 else tried
-        if k < ROUNDS - 1:
-            longest = jnp.max(jnp.abs(now.away), 1, keepdims=True)
-            z = z + now.away * jnp.minimum(1.0, STEP / longest)
-    return z, now
-
-
-def _jacobians(
-    bounds: Transform, model: AbstractModel, prepared: Any, y: Array, rows: Rows, z: Array
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    at = eqx.filter_jit(jax.vmap(lambda y, z: _linearised(bounds, model, prepared, y, rows, z)))(
-        y, z
-    )
-    return np.array(at.jacobian), np.asarray(at.residuals), np.asarray(at.precision)
-
-
-@eqx.filter_jit
-def _scores(
-    bounds: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    y: Array,
-    rows: Rows,
-    noises: NoiseModel,
-    points: Array,
-) -> Array:
-    """Of every record at its points."""
-
-    def one(of_record: tuple[Array, NoiseModel, Array]) -> Array:
-        y, noise, points = of_record
-
-        def at(z: Array) -> Array:
-            there = _linearised(bounds, model, prepared, y, rows, z)
-            slope = likelihood_slope(there.residuals, there.rows, y, noise)
-            return there.jacobian.T @ slope - there.pull
-
-        return jax.lax.map(at, points)
-
-    return jax.lax.map(one, (y, noises, points))
-
-
-def _squared(J: np.ndarray) -> np.ndarray:
-    return np.einsum("nij,nik->njk", J, J)
-
-
-def _chance(left: Left, k: int, rows: Rows, kind: tuple[str, ...]) -> float:
-    one = Left(*(np.asarray(a)[k] for a in left))
-    return believed(one, rows.place, sum(part in ("phi", "theta") for part in kind))
 
 
 def by_emcee(case: Case, phi: float, done: Study, records: int, steps: int = 600) -> np.ndarray:

@@ -11,7 +11,8 @@ from jaxtyping import Array
 
 from hysteresis import AbstractModel
 
-from ..noise._model import NoiseModel, Rows, rows_of
+from ..noise._arithmetic import Rows
+from ..noise._model import NoiseModel, rows_of
 from ..posterior._log_posterior import target
 from ..posterior._mode import top_of
 from ..posterior._posterior import Posterior

@@ -9,7 +9,8 @@ from jaxtyping import Float
 from hysteresis import AbstractModel, InputError
 
 from ..noise._adequacy import BELIEVED, nothing_speaks_against
-from ..noise._model import NoiseModel, Rows, rows_of
+from ..noise._arithmetic import Rows
+from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import Linearised, kinds
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
@@ -28,7 +29,7 @@ from ..parametric._multistart import (
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
 from ..records._folds import held_out_errors
-from ..records._run_model import predict, starts_of
+from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
 from ._training_data import TrainingData
@@ -151,7 +152,9 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
     errors = _errors(fit, judged.noise, at, noise_rows, noise)
     found, free = errors.found, errors.free
     if found is not None and found.free is not optimum.free:
-        judged = fit.evidence(predict(fit.model(free), data.record))
+        counted = np.asarray(noise_rows.counted)
+        at_found = refine(bounds, fit.template, fit.prepared, fit.measured, counted, free, steps=1)
+        judged = fit.evidence(at_found.predicted[:rows])
     model, covariance = fit.model(free), errors.covariance
     bent = skewness_at(bounds, arguments, errors.taken, free, covariance, 1 / errors.widened)
     covariance = rescaled(covariance, errors.wider)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from ._model import Rows
+from ._arithmetic import Rows
 
 LAGS = 20
 """Lags over which innovations are looked at."""
@@ -46,11 +46,12 @@ def believed(left: Left, place: Float[Array | np.ndarray, " rows"], spent: int) 
     return min(_white(x, np.asarray(place), spent), _shapeless(x, W, shapes))
 
 
-def nothing_speaks_against(left: Left, rows: Rows) -> bool:
-    """Whether independent Gaussian noise of one size can be believed without trying other kinds.
+def nothing_speaks_against(left: Left, rows: Rows, spent: int = 0) -> bool:
+    """Whether Gaussian noise of one size can be believed without trying other kinds.
 
     Color, shapes, tails (Jarque and Bera's kurtosis) and growth (Breusch and Pagan's correlation of squares
-    with the squared reading) are each as strong by chance in one of twenty cases at least.
+    with the squared reading) are each as strong by chance in one of twenty cases at least. `spent` as for
+    `believed`.
     """
     x, reading = np.asarray(left.x), np.asarray(rows.output) ** 2
     counted = np.asarray(rows.counted)
@@ -62,7 +63,7 @@ def nothing_speaks_against(left: Left, rows: Rows) -> bool:
     spread = np.std(squares) * np.std(reading)
     growth = np.cov(squares, reading)[0, 1] / spread * np.sqrt(count) if spread > 0 else 0.0
     quiet = bool(max(tails, abs(growth)) < TWENTIETH)
-    return quiet and believed(left, rows.place, 0) > 0.05
+    return quiet and believed(left, rows.place, spent) > 0.05
 
 
 def _white(x: np.ndarray, place: np.ndarray, spent: int) -> float:

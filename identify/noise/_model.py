@@ -1,33 +1,15 @@
 """The one noise model: what residuals are expected to be, for least squares and for the posterior."""
 
-from typing import NamedTuple
+from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import gammaln
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from hysteresis import Record, Scalar, linear_recurrence, parameter
+from hysteresis import Record, Scalar, parameter
+from hysteresis._parameter import array_module
 
-
-class Rows(NamedTuple):
-    """What of a record the noise depends on, (rows,), and what would show a misfit.
-
-    - `counted`: whether a row counts. `place`: rows since its stretch began; a stretch is a run of counted
-      rows of one sequence, and independent of the others.
-    - `output`: the predicted output, for noise that grows with the reading.
-    - `slope`: d output / d input along the path, for errors in the input.
-    - `shapes` (rows, shapes): smooth functions of the input, alike on rising and falling branches or of
-      opposite sign: noise looks like none of them.
-    """
-
-    counted: Bool[Array | np.ndarray, " rows"]
-    place: Float[Array | np.ndarray, " rows"]
-    output: Float[Array | np.ndarray, " rows"]
-    slope: Float[Array | np.ndarray, " rows"]
-    shapes: Float[Array | np.ndarray, "rows shapes"]
+from ._arithmetic import Arithmetic, Known, Rows
 
 
 class NoiseModel(eqx.Module):
@@ -94,119 +76,54 @@ class NoiseModel(eqx.Module):
         more = self.growth, self.input_sigma, self.phi, self.theta, self.tail, self.misfit
         return all(part is None for part in more)
 
-    def scale(self, rows: Rows) -> Float[Array, " rows"]:
+    def scale(self, rows: Rows) -> Float[Known, " rows"]:
         """s_i."""
-        squares = jnp.ones_like(rows.output) * self.sigma**2
-        if self.growth is not None:
-            squares = squares + (self.growth * rows.output) ** 2
-        if self.input_sigma is not None:
-            squares = squares + (self.input_sigma * rows.slope) ** 2
-        return jnp.sqrt(squares)
+        return self.arithmetic(rows).scale(rows)
 
-    def whitened(self, r: Float[Array, " rows"], rows: Rows) -> Float[Array, " rows"]:
-        """One-step-ahead errors over their deviations: independent, of unit variance; linear in r."""
-        e = jnp.where(rows.counted, r, 0.0) / self.scale(rows)
-        if self.phi is None:
-            return e
-        inside = rows.place > 0
-        before = jnp.where(inside, _before(e), 0.0)
-        v, rho = e - self.phi * before, self._rho(rows)
-        if self.theta is not None:
-            a = jnp.where(inside, -self.theta / _before(rho, 1.0), 0.0)
-            v = linear_recurrence((a,), (v,))[0]
-        return jnp.where(rows.counted, v, 0.0) / jnp.sqrt(rho * self._innovation)
+    def whitened(
+        self, r: Float[Known, "rows *columns"], rows: Rows
+    ) -> Float[Known, "rows *columns"]:
+        """One-step-ahead errors over their deviations: independent, of unit variance; linear in r.
 
-    def pointwise(self, r: Float[Array, " rows"], rows: Rows) -> Float[Array, " rows"]:
+        Several columns go through the same filter.
+        """
+        return self.arithmetic(rows, r).whitened(r, rows)
+
+    def pointwise(self, r: Float[Known, " rows"], rows: Rows) -> Float[Known, " rows"]:
         """log p(r_i | those before), 0 where a row does not count."""
-        deviation = self.scale(rows)
-        if self.phi is not None:
-            deviation = deviation * jnp.sqrt(self._rho(rows) * self._innovation)
-        term = self.log_density(self.whitened(r, rows)) - jnp.log(deviation)
-        return jnp.where(rows.counted, term, 0.0)
+        return self.arithmetic(rows, r).pointwise(r, rows)
 
-    def log_likelihood(self, r: Float[Array, " rows"], rows: Rows) -> Float[Array, ""]:
+    def log_likelihood(self, r: Float[Known, " rows"], rows: Rows) -> Known:
         """log p(r), whatever the misfit."""
-        if self.misfit is None:
-            return jnp.sum(self.pointwise(r, rows))
-        A, L = self._misfit_root(rows)
-        x = self.whitened(r, rows)
-        c = jax.scipy.linalg.cho_solve((L, True), A.T @ x)
-        # A sum of squares, not a difference of large ones.
-        squares = jnp.sum((x - A @ c) ** 2) + c @ c
-        constant = jnp.sum(self.pointwise(jnp.zeros_like(r), rows))
-        return constant - squares / 2 - jnp.sum(jnp.log(jnp.diagonal(L)))
+        return self.arithmetic(rows, r).log_likelihood(r, rows)
 
     def information_of(
-        self, columns: Float[Array, "rows parameters"], rows: Rows
-    ) -> Float[Array, "parameters parameters"]:
+        self, columns: Float[Known, "rows parameters"], rows: Rows
+    ) -> Float[Known, "parameters parameters"]:
         """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
-        W = self.whitened_columns(columns, rows)
-        if self.misfit is not None:
-            A, L = self._misfit_root(rows)
-            hidden = jax.scipy.linalg.solve_triangular(L, A.T @ W, lower=True)
-            return W.T @ W - hidden.T @ hidden
-        return self.information * W.T @ W
+        return self.arithmetic(rows, columns).information_of(columns, rows)
 
-    def without_misfit(self, x: Float[Array, " rows"], rows: Rows) -> Float[Array, " rows"]:
-        """Whitened residuals less what the misfit is expected to be of them."""
-        if self.misfit is None:
-            return x
-        A, L = self._misfit_root(rows)
-        return x - A @ jax.scipy.linalg.cho_solve((L, True), A.T @ x)
-
-    def whitened_columns(
-        self, columns: Float[Array, "rows columns"], rows: Rows
-    ) -> Float[Array, "rows columns"]:
-        """Every column through the same filter."""
-        return jax.vmap(lambda c: self.whitened(c, rows), in_axes=1, out_axes=1)(columns)
-
-    def _misfit_root(self, rows: Rows) -> tuple[Array, Array]:
-        """A, and L with LL' = I + A'A."""
-        orders = 1 + jnp.arange(rows.shapes.shape[1]) // 2
-        deviations = jnp.asarray(self.misfit) / orders.astype(rows.shapes.dtype)
-        A = self.whitened_columns(rows.shapes, rows) * deviations[None]
-        return A, jnp.linalg.cholesky(jnp.eye(A.shape[1]) + A.T @ A)
-
-    def log_density(self, x: Float[Array, " rows"]) -> Float[Array, " rows"]:
+    def log_density(self, x: Float[Known, " rows"]) -> Float[Known, " rows"]:
         """Of a residual in units of its scale."""
-        if self.tail is None:
-            return -0.5 * (x**2 + jnp.log(2 * jnp.pi))
-        nu = 1 / self.tail
-        constant = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * jnp.log(jnp.pi * nu)
-        return constant - (nu + 1) / 2 * jnp.log1p(x**2 * self.tail)
+        return self.arithmetic(None, x).log_density(x)
 
     @property
-    def information(self) -> Float[Array, ""]:
+    def information(self) -> Known:
         """E[(d log density / dx)^2]: 1, of Student's t (nu + 1) / (nu + 3)."""
-        if self.tail is None:
-            return jnp.ones(())
-        tail = jnp.asarray(self.tail)
-        return (1 + tail) / (1 + 3 * tail)
+        return self.arithmetic().information
 
     @property
-    def correlation_time(self) -> Float[Array, ""]:
+    def correlation_time(self) -> Known:
         """1 + 2 sum of the autocorrelations, in rows."""
-        phi, theta = self._arma
-        return ((1 + theta) / (1 - phi)) ** 2 * self._innovation
+        return self.arithmetic().correlation_time
 
-    @property
-    def _arma(self) -> tuple[Array, Array]:
-        phi, theta = (jnp.asarray(0.0 if x is None else x) for x in (self.phi, self.theta))
-        return phi, theta
-
-    @property
-    def _innovation(self) -> Float[Array, ""]:
-        """Variance of w: 1 / gamma."""
-        phi, theta = self._arma
-        return (1 - phi**2) / (1 + 2 * phi * theta + theta**2)
-
-    def _rho(self, rows: Rows) -> Float[Array, " rows"]:
-        """Variance of v_i in units of w's."""
-        phi, theta = self._arma
-        q = (phi + theta) ** 2 / (1 - phi**2)
-        # JAX's forward derivative of 0^0 is not a number.
-        power = jnp.where(rows.place > 0, (theta**2) ** jnp.maximum(rows.place, 1.0), 1.0)
-        return 1 + q * power / (1 + q * (1 - power) / (1 - theta**2))
+    def arithmetic(self, rows: Rows | None = None, r: Any = 0.0) -> Arithmetic:
+        """By NumPy where the noise and what it is asked of are known."""
+        parts = {part: getattr(self, part) for part in Arithmetic._fields if part != "xp"}
+        some = [x for x in parts.values() if x is not None]
+        xp = array_module(*some, r, *([] if rows is None else rows))
+        known = {part: None if x is None else xp.asarray(x) for part, x in parts.items()}
+        return Arithmetic(**known, xp=xp)
 
 
 def rows_of(
@@ -226,8 +143,8 @@ def rows_of(
                 np.abs(du)
             )  # where the input rests there is no slope
             slope[rows] = np.where(moves, dy / np.where(moves, du, 1.0), 0.0)
-    arrays = (np.where(used, place, 0.0).astype(predicted.dtype), predicted, slope)
-    return Rows(jnp.asarray(used), *(jnp.asarray(a) for a in (*arrays, shapes_of(record, used))))
+    place = np.where(used, place, 0.0).astype(predicted.dtype)
+    return Rows(used, place, predicted, slope, shapes_of(record, used))
 
 
 def shapes_of(
@@ -243,7 +160,3 @@ def shapes_of(
     step[record.starts] = 0.0
     both = np.stack([np.sign(step)[:, None] * waves[:, :-1], waves[:, 1:]], axis=2)
     return both.reshape(len(u), -1).astype(u.dtype)
-
-
-def _before(x: Array, first: float = 0.0) -> Array:
-    return jnp.concatenate([jnp.full_like(x[:1], first), x[:-1]])

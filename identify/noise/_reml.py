@@ -1,21 +1,20 @@
 """Restricted maximum likelihood (REML) of a noise model of one kind, together with the model's parameters.
 
-Pure JAX, so that `jax.vmap` tries several kinds or records at once.
+The problem is small and its shapes are many, so NumPy and SciPy solve it: nothing is compiled.
 """
 
+from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-import optimistix
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
+from scipy.optimize import OptimizeResult, minimize
 from scipy.special import logit
 
 from hysteresis import InputError
 
-from ._model import NoiseModel, Rows
+from ._arithmetic import Arithmetic, Rows
 
 PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
 """The parts a noise model may have, in the order of their unconstrained parameters."""
@@ -25,6 +24,9 @@ ABSENT = (0.0, np.log(1e-9), np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2
 
 BEGIN = (0.0, *[np.log(0.3)] * 3, float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
 """Start values of the parts that are on: phi = 0.5, theta = -0.1, five degrees of freedom."""
+
+STILL = 1e-11
+"""Change of the cost a row below which the search for the noise ends."""
 
 WITHIN = ((-9.0,) * 4 + (-12.0,) * 3, (3.0,) * 4 + (12.0,) * 3)
 """Bounds of the search, unconstrained: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
@@ -52,9 +54,9 @@ class NoiseFit(NamedTuple):
     - `cost`: -log of the restricted likelihood.
     """
 
-    free: Float[Array, " parts"]
-    away: Float[Array, " parameters"]
-    cost: Float[Array, ""]
+    free: Float[np.ndarray, " parts"]
+    away: Float[np.ndarray, " parameters"]
+    cost: float
 
 
 def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
@@ -86,88 +88,202 @@ def kinds(noise: str) -> tuple[tuple[str, ...], ...]:
     return (("sigma", *dict.fromkeys(part for word in words for part in meaning[word])),)
 
 
-def lanes(kinds: tuple[tuple[str, ...], ...]) -> Bool[np.ndarray, "kinds parts"]:
-    """Whether each kind has each of the `PARTS`."""
-    return np.array([[part in kind for part in PARTS] for kind in kinds])
-
-
 def of_free(
-    free: Float[Array, " parts"],
-    sizes: Float[Array, " parts"] | float = 1.0,
-    with_misfit: bool = False,
-) -> NoiseModel:
-    """The noise of unconstrained parameters, as in `Transform`; `sizes` multiply the positive ones."""
-    sigma, growth, input_sigma, misfit = (sizes * jnp.exp(free))[:4]
-    phi, theta = jnp.tanh(free[4:6] / 2)
-    tail = 0.5 / (1 + jnp.exp(-free[6]))
-    return NoiseModel(sigma, growth, input_sigma, phi, theta, tail, misfit if with_misfit else None)
+    free: Float[np.ndarray, " parts"],
+    kind: tuple[str, ...],
+    sizes: Float[np.ndarray, " parts"] | float = 1.0,
+) -> Arithmetic:
+    """The noise of one kind from unconstrained parameters, as in `Transform`; `sizes` multiply the positive
+    ones."""
+    positive = (sizes * np.exp(free))[:4]
+    values = [*positive, *np.tanh(free[4:6] / 2), 0.5 / (1 + np.exp(-free[6]))]
+    return Arithmetic(
+        **{part: float(x) for part, x in zip(PARTS, values, strict=True) if part in kind}
+    )
 
 
 def noise_fit(
-    at: Linearised, kind: Bool[Array, " parts"], with_misfit: bool = False, steps: int = 100
+    at: Linearised,
+    kind: tuple[str, ...],
+    near: Float[np.ndarray, " parts"] | None = None,
+    steps: int = 100,
 ) -> NoiseFit:
     """Estimate the noise of one kind and the change d of the model by restricted maximum likelihood.
 
     It minimises -log p(r + J d | noise) - log prior + log det(J'J + precision, whitened) / 2. The last term
     accounts for the degrees of freedom that the model's parameters use. For Gaussian noise the result is
-    the marginal likelihood of the noise, integrated over d.
+    the marginal likelihood of the noise, integrated over d, and d follows from the noise in closed form.
+    For Student's t both are sought together. `near`: unconstrained parameters to start from.
 
     Source: Patterson, Thompson, Recovery of inter-block information when block sizes are unequal,
     Biometrika 58 (1971).
     """
-    r, J, rows, pull, precision = at
-    counted = jnp.where(rows.counted, 1.0, 0.0)
-    count = counted.sum()
-    size = jnp.sqrt(jnp.sum(counted * r**2) / count)
-    basis, seen = _basis(J * counted[:, None], size)
-    columns, precision = J @ basis, basis.T @ precision @ basis
-    sizes = jnp.append(size / _largest(rows), jnp.ones(3))
-
-    def free_of(x: Array) -> Array:
-        inside = jnp.clip(x[: len(PARTS)], *(jnp.asarray(ends) for ends in WITHIN))
-        return jnp.where(kind, inside, jnp.asarray(ABSENT))
-
-    def cost(x: Array, _: None) -> tuple[Array, Array]:
-        noise, d = of_free(free_of(x), sizes, with_misfit), x[len(PARTS) :]
-        likelihood = noise.log_likelihood(r + columns @ d, rows)
-        open_ways = jnp.diag(jnp.where(seen, 0.0, count))
-        information = noise.information_of(columns, rows) + precision + open_ways
-        _, log_determinant = jnp.linalg.slogdet(information / count)
-        prior = (pull @ basis) @ d + d @ precision @ d / 2
-        prior = prior - jnp.sum(jnp.where(kind, log_prior(free_of(x)), 0.0))
-        value = (-likelihood + log_determinant / 2 + prior) / count
-        return value, value
-
-    start = jnp.append(jnp.where(kind, jnp.asarray(BEGIN), 0.0), jnp.zeros(J.shape[1]))
-    solver = optimistix.BFGS(rtol=1e-7, atol=1e-9)
-    found = optimistix.minimise(cost, solver, start, has_aux=True, max_steps=steps, throw=False)
-    free = free_of(found.value) + jnp.log(sizes)
-    return NoiseFit(free, basis @ found.value[len(PARTS) :], count * found.aux)
+    counted = np.where(at.rows.counted, 1.0, 0.0)
+    size = float(np.sqrt(np.sum((counted * at.residuals) ** 2) / counted.sum())) or 1.0
+    basis, seen = _basis(at.jacobian * counted[:, None], size)
+    sizes = np.append(size / _largest(at.rows), np.ones(3))
+    seek = _Sought(
+        at.residuals * counted, at.jacobian @ basis, at.rows, at.pull @ basis,
+        basis.T @ at.precision @ basis, np.diag(np.where(seen, 0.0, counted.sum())),
+        float(counted.sum()), kind, sizes,
+    )  # fmt: skip
+    begin = np.array(BEGIN) if near is None else near - np.log(sizes)
+    # A part that the estimate near by did not have, or that went to its bound, starts anew.
+    begin = np.where(begin > np.array(WITHIN[0]) + 1, begin, BEGIN)
+    start = seek.free_of(begin[seek.moves])[seek.moves]
+    if "tail" in kind:
+        start = np.append(start, np.zeros(len(at.pull)))
+    student = "tail" in kind
+    found = minimize(
+        seek.by_student if student else seek.by_gaussian,
+        start, jac=True, method="BFGS", callback=_Stands(), options={"gtol": 1e-7, "maxiter": steps},
+    )  # fmt: skip
+    free = seek.free_of(found.x[: len(seek.moves)])
+    cost, d = seek.student(free, found.x[len(seek.moves) :]) if student else seek.gaussian(free)
+    return NoiseFit(free + np.log(sizes), basis @ d, cost)
 
 
-def _basis(J: Array, size: Array) -> tuple[Array, Array]:
+class _Stands:
+    """Ends a search where the cost a row stands still: a part of the noise that is not there goes to 0 for
+    ever."""
+
+    def __init__(self) -> None:
+        self.last = np.inf
+
+    def __call__(self, intermediate_result: OptimizeResult) -> None:
+        now = float(intermediate_result.fun)
+        if now > self.last - STILL:
+            raise StopIteration
+        self.last = now
+
+
+class _Sought(NamedTuple):
+    """The cost of one kind of noise; columns are an orthogonal `_basis` of the model's directions."""
+
+    residuals: Float[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "rows parameters"]
+    rows: Rows
+    pull: Float[np.ndarray, " parameters"]
+    precision: Float[np.ndarray, "parameters parameters"]
+    unseen: Float[np.ndarray, "parameters parameters"]
+    count: float
+    kind: tuple[str, ...]
+    sizes: Float[np.ndarray, " parts"]
+
+    @property
+    def moves(self) -> list[int]:
+        """Places of the parts that the kind has."""
+        return [k for k, part in enumerate(PARTS) if part in self.kind]
+
+    def free_of(self, x: np.ndarray) -> np.ndarray:
+        """All unconstrained parameters, inside the bounds of the search."""
+        free = np.array(ABSENT)
+        free[self.moves] = np.clip(x, *(np.array(ends)[self.moves] for ends in WITHIN))
+        return free
+
+    def noise(self, free: np.ndarray) -> Arithmetic:
+        return of_free(free, self.kind, self.sizes)
+
+    def rest(self, free: np.ndarray, d: np.ndarray, information: np.ndarray) -> float:
+        """The prior's and the determinant's part of the cost."""
+        whole = (information + self.precision + self.unseen) / self.count
+        prior = self.pull @ d + d @ self.precision @ d / 2
+        prior -= float(np.sum(log_prior(free)[self.moves]))
+        return float(np.linalg.slogdet(whole)[1]) / 2 + prior
+
+    def gaussian(self, free: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost, and the change d of the model that is best under this noise."""
+        noise = self.noise(free)
+        whole = noise.whitened(np.column_stack([self.residuals, self.columns]), self.rows)
+        G = noise.products(whole, self.rows)
+        H = G[1:, 1:] + self.precision + self.unseen
+        d = -np.linalg.solve(H, G[0, 1:] + self.pull)
+        squares = G[0, 0] + 2 * G[0, 1:] @ d + d @ G[1:, 1:] @ d
+        return squares / 2 - float(noise.log_constant(self.rows)) + self.rest(free, d, G[1:, 1:]), d
+
+    def student(self, free: np.ndarray, d: np.ndarray, rounds: int = 4) -> tuple[float, np.ndarray]:
+        """Cost, and the change d under this noise to full accuracy, by Newton's method from near by."""
+        noise = self.noise(free)
+        W = noise.whitened(self.columns, self.rows)
+        for _ in range(rounds):
+            x = noise.whitened(self.residuals + self.columns @ d, self.rows)
+            slope = W.T @ score(noise, x) + self.pull + self.precision @ d
+            heavy = noise.tail * x**2
+            curved = (1 + noise.tail) * (1 - heavy) / (1 + heavy) ** 2
+            H = (W * curved[:, None]).T @ W + self.precision + self.unseen
+            if np.linalg.eigvalsh(H)[0] <= 0:  # far from the optimum: reweighted least squares
+                H = (
+                    (W * ((1 + noise.tail) / (1 + heavy))[:, None]).T @ W
+                    + self.precision
+                    + self.unseen
+                )
+            d = d - np.linalg.solve(H, slope)
+        likelihood = float(noise.log_likelihood(self.residuals + self.columns @ d, self.rows))
+        return self.rest(free, d, float(noise.information) * W.T @ W) - likelihood, d
+
+    def by_gaussian(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost a row, and its gradient by differences."""
+
+        def cost(x: np.ndarray) -> float:
+            return self.gaussian(self.free_of(x))[0] / self.count
+
+        return cost(x), _differences(cost, x)
+
+    def by_student(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost a row of noise and d, and its gradient: by differences for the noise, exactly for d."""
+        few = len(self.moves)
+        d = x[few:]
+        r = self.residuals + self.columns @ d
+
+        def cost(x: np.ndarray) -> float:
+            free = self.free_of(x)
+            noise = self.noise(free)
+            W = noise.whitened(self.columns, self.rows)
+            likelihood = float(noise.log_likelihood(r, self.rows))
+            information = float(noise.information) * W.T @ W
+            return (self.rest(free, d, information) - likelihood) / self.count
+
+        noise = self.noise(self.free_of(x[:few]))
+        pulled = noise.whitened(np.column_stack([r, self.columns]), self.rows)
+        slope = pulled[:, 1:].T @ score(noise, pulled[:, 0]) + self.pull + self.precision @ d
+        return cost(x[:few]), np.append(_differences(cost, x[:few]), slope / self.count)
+
+
+def score(noise: Arithmetic, x: np.ndarray) -> np.ndarray:
+    """-d log density / dx of whitened residuals."""
+    tail = 0.0 if noise.tail is None else float(noise.tail)
+    return (1 + tail) * x / (1 + tail * x**2)
+
+
+def _differences(cost: Callable[[np.ndarray], float], x: np.ndarray, h: float = 1e-5) -> np.ndarray:
+    """The gradient by central differences."""
+    steps = h * np.eye(len(x))
+    return np.array([(cost(x + step) - cost(x - step)) / (2 * h) for step in steps])
+
+
+def _basis(J: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
     """Orthogonal changes of the parameters that each move the output by `size`, so that the search is well
     conditioned, and which of them move it at all; the others are zero."""
     gram = J.T @ J
-    norm = jnp.sqrt(jnp.diagonal(gram))
-    norm = jnp.where(norm > 0, norm, 1.0)
-    values, vectors = jnp.linalg.eigh(gram / jnp.outer(norm, norm))
+    norm = np.sqrt(np.diagonal(gram))
+    norm = np.where(norm > 0, norm, 1.0)
+    values, vectors = np.linalg.eigh(gram / np.outer(norm, norm))
     seen = values > 1e-12
-    width = size * jnp.sqrt(len(J) / jnp.where(seen, values, 1.0))
-    return vectors / norm[:, None] * jnp.where(seen, width, 0.0)[None], seen
+    width = size * np.sqrt(len(J) / np.where(seen, values, 1.0))
+    return vectors / norm[:, None] * np.where(seen, width, 0.0)[None], seen
 
 
-def _largest(rows: Rows) -> Array:
+def _largest(rows: Rows) -> np.ndarray:
     """1, the largest output, the largest slope, and 1: the scales of the positive parts."""
-    found = [jnp.max(jnp.abs(jnp.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
-    return jnp.stack([jnp.ones(()), *(jnp.where(x > 0, x, 1.0) for x in found), jnp.ones(())])
+    found = [np.max(np.abs(np.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
+    return np.array([1.0, *(x if x > 0 else 1.0 for x in found), 1.0])
 
 
-def log_prior(free: Float[Array, " parts"]) -> Float[Array, " parts"]:
+def log_prior(free: Float[np.ndarray, " parts"]) -> Float[np.ndarray, " parts"]:
     """Weak log-priors of the noise: flat, except near the bounds of phi, theta and tail.
 
     They are no stronger than that, because the full Jacobian of the transform pulls phi towards 0, which
     makes standard errors too small.
     """
-    fence = jax.nn.log_sigmoid(free[4:]) + jax.nn.log_sigmoid(-free[4:])
-    return jnp.concatenate([jnp.zeros(4), 0.1 * fence])
+    fence = -np.logaddexp(0.0, -free[4:]) - np.logaddexp(0.0, free[4:])
+    return np.concatenate([np.zeros(4), 0.1 * fence])

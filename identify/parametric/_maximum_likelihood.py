@@ -1,19 +1,20 @@
 """Maximum likelihood of parameters and noise together, with the kind of noise chosen by evidence."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel
 
-from ..noise._adequacy import BELIEVED, Left, believed
-from ..noise._model import NoiseModel, Rows
-from ..noise._reml import PARTS, Linearised, lanes, noise_fit, of_free
+from ..noise._adequacy import BELIEVED, Left, believed, nothing_speaks_against
+from ..noise._arithmetic import Arithmetic, Rows
+from ..noise._model import NoiseModel
+from ..noise._reml import Linearised, noise_fit, of_free
+from ..noise._reml import score as own_score
 from ..noise._residual_statistics import Noise
 from ..noise._variance_inflation import widening
 from ..parameters._transform import Transform
@@ -34,6 +35,16 @@ ENOUGH = 1e-5
 
 LONG = 8192
 """Of a record with more rows, the first LONG rows choose the kind of noise."""
+
+BEHIND = 20.0
+"""Difference of log evidence from the best kind, from which on a kind is not estimated again."""
+
+PLAIN = (("sigma",), ("sigma", "phi"), ("sigma", "phi", "theta"))
+"""Kinds that are tried before the others: Gaussian and of one size, independent or correlated."""
+
+IMPOSSIBLE = 1e-40
+"""p-value of what the best plain kind leaves, below which tails and growth do not explain it either. They
+change the statistics of the test by a factor, not by orders of magnitude."""
 
 
 class Likeliest(NamedTuple):
@@ -60,9 +71,9 @@ class Likeliest(NamedTuple):
     @property
     def over_the_best(self) -> dict[str, float]:
         """-log evidence of each kind of noise, by its name, minus the least."""
-        some = NoiseModel(*[0.0] * len(PARTS))
         over = self.evidence - self.evidence.min()
-        return {only(some, k).words: float(e) for k, e in zip(self.kinds, over, strict=True)}
+        some = [NoiseModel(**dict.fromkeys(kind, 0.0)) for kind in self.kinds]
+        return {one.words: float(e) for one, e in zip(some, over, strict=True)}
 
     def summary(self) -> Noise:
         """Standard deviation and correlation time; of Student's t the deviation, not the scale."""
@@ -87,92 +98,123 @@ def likeliest(
     Each round linearises the model, estimates noise and parameters together for every kind (`noise_fit`),
     and moves to the parameters of the kind with the greatest evidence. The evidence is the restricted
     likelihood with the penalty of BIC: half of log(rows) for each part of the noise. In a long record the
-    first rows choose the kind. The rounds stop early where even the best kind fails the adequacy test.
+    first rows choose the kind. Plain kinds come first, and the others only where something speaks against
+    the best of them. The rounds stop early where even the best kind fails the adequacy test.
 
     `temper`: number of rows that count as one, relative to user-specified priors. Returns None where the
     rounds do not reach a maximum.
     """
-    tried = jnp.asarray(lanes(kinds))
-    with_misfit = any("misfit" in kind for kind in kinds)
-    z, least, evidence, every = np.asarray(free), np.inf, None, kinds
+    z, least, choice = np.asarray(free), np.inf, len(kinds) > 1
+    near: dict[tuple[str, ...], np.ndarray] = {}
+    evidence: dict[tuple[str, ...], float] = {}
     for k in range(1, ROUNDS + 1):
         at = linearised_at(bounds, model, prepared, y, rows, z)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
-        if evidence is None and len(kinds) > 1 and len(y) > LONG:
-            few = _padded(_first(at))
-            first = likeliest_about(few, tried, with_misfit)
-            if first.believed(few, kinds) < BELIEVED:
+        if choice and k == 1:
+            few = _first(at) if len(y) > LONG else at
+            kinds = _worth_trying(few, kinds, near)
+            if not kinds:
                 return None
-            best, evidence = int(first.best), first.evidence
-            kinds, tried = (kinds[best],), tried[best : best + 1]
-        padded = _padded(at)
-        now = likeliest_about(padded, tried, with_misfit)
-        evidence = now.evidence if evidence is None or len(kinds) > 1 else evidence
-        root = now.left.root(np.asarray(padded.precision))[:, : len(z)]
-        away = np.asarray(now.away)[: len(z)]
-        cost = float(now.cost + temper * bounds.penalty(jnp.asarray(z)))
-        moved, least = float(np.linalg.norm(root @ away)), min(least, cost)
+            first = likeliest_about(few, kinds, near)
+            evidence = dict(zip(kinds, first.evidence.tolist(), strict=True))
+            if few is not at:
+                if first.believed(few) < BELIEVED:
+                    return None
+                kinds = (first.kind,)
+            # What is far behind stays there when the model is linearised anew.
+            kinds = tuple(one for one in kinds if evidence[one] < min(evidence.values()) + BEHIND)
+        now = likeliest_about(at, kinds, near)
+        if len(kinds) > 1 or not choice:
+            evidence |= dict(zip(kinds, now.evidence.tolist(), strict=True))
+        root = now.left.root(np.asarray(at.precision))
+        cost = float(now.cost + temper * (bounds.penalty(jnp.asarray(z)) if bounds.asked else 0.0))
+        moved, least = float(np.linalg.norm(root @ now.away)), min(least, cost)
         if not moved > ENOUGH:  # not a number neither
             break
-        if k == FIRST and len(every) > 1 and now.believed(padded, kinds) < HOPELESS:
+        if k == FIRST and choice and now.believed(at) < HOPELESS:
             break
-        z = z + away * min(1.0, STEP / float(np.max(np.abs(away))))
+        z = z + now.away * min(1.0, STEP / float(np.max(np.abs(now.away))))
     if not np.isfinite(moved) or cost > least + 1:
         return None
-    noise = only(of_free(now.noise, with_misfit=with_misfit), kinds[int(now.best)])
     return Likeliest(
-        np.asarray(z), root, np.asarray(now.wider)[: len(z)], noise, every, np.asarray(evidence),
-        now.believed(padded, kinds), int(np.sum(rows.counted)), moved < 1e3 * ENOUGH,
+        z, root, widening(at, now.noise, now.kind), model_of(now.noise, now.kind), (*evidence,),
+        np.array([*evidence.values()]), now.believed(at), int(np.sum(rows.counted)),
+        moved < 1e3 * ENOUGH,
     )  # fmt: skip
 
 
 class About(NamedTuple):
     """Maximum likelihood of noise and parameters of a linearised model.
 
-    - `best`: index of the kind of noise with the greatest evidence. `evidence`: -log evidence of each kind.
+    - `kind`: the kind of noise with the greatest evidence. `evidence`: -log evidence of each kind.
     - `noise`: its parameters in unconstrained space. `away`: the change of the model's parameters that
       goes with it. `cost`: -log of the restricted likelihood, with the prior relative to its value at the
       point of linearisation.
-    - `wider`: see `widening`. `left`: what that noise leaves, whitened.
+    - `left`: what that noise leaves, whitened.
     """
 
-    best: Int[Array, ""]
-    evidence: Float[Array, " kinds"]
-    noise: Float[Array, " parts"]
-    away: Float[Array, " parameters"]
-    cost: Float[Array, ""]
-    wider: Float[Array, " parameters"]
+    kind: tuple[str, ...]
+    evidence: Float[np.ndarray, " kinds"]
+    noise: Float[np.ndarray, " parts"]
+    away: Float[np.ndarray, " parameters"]
+    cost: float
     left: Left
 
-    def believed(self, at: Linearised, kinds: tuple[tuple[str, ...], ...]) -> float:
+    def believed(self, at: Linearised) -> float:
         """p-value of the adequacy test of the residuals."""
-        spent = sum(part in ("phi", "theta") for part in kinds[int(self.best)])
-        return believed(self.left, at.rows.place, spent)
+        return believed(self.left, at.rows.place, self.spent)
+
+    @property
+    def spent(self) -> int:
+        """How many of phi and theta the noise has."""
+        return len({"phi", "theta"} & set(self.kind))
 
 
-@partial(jax.jit, static_argnames="with_misfit")
 def likeliest_about(
-    at: Linearised, kinds: Bool[Array, "kinds parts"], with_misfit: bool = False
+    at: Linearised,
+    kinds: tuple[tuple[str, ...], ...],
+    near: dict[tuple[str, ...], np.ndarray] | None = None,
 ) -> About:
-    """Estimate every kind of noise, in pure JAX. `with_misfit`: whether any kind has a misfit."""
-    found = jax.vmap(lambda kind: noise_fit(at, kind, with_misfit))(kinds)
-    parts = jnp.sum(jnp.where(kinds, 1.0, 0.0), 1)
-    evidence = found.cost + parts * jnp.log(jnp.sum(jnp.where(at.rows.counted, 1.0, 0.0))) / 2
-    evidence = jnp.where(jnp.isfinite(evidence), evidence, jnp.inf)
-    best = jnp.argmin(evidence)
-    free, away, cost = found.free[best], found.away[best], found.cost[best]
-    noise = of_free(free, with_misfit=with_misfit)
-    W = noise.whitened_columns(at.jacobian, at.rows)
-    x = noise.without_misfit(noise.whitened(at.residuals, at.rows), at.rows)
-    if with_misfit:
+    """Estimate every kind of noise. `near` has the last estimate of each, where the next one starts."""
+    near, found = {} if near is None else near, []
+    for kind in kinds:
+        # A new kind starts from the last one that lacks one of its parts.
+        simpler = [one for one in near if len(one) == len(kind) - 1 and set(one) < set(kind)]
+        found.append(noise_fit(at, kind, near.get(kind, near[simpler[-1]] if simpler else None)))
+        near[kind] = found[-1].free
+    parts = np.array([len(kind) for kind in kinds])
+    evidence = np.array([one.cost for one in found])
+    evidence = evidence + parts * np.log(np.count_nonzero(at.rows.counted)) / 2
+    evidence = np.where(np.isfinite(evidence), evidence, np.inf)
+    best = int(np.argmin(evidence))
+    free, away, cost = found[best]
+    noise = of_free(free, kinds[best])
+    W = np.asarray(noise.whitened(at.jacobian, at.rows))
+    x = np.asarray(noise.whitened(at.residuals, at.rows))
+    if noise.misfit is not None:
         # The misfit has taken up these shapes, so the test need not look for them.
-        values, vectors = jnp.linalg.eigh(noise.information_of(at.jacobian, at.rows))
-        W, shapes = vectors.T * jnp.sqrt(jnp.clip(values, 0.0))[:, None], at.rows.shapes[:, :0]
+        x = np.asarray(noise.without_misfit(x, at.rows))
+        values, vectors = np.linalg.eigh(noise.information_of(at.jacobian, at.rows))
+        W = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
+        shapes = np.asarray(at.rows.shapes)[:, :0]
     else:
-        shapes = noise.whitened_columns(at.rows.shapes, at.rows)
-    left = Left(x, W, shapes, noise.information)
-    wider = widening(at, free, kinds[best], with_misfit)
-    return About(best, evidence, free, away, cost, wider, left)
+        shapes = np.asarray(noise.whitened(at.rows.shapes, at.rows))
+    left = Left(x, W, shapes, np.asarray(noise.information))
+    return About(kinds[best], evidence, free, away, cost, left)
+
+
+def _worth_trying(
+    at: Linearised, kinds: tuple[tuple[str, ...], ...], near: dict[tuple[str, ...], np.ndarray]
+) -> tuple[tuple[str, ...], ...]:
+    """The plain kinds where nothing speaks against the best of them, none where no kind can explain the
+    residuals, else all."""
+    plain = tuple(kind for kind in kinds if kind in PLAIN)
+    if not plain:
+        return kinds
+    first = likeliest_about(at, plain, near)
+    if first.believed(at) < IMPOSSIBLE:
+        return ()
+    return plain if nothing_speaks_against(first.left, at.rows, first.spent) else kinds
 
 
 def plainest(
@@ -191,11 +233,6 @@ def plainest(
     left = Left(x, W, np.asarray(rows.shapes) * np.asarray(rows.counted)[:, None], np.ones(()))
     kind, evidence = (("sigma",),), np.zeros(1)
     return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
-
-
-def only(noise: NoiseModel, kind: tuple[str, ...]) -> NoiseModel:
-    """The noise model with only the parts of its kind."""
-    return NoiseModel(**{part: getattr(noise, part) for part in PARTS if part in kind})
 
 
 def linearised(
@@ -242,48 +279,41 @@ def skewness_at(
     `arguments`: as those of `linearised_at` after the bounds.
     """
     about = [linearised_at(bounds, *arguments, z) for z in points_about(free, covariance)]
-    scores = [weight * score(at, arguments[2], noise) - at.pull for at in about]
+    known = noise.arithmetic()
+    scores = [weight * score(at, arguments[2], known) - at.pull for at in about]
     return skewness(np.array(scores), covariance)
 
 
+def model_of(free: Float[np.ndarray, " parts"], kind: tuple[str, ...]) -> NoiseModel:
+    """The noise model of unconstrained parameters."""
+    noise = of_free(free, kind)
+    return NoiseModel(**{part: np.asarray(getattr(noise, part)) for part in kind})
+
+
 def score(
-    at: Linearised, measured: Float[np.ndarray, " rows"], noise: NoiseModel
+    at: Linearised, measured: Float[np.ndarray, " rows"], noise: Arithmetic
 ) -> Float[np.ndarray, " parameters"]:
     """The gradient of the log-likelihood with respect to z."""
-    if noise.is_white:
-        slope = -at.residuals / float(noise.sigma) ** 2
-    else:
-        slope = np.asarray(likelihood_slope(at.residuals, at.rows, measured, noise))
-    return np.asarray(at.jacobian).T @ slope
+    J, r = np.asarray(at.jacobian), np.asarray(at.residuals)
+    if noise.growth is None and noise.misfit is None:
+        W = np.asarray(noise.whitened(np.column_stack([r, J]), at.rows))
+        return -W[:, 1:].T @ own_score(noise, W[:, 0])
+    # The size of the noise follows the output, too: differences along every parameter.
+    size = np.sqrt(np.sum(np.asarray(noise.whitened(J, at.rows)) ** 2, 0))
+    h = 1e-4 / np.where(size > 0, size, 1.0)
 
+    def likelihood(r: np.ndarray) -> float:
+        return float(noise.log_likelihood(r, at.rows._replace(output=measured + r)))
 
-@eqx.filter_jit
-def likelihood_slope(
-    r: Array, rows: Rows, measured: Array, noise: NoiseModel
-) -> Float[Array, " rows"]:
-    """The gradient of the log-likelihood with respect to the residuals."""
-    noise = jax.tree.map(jnp.asarray, noise)
-
-    def likelihood(r: Array) -> Array:
-        return noise.log_likelihood(r, rows._replace(output=measured + r))
-
-    return jax.grad(likelihood)(r)
+    return np.array(
+        [
+            (likelihood(r + s * c) - likelihood(r - s * c)) / (2 * s)
+            for s, c in zip(h, J.T, strict=True)
+        ]
+    )
 
 
 def _first(at: Linearised) -> Linearised:
     """The first LONG rows."""
     rows = Rows(*(x[:LONG] for x in at.rows))
     return at._replace(residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=rows)
-
-
-def _padded(at: Linearised) -> Linearised:
-    """Padded with masked rows and parameters without effect, so that few shapes are compiled."""
-    rows = max(256, 1 << (len(at.residuals) - 1).bit_length()) - len(at.residuals)
-    more = -at.jacobian.shape[1] % 4
-    return Linearised(
-        np.pad(at.residuals, (0, rows)),
-        np.pad(at.jacobian, ((0, rows), (0, more))),
-        Rows(*(np.pad(x, ((0, rows), (0, 0))[: np.ndim(x)]) for x in at.rows)),
-        np.pad(at.pull, (0, more)),
-        np.pad(at.precision, (0, more)),
-    )

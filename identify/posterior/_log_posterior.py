@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError
 
-from ..noise._model import NoiseModel, Rows, rows_of
+from ..noise._arithmetic import Rows
+from ..noise._model import NoiseModel, rows_of
 from ..parameters._priors import Prior
 from ..parameters._settings import Setting
 from ..parameters._transform import Transform, Vector, transform, transform_for
