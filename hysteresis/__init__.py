@@ -53,10 +53,10 @@ from .preisach import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
 from .preisach import MovingPreisach as MovingPreisach
 from .preisach import OutputDependentPreisach as OutputDependentPreisach
 from .preisach import Preisach as Preisach
-from .records._csv import Table as Table
 from .records._csv import parse_condition as parse_condition
 from .records._csv import read_csv as read_csv
-from .records._csv import read_table as read_table
 from .records._data_warnings import loop_direction as loop_direction
 from .records._excitation import check_identifiable as check_identifiable
+from .records._read_table import read_table as read_table
 from .records._record import Record as Record
+from .records._table import Table as Table

@@ -1,26 +1,16 @@
-"""Commands on creep and relaxation, whose input is a constant: given, or the level a column is held at."""
+"""Rows of creep and relaxation, whose input is a constant: given, or the level a column is held at."""
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-import identify
-from hysteresis import InputError, Note, Record, Table, parse_condition
+from hysteresis import InputError, Note, Table, parse_condition
 
 CONSTANT = "constant input"
 """The name of the input of a step."""
-MEANINGLESS = {
-    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "starts": 32,
-    "noise": "auto", "parameters": {},
-}  # fmt: skip
-"""Options of `fit` that a step knows nothing of, and what they are where they are not given."""
 NEAR = 0.02
 """Of the input's range: as near to its level it is held."""
-BEYOND = "beyond the trained times"
-RANGE = ("since the step", "low", "high")
-"""Columns that a step's prediction has besides."""
 
 
 def with_constant(
@@ -110,63 +100,3 @@ def _rows(table: Table, at: np.ndarray) -> Table:
         text={name: column[at] for name, column in table.text.items()},
         line=table.line[at],
     )
-
-
-def step_options(options: dict[str, Any]) -> dict[str, Any]:
-    """Those options of `fit` that `fit_step` takes. Raises `InputError` where others were set."""
-    for name, usual in MEANINGLESS.items():
-        if options.get(name, usual) != usual:
-            raise InputError(
-                "bad-option",
-                f"--{name} cannot be used with --step or --hold.",
-                cause="Creep and relaxation are fitted by a spectrum of time constants; the evidence"
-                " chooses its order.",
-                fix="Leave it out.",
-            )
-    return {name: value for name, value in options.items() if name not in MEANINGLESS}
-
-
-def check_step(record: Record) -> dict[str, Any]:
-    """What is in a record of creep or relaxation, and what to mind."""
-    record = identify.internal.stepped(record)
-    kind = identify.internal.kind_of(record)
-    rows = record.mask & np.isfinite(record.output)
-    assert record.time is not None
-    t = record.time[rows]
-    decades = float(np.log10(t[-1] / t[t > 0][0]))
-    warnings = []
-    if decades < 1:
-        warnings.append(
-            f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"
-            " told. [short-span]"
-        )
-    text = record.describe(loop=f"step   {kind} over {decades:.2g} decades of time")
-    found = {"kind": kind, "decades": decades, "warnings": warnings}
-    return {"text": text} | found | record.summary()
-
-
-def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:
-    """A record with its step where the fitted one had it: at zero of its clock, or at its first row."""
-    return identify.internal.stepped(
-        record, at_first_row=identify.internal.is_at_first_row(fitted.train)
-    )
-
-
-def later(fitted: identify.FitResult, record: Record) -> list[str]:
-    """What to say about each row of a record: is it beyond the times that were fitted?"""
-    assert record.time is not None
-    span = _spectrum(fitted).span
-    return [BEYOND if t > span else "OK" for t in record.time]
-
-
-def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
-    """Of every row the time, the least and the largest output that the fitted record leaves open."""
-    assert record.time is not None
-    _, low, high = _spectrum(fitted).predict(record.time)
-    ends = np.sort(np.stack([low, high], 1) * record.input[:, None], axis=1)
-    return np.column_stack([record.time, ends])
-
-
-def _spectrum(fitted: identify.FitResult) -> identify.Spectrum:
-    assert isinstance(fitted.detail, identify.DiscreteSpectrum)
-    return fitted.detail.spectrum

@@ -5,7 +5,7 @@ from typing import Any
 
 from hysteresis import InputError, Record, check_identifiable
 
-from ..intake._constant_input import check_step
+from ..intake._creep_fits import check_step
 from ..intake._selection import Selection, all_of
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import identify
 from hysteresis import InputError, Record
 
-from ..intake._constant_input import step_options
+from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
 from ._compensated import fitted_to_compensate

@@ -14,7 +14,7 @@ from hysteresis import InputError, Record
 from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
 
-from ..intake._constant_input import RANGE, later, on_the_clock_of, open_range
+from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit

@@ -123,6 +123,10 @@ PARTS_IN_WORDS = {
     "strengths": "relaxation whose strength depends on the input level",
     "softening": "extra stiffness beyond the largest past input",
     "relays": "relays that remember reversals of the input",
+    "stops by position": "friction elements whose strength depends on the input's position",
+    "stops by span": "friction elements whose strength depends on the range that the input has covered",
+    "friction": "friction that depends on the speed of the input",
+    "drift": "a drift with the path that the input has travelled",
 }
 
 

@@ -1,7 +1,7 @@
 """Guess of `hysid init`: number format, input, output, clock, sequences and hold-out of a file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from ._column_pairs import Column, columns_of, held
 from ._drive_and_response import Choice, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
-from ._number_format import reading
+from ._number_format import HEAD, reading
 from ._quantities import OSCILLATION, words_of
 from ._remedies import settle
 from ._sequence_columns import (
@@ -107,7 +107,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     out = Guess()
     table = _read(file, out, given)
     columns = columns_of(table)
-    out.rows = len(table.line)
+    out.rows = int(len(table.line) / table.share)
     out.columns = [
         {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
         for name in table.columns
@@ -128,9 +128,11 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     out.selection = selection
     for what, value, why in notes:
         out.says(what, value, LIKELY, why)
+    table = _head(table, file)  # its rows follow one another, as those of an excerpt do not
     _hold(table, out)
     kept, why = hold_out(table, out.selection, sequences.split)
     out.selection |= {k: v for k, v in kept.items() if not _held_out(given)}
+    why += ", as far as the part that was read shows" if table.share < 1 else ""
     out.says("held out", _words(kept) or "nothing", LIKELY, why)
     _memory(table, columns, choice, out)
     _check(table, out)
@@ -139,7 +141,8 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
 
 def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
     try:
-        table = read_table(file, **{key: given[key] for key in OF_READING if given.get(key)})
+        asked = {key: given[key] for key in OF_READING if given.get(key)}
+        table = read_table(file, **asked, most=HEAD)
     except InputError as error:
         if error.code == "no-header":
             raise no_header(str(file), error.problem) from None
@@ -148,7 +151,7 @@ def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
         table = None
     options, notes = reading(file, table, given)
     if options or table is None:
-        table = read_table(file, **options)
+        table = read_table(file, **options, most=HEAD)
     nameless = any(note.code == "no-header" for note in table.notes)
     if nameless and not (given.get("input") and given.get("output")) and len(table.line) < LEAST:
         problem = f"{len(table.line)} rows are too few to tell the columns by their shape."
@@ -158,12 +161,32 @@ def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
         out.warnings.append(f"The file names no columns, so {names} are told by their shape alone.")
     out.selection |= {k: list(v) if isinstance(v, tuple) else v for k, v in options.items()}
     names = ", ".join(f"{name!r}" for name in table.columns)
-    out.says("file", f"{len(table.line)} rows", SURE, f"columns {names}")
+    if table.share < 1:
+        rows = f"about {int(len(table.line) / table.share):,} rows"
+        how = f"read from {table.share:.2%} of the file: its head, its tail, and pieces of all the rest"
+        out.says("file", rows, LIKELY, f"{how}; columns {names}")
+    else:
+        out.says("file", f"{len(table.line)} rows", SURE, f"columns {names}")
     for note in table.notes:
         out.says("reading", note, _SURE_OF.get(note.code, SURE), "")
     for what, value, why in notes:
         out.says(what, value, SURE, why)
     return table
+
+
+def _head(table: Table, file: Path) -> Table:
+    """The rows from the head of a file of which an excerpt was read; all rows of others."""
+    if table.share == 1:
+        return table
+    with file.open("rb") as opened:
+        lines = opened.read(HEAD).count(b"\n")
+    rows = np.flatnonzero(table.line <= lines)
+    return replace(
+        table,
+        columns={name: x[rows] for name, x in table.columns.items()},
+        text={name: cells[rows] for name, cells in table.text.items()},
+        line=table.line[rows],
+    )
 
 
 def _time(

@@ -13,6 +13,8 @@ from hysteresis.records.importers import is_number
 
 from .._selection_options import OF_READING
 
+HEAD = 2**19
+"""Bytes of a large file that are read from its head; eight pieces of all the rest come besides."""
 LARGEST = 1e300
 """No measurement is larger."""
 Notes = list[tuple[str, str, str]]
@@ -29,7 +31,7 @@ def reading(
     notes: Notes = []
     if table is None:
         options.setdefault("decimal", ",")
-        table = read_table(file, **options)
+        table = read_table(file, **options, most=HEAD)
     commas = [x for x in table.text.values() if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
     if commas and "decimal" not in options and table.decimal == ".":
         options["decimal"] = ","

@@ -2,18 +2,32 @@
 
 from difflib import get_close_matches
 from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
 
 from ..._errors import InputError
 
+PIECES, PIECE = 8, 2**16
+"""Pieces of so many bytes that an excerpt has between head and tail."""
 
-def file_bytes(path: Path) -> bytes:
-    """What is in a file.
+
+def file_bytes(path: Path, most: int | None = None) -> tuple[bytes, int]:
+    """What is in a file, and its size.
+
+    `most`: of a larger text an excerpt in whole lines: so many bytes from its head, then pieces from all
+    over it and its tail. Binary files are read whole.
 
     Raises `InputError` `is-directory`, `file-not-found`, `permission-denied`, `unreadable-file`,
     `empty-file`.
     """
     try:
-        data = path.read_bytes()
+        size = path.stat().st_size
+        if most is not None and size > most + 2 * PIECES * PIECE:
+            with path.open("rb") as file:
+                data = _excerpt(file, size, most)
+        else:
+            data = path.read_bytes()
     except IsADirectoryError:
         mend = "give a file that is in it."
         raise fault("is-directory", path, "this is a folder, not a file.", mend) from None
@@ -31,7 +45,20 @@ def file_bytes(path: Path) -> bytes:
         raise fault("unreadable-file", path, problem, "copy the file and read the copy.") from None
     if not data.strip():
         raise fault("empty-file", path, "the file is empty.", "export the data again.")
-    return data
+    return data, size
+
+
+def _excerpt(file: BinaryIO, size: int, most: int) -> bytes:
+    head = file.read(most)
+    if b"\0" in head or b"\n" not in head or head[:2] == b"PK":
+        return head + file.read()
+    found = [head[: head.rindex(b"\n") + 1]]
+    for at in np.linspace(most, size - PIECE, PIECES, dtype=int).tolist():
+        file.seek(at)
+        piece = file.read(PIECE)
+        begin, end = piece.find(b"\n") + 1, piece.rfind(b"\n") + 1
+        found.append(piece[begin:] if at + PIECE >= size else piece[begin:end])
+    return b"".join(found)
 
 
 def fault(code: str, path: Path, problem: str, fix: str = "") -> InputError:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hysid.operations._init import init
-from hysteresis import InputError
+from hysteresis import InputError, read_table
 from tests.test_hysid.command import refused, run
 
 N = 60
@@ -293,6 +293,34 @@ def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
         Path("bad.toml").write_text(bad)
         said = run("init", "ours.txt", "--dialects", "bad.toml", "--overwrite")
         refused(said, "bad.toml", word, "[bad-config]")
+
+
+def test_of_a_large_file_an_excerpt_is_read(tmp_path):
+    """Head, tail and pieces: a word in the tail is found, and the rows are estimated."""
+    file = tmp_path / "run.csv"
+    long = 60_000
+    t = 0.01 * np.arange(long)
+    drive = np.abs((t % 20) - 10)
+    lines = [
+        f"{a:.2f},{b:.4f},{b**1.2 + (0.3 * b if int(a / 10) % 2 else 0):.4f},{b:.6f}"
+        for a, b in zip(t, drive, strict=True)
+    ]
+    lines[-5] = lines[-5].rsplit(",", 2)[0] + ",OVLD,0"
+    file.write_text("t (s),F (N),x (mm),again (N)\n" + "\n".join(lines) + "\n")
+    assert file.stat().st_size > 2**19 + 2**20
+    told = init(file, None, {})
+    assert told["rows"] == pytest.approx(long, rel=0.05)
+    assert {told["selection"]["input"], told["selection"]["output"]} == {"F (N)", "x (mm)"}
+    assert told["selection"]["na_values"] == ["OVLD"]
+    assert not any("jittered" in warning for warning in told["warnings"])
+    sure = {found["what"]: found["sure"] for found in told["found"]}
+    assert sure["file"] == "likely"
+    whole = read_table(file, na_values=["OVLD"])
+    assert (len(whole.line), whole.share) == (long, 1)
+    part = read_table(file, na_values=["OVLD"], most=2**19)
+    assert 0.4 < part.share < 0.7
+    np.testing.assert_array_equal(part.columns["t (s)"][:1000], t[:1000].round(2))
+    assert part.columns["t (s)"][-1] == whole.columns["t (s)"][-1]
 
 
 REFUSED = {

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from hysid.figures._format import number, plain_name
-from hysid.reporting._fit_page import write_report
+from hysid.reporting._fit_page import PARTS_IN_WORDS, write_report
 from hysid.reporting._specimens_page import write_many
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, sample, save, save_posterior
 from identify.internal import sealed
+from identify.linear._composition import PARTS
 from tests.test_hysid.command import coarse_pictures
 
 HEADINGS = [
@@ -90,6 +91,10 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(preisach: Path) -> Page:
     return Page(write_report(preisach))
+
+
+def test_every_part_of_a_composition_has_words():
+    assert set(PARTS_IN_WORDS) == set(PARTS)
 
 
 def test_a_report_stands_alone(preisach: Path, page: Page):

@@ -1,0 +1,119 @@
+"""The columns of a file, before anything is made of them."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+import numpy as np
+
+from .._errors import InputError
+from .._note import Note
+from ._abstract_record import AbstractRecord
+from ._cells import floats, missing, parsed
+from ._dialect import headless
+
+_OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The columns of one file, before anything is made of them.
+
+    **Arguments:**
+
+    - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str.
+    - `text`: (n,) str, every column as it stands in the file, blanks stripped.
+    - `line`: (n,) the line of each row, from 1.
+    - `units`: from a row of units, by column; empty without one. `written_units`: as the file writes them.
+    - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
+    - `decimal`, `na_values`: what the numbers were read with.
+    - `share`: of the file's bytes, those that were read: 1, or less of an excerpt.
+
+    **Example:**
+
+        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
+        >>> table.number("force (N)")[:3].tolist()
+        [0.0, 2.0, 4.0]
+    """
+
+    columns: Mapping[str, np.ndarray]
+    text: Mapping[str, np.ndarray]
+    line: np.ndarray
+    units: Mapping[str, str]
+    path: str
+    sha256: str
+    notes: tuple[Note, ...]
+    decimal: str = "."
+    na_values: tuple[str, ...] = ()
+    written_units: Mapping[str, str] = field(default_factory=dict)
+    share: float = 1.0
+
+    def number(self, name: str, rows: np.ndarray | None = None) -> np.ndarray:
+        """A column, or those `rows` (n,) of it, as float64, NaN where missing.
+
+        Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
+        none: `decimal-comma`, `thousands-separator`, `text-cell`, `not-finite`, `too-large`.
+        """
+        x, text, line = column_of(self, name), self.text[name], self.line
+        if rows is not None:
+            x, text, line = x[rows], text[rows], line[rows]
+            if x.dtype.kind != "f":
+                x = parsed(text, self.decimal, self.na_values)
+        if x.dtype.kind == "f":
+            # 1e150 is no measurement, and its square, summed over rows, overflows.
+            bad = np.flatnonzero(np.abs(x) > 1e150)
+            if not bad.size:
+                return x
+            code = "not-finite" if np.isinf(x[bad[0]]) else "too-large"
+            cause, fix = "a division by zero, or a marker for overload.", ""
+        else:
+            unique, first = np.unique(text, return_index=True)
+            wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
+            bad, words = np.sort(first[wrong]), unique[wrong].tolist()
+            commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
+            if all(_THOUSANDS.fullmatch(w) for w in words):
+                code, cause = "thousands-separator", "numbers written with thousands separators"
+                cause += " or with a decimal comma." if commas else "."
+                fix = "export without thousands separators"
+                fix += (
+                    '; where they are decimal commas, decimal="," (--decimal ,).' if commas else "."
+                )
+            elif commas:
+                code, cause = "decimal-comma", "numbers written with a decimal comma."
+                fix = 'decimal="," (--decimal ,).'
+            else:
+                code, fix = "text-cell", ""
+                overload = str(text[bad[0]]).upper() in _OVERLOAD
+                cause = "sensor overload?" if overload else "text among the numbers."
+                if line[bad[0]] == self.line[0] and not overload:
+                    cause = "a row of units?"
+                    fix = f"units_row={line[0]} (--units-row {line[0]}) takes it for one; "
+        k = bad[0]
+        cell = str(text[k])
+        if not fix or fix.endswith("; "):
+            fix += f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
+        problem = f"{name!r} = {cell!r} is no number that can be used."
+        place = f"{self.path}, line {line[k]}, column {name!r}"
+        raise InputError(code, problem, place=place, cause=cause, fix=fix)
+
+
+def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:
+    if name in table.columns:
+        return table.columns[name]
+    names = list(table.columns)
+    alike = [x for x in names if name.lower() in x.lower()]
+    have = dict.fromkeys([*alike, *get_close_matches(name, names, len(names), 0.4), *names])
+    cause = headless(names)
+    if isinstance(table, Table) and any(note.code == "no-header" for note in table.notes):
+        first = ", ".join(repr(str(cells[0])) for cells in table.text.values())
+        cause = f"the file has no header: its first line is {first}."
+    raise InputError(
+        "no-header" if cause else "no-column",
+        f"No column {name!r}; have {', '.join(map(repr, have))}.",
+        place=getattr(table, "path", ""),
+        cause=cause,
+        fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
+    )
