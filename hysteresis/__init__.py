@@ -59,4 +59,5 @@ from .records._data_warnings import loop_direction as loop_direction
 from .records._excitation import check_identifiable as check_identifiable
 from .records._read_table import read_table as read_table
 from .records._record import Record as Record
+from .records._row_blocks import row_blocks as row_blocks
 from .records._table import Table as Table

@@ -27,6 +27,7 @@ from .forc._curves import Forc, forc_curves
 from .forc._diagram import ForcDiagram, forc_diagram
 from .forc._everett import EverettSurface, everett_surface
 from .linear._density_fit import DensityFit, fit_density
+from .linear._density_fit_in_blocks import BlockDensityFit, fit_density_in_blocks
 from .linear._preisach_excitation import (
     Design,
     Identifiability,
@@ -61,6 +62,7 @@ __all__ = [
     "Bands",
     "Baseline",
     "Batch",
+    "BlockDensityFit",
     "Breakdown",
     "Calibrated",
     "Calibration",
@@ -119,6 +121,7 @@ __all__ = [
     "excited_cells",
     "fit",
     "fit_density",
+    "fit_density_in_blocks",
     "fit_kernel",
     "fit_many",
     "fit_step",

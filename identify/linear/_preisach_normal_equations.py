@@ -23,6 +23,35 @@ CHUNK = 1024
 """Columns of the normal matrix worked on at once: bounds the memory."""
 
 
+class NodeSums:
+    """B'B, B'y and y'y of rows that are added block by block."""
+
+    def __init__(self, space: NodeSpace) -> None:
+        self.space, self.gram = space, sparse.csr_matrix((space.columns,) * 2)
+        self.right, self.yy, self.rows = np.zeros(space.columns), 0.0, 0
+
+    def add(
+        self,
+        block: DesignBlock,
+        y: Float[np.ndarray, " rows"],
+        taken: slice | Int[np.ndarray, " rows"] = slice(None),
+    ) -> None:
+        """Add the rows `taken` of a block, with their outputs."""
+        own, sums = block.own[taken], block.by_anchor(taken)
+        crossed = (sums @ own).T @ block.path
+        path = block.path.multiply(np.asarray(sums.sum(1))).tocsr()
+        self.gram = self.gram + own.T @ own + crossed + crossed.T + path.T @ block.path
+        self.right += own.T @ y + block.path.T @ (sums @ y)
+        self.yy += float(y @ y)
+        self.rows += len(y)
+
+    def equations(self, P: Any, scale: float = 1.0) -> NormalEquations:
+        """P'S'(B'B)S P, P'S'B'y and y'y, with y in units of `scale`."""
+        H = normal_matrix(self.space, self.gram.tocsc(), P)
+        b = gathered(self.space, self.right[:, None], P)[:, 0]
+        return NormalEquations(H, b / scale, self.yy / scale**2, self.rows)
+
+
 def normal_equations(
     space: NodeSpace,
     blocks: Iterable[DesignBlock],
@@ -31,23 +60,14 @@ def normal_equations(
     P: Any,
 ) -> Iterator[tuple[int, NormalEquations]]:
     """P'S'(B'B)S P, P'S'B'y and y'y of the rows of every label that is not negative, one by one."""
-    gram: dict[int, Any] = {}
-    right = {p: np.zeros(space.columns) for p in np.unique(label[label >= 0]).tolist()}
+    sums = {p: NodeSums(space) for p in np.unique(label[label >= 0]).tolist()}
     for block in blocks:
         here = label[block.rows]
         for p in np.unique(here[here >= 0]).tolist():
             taken = np.flatnonzero(here == p)
-            own, sums = block.own[taken], block.by_anchor(taken)
-            values = y[block.rows][taken]
-            crossed = (sums @ own).T @ block.path
-            path = block.path.multiply(np.asarray(sums.sum(1))).tocsr()
-            found = own.T @ own + crossed + crossed.T + path.T @ block.path
-            gram[p] = gram[p] + found if p in gram else found
-            right[p] += own.T @ values + block.path.T @ (sums @ values)
-    for p, b in right.items():
-        rows = label == p
-        H, z = normal_matrix(space, gram.pop(p).tocsc(), P), gathered(space, b[:, None], P)[:, 0]
-        yield p, NormalEquations(H, z, float(y[rows] @ y[rows]), int(rows.sum()))
+            sums[p].add(block, y[block.rows][taken], taken)
+    for p in tuple(sums):
+        yield p, sums.pop(p).equations(P)
 
 
 def normal_matrix(space: NodeSpace, gram: Any, P: Any) -> Float[np.ndarray, "unknowns unknowns"]:

@@ -31,21 +31,79 @@ COARSE = 20
 """Cells of the grid on which the prior's strength is counted, and the first one tried."""
 
 
-class PreisachProblem:
-    """One kind of unknowns on one record: its normal equations, part by part.
+class PreisachObjective:
+    """The normal equations of one kind of unknowns, part by part, with the prior.
 
-    Built once; fits for any choice of rows and prior strength then cost a few Cholesky factors.
+    Fits for any choice of rows and prior strength then cost a few Cholesky factors.
     """
 
+    def __init__(self, meaning: GridUnknowns, normal: dict[int, NormalEquations]):
+        self.meaning, self.normal = meaning, normal
+        P = meaning.expansion
+        self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())
+
+    def objective(
+        self, which: tuple[int, ...], strength: float
+    ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"]]:
+        """H and b of x'Hx/2 - b'x over some parts."""
+        H, b = self.total(which).means
+        H = H + strength * self.prior
+        H[0, 0] *= 1 + JITTER
+        return H, b
+
+    def log_evidence(
+        self, strength: float, start: Bool[np.ndarray, " n"] | None = None
+    ) -> tuple[float, Float[np.ndarray, " n"]]:
+        """Log marginal likelihood of a prior strength, but for a constant, and the x it leads to.
+
+        For white Gaussian noise of unknown size and a Gaussian prior on the unknowns that are not held
+        at zero: with J = |A x - y|^2 / N + lambda x'Kx at the minimum and both determinants over those,
+
+            log p(y | lambda) = -(N log J + log det(A'A / N + lambda K) - log det(lambda K)) / 2.
+
+        Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992).
+        """
+        normal = self.total(tuple(self.normal))
+        H, b = self.objective(tuple(self.normal), strength)
+        x = nonnegative_least_squares(H, b, self.meaning.free, start)
+        inside = np.flatnonzero(x)
+        tied = inside[inside > 0]  # the offset has a flat prior
+        J = normal.yy / normal.rows - b @ x
+        told = _log_determinant(H, inside) - _log_determinant(strength * self.prior, tied)
+        return -0.5 * float(normal.rows * np.log(max(J, 1e-300)) + told), x
+
+    def strength_by_evidence(self) -> float:
+        """The prior strength of the greatest marginal likelihood, to a quarter of a decade."""
+        start: Bool[np.ndarray, " n"] | None = None
+
+        def loss(exponent: float) -> float:
+            nonlocal start
+            value, x = self.log_evidence(10.0**exponent, start)
+            start = x != 0
+            return -value
+
+        found = scipy.optimize.minimize_scalar(
+            loss, bounds=(-8.0, 1.0), method="bounded", options={"xatol": 0.25}
+        )
+        return float(10.0**found.x)
+
+    def total(self, which: tuple[int, ...]) -> NormalEquations:
+        """The normal equations over some parts, without prior."""
+        return total(self.normal[p] for p in which)
+
+
+class PreisachProblem(PreisachObjective):
+    """One kind of unknowns on one record: its normal equations, and what it predicts of held-out parts."""
+
     def __init__(self, record: Record, parts: Parts, meaning: GridUnknowns):
-        self.meaning, self.parts = meaning, parts
-        self.starts = record.starts
+        self.parts, self.starts = parts, record.starts
         self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
         self.template = meaning.rising(np.zeros(meaning.count))
         self.prepared = located(self.template, record)
-        P = meaning.expansion
-        self.prior = np.asarray((P.T @ smoothness(meaning) @ P).todense())
-        self.normal = dict(normal_equations(meaning.space, self.blocks(), self.y, parts.label, P))
+        P, blocks = meaning.expansion, self.blocks()
+        super().__init__(
+            meaning, dict(normal_equations(meaning.space, blocks, self.y, parts.label, P))
+        )
 
     def blocks(self) -> Iterator[DesignBlock]:
         """The design, block by block: it is made anew each time, which takes less than to keep it."""
@@ -60,15 +118,6 @@ class PreisachProblem:
         """Columns of unknowns in node space."""
         z = np.asarray(self.meaning.expansion @ unknowns)
         return np.stack([self.meaning.space.from_unknowns(one) for one in z.T], 1)
-
-    def objective(
-        self, which: tuple[int, ...], strength: float
-    ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"]]:
-        """H and b of x'Hx/2 - b'x over some parts."""
-        H, b = self.total(which).means
-        H = H + strength * self.prior
-        H[0, 0] *= 1 + JITTER
-        return H, b
 
     def held_out_errors(
         self, tried: Sequence[tuple[float, bool]]
@@ -102,46 +151,6 @@ class PreisachProblem:
         return [
             np.concatenate([block_errors(error[:, k]) for error in each]) for k in range(len(tried))
         ]
-
-    def log_evidence(
-        self, strength: float, start: Bool[np.ndarray, " n"] | None = None
-    ) -> tuple[float, Float[np.ndarray, " n"]]:
-        """Log marginal likelihood of a prior strength, but for a constant, and the x it leads to.
-
-        For white Gaussian noise of unknown size and a Gaussian prior on the unknowns that are not held
-        at zero: with J = |A x - y|^2 / N + lambda x'Kx at the minimum and both determinants over those,
-
-            log p(y | lambda) = -(N log J + log det(A'A / N + lambda K) - log det(lambda K)) / 2.
-
-        Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992).
-        """
-        normal = self.total(self.parts.all)
-        H, b = self.objective(self.parts.all, strength)
-        x = nonnegative_least_squares(H, b, self.meaning.free, start)
-        inside = np.flatnonzero(x)
-        tied = inside[inside > 0]  # the offset has a flat prior
-        J = normal.yy / normal.rows - b @ x
-        told = _log_determinant(H, inside) - _log_determinant(strength * self.prior, tied)
-        return -0.5 * float(normal.rows * np.log(max(J, 1e-300)) + told), x
-
-    def strength_by_evidence(self) -> float:
-        """The prior strength of the greatest marginal likelihood, to a quarter of a decade."""
-        start: Bool[np.ndarray, " n"] | None = None
-
-        def loss(exponent: float) -> float:
-            nonlocal start
-            value, x = self.log_evidence(10.0**exponent, start)
-            start = x != 0
-            return -value
-
-        found = scipy.optimize.minimize_scalar(
-            loss, bounds=(-8.0, 1.0), method="bounded", options={"xatol": 0.25}
-        )
-        return float(10.0**found.x)
-
-    def total(self, which: tuple[int, ...]) -> NormalEquations:
-        """The normal equations over some parts, without prior."""
-        return total(self.normal[p] for p in which)
 
 
 def smoothness(meaning: GridUnknowns) -> sparse.csr_matrix:
