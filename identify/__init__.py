@@ -26,8 +26,12 @@ from .fitting._fit import fit
 from .forc._curves import Forc, forc_curves
 from .forc._diagram import ForcDiagram, forc_diagram
 from .forc._everett import EverettSurface, everett_surface
-from .linear._density_fit import DensityFit, fit_density
-from .linear._density_fit_in_blocks import BlockDensityFit, fit_density_in_blocks
+from .linear._density_fit import (
+    BlockDensityFit,
+    DensityFit,
+    fit_density,
+    fit_density_in_blocks,
+)
 from .linear._preisach_excitation import (
     Design,
     Identifiability,

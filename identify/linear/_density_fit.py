@@ -1,17 +1,24 @@
-"""The weights of one grid from any history: prior strength by marginal likelihood, then the minimum."""
+"""The weights of one grid from any history: prior strength by marginal likelihood, then the minimum.
 
+Rows that memory does not hold come in blocks: sums are kept, and the extrema that the relays remember.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from hysteresis import InputError, Preisach, Record
-from hysteresis.preisach import Initial
+from hysteresis.preisach import Initial, PreisachInput
 
 from ..records._folds import Parts
 from ..records._run_model import predict, prepare
+from ._preisach_design_matrix import design_blocks
 from ._preisach_fine_grid import Coarse, solve_fine
-from ._preisach_problem import PreisachProblem
+from ._preisach_normal_equations import NodeSums
+from ._preisach_problem import PreisachObjective, PreisachProblem
 from ._preisach_unknowns import GridUnknowns
 
 DENSE = 60
@@ -114,4 +121,109 @@ def _check(
             "bad-option",
             f"a leading model, or a fitted first state, on {cells} x {cells} cells.",
             fix=f"give at most {DENSE} cells.",
+        )
+
+
+class BlockDensityFit(NamedTuple):
+    """A Preisach model whose weights were fitted to blocks of rows.
+
+    - `model`, `unknowns`: the model; its unknowns in units of the output's range.
+    - `strength`: the prior's lambda. `rows`: how many there were.
+    - `rmse`: the root of the mean squared residual, in the unit of the output.
+    """
+
+    model: Preisach
+    unknowns: Float[np.ndarray, " unknowns"]
+    strength: float
+    rows: int
+    rmse: float
+
+
+def fit_density_in_blocks(
+    blocks: Iterable[tuple[Float[np.ndarray, " rows"], Float[np.ndarray, " rows"]]],
+    cells: int = 50,
+    *,
+    low: float,
+    high: float,
+    strength: float | None = None,
+    leading: bool = False,
+    initial: Initial = "negative",
+) -> BlockDensityFit:
+    """`fit_density` for one long sequence of rows that come block by block, in bounded memory.
+
+    The output is linear in the weights, so a block leaves nothing behind but sums of the size of the grid,
+    and the extrema of the input that the relays remember. The blocks are gone through once. The result is
+    that of `fit_density` on all rows together, to rounding.
+
+    **Arguments:** `blocks`, pairs of inputs and outputs, in the order of time, such as `row_blocks(path,
+    ...)` of hysteresis reads them; `cells` along each threshold, at most 60; `low`, `high`, the density's
+    support, which no input may leave.
+
+    **Other arguments:** `strength`, `leading` and `initial` as in `fit_density`.
+
+    Raises `InputError` `out-of-range` for an input outside of the support, `not-numbers` for one that is
+    not finite, `zero-range` where input or output never change, and for other settings as `fit_density`.
+
+    **Example:**
+
+        >>> halves = zip(np.split(u, [50]), np.split(u**3, [50]))
+        >>> found = identify.fit_density_in_blocks(halves, 6, low=u.min(), high=u.max(), strength=1e-3)
+        >>> found.rows == len(u)
+        True
+    """
+    if not 1 <= cells <= DENSE:
+        raise InputError(
+            "bad-option", f"a grid of {cells} cells.", fix=f"give 1 to {DENSE} of them."
+        )
+    if not low < high:
+        raise InputError("zero-range", f"the density reaches from {low:g} to {high:g}.")
+    meaning = GridUnknowns(cells, low, high, leading, initial, 1.0)
+    grid, sums = meaning.rising(np.zeros(meaning.count)), NodeSums(meaning.space)
+    least, most = np.full(2, np.inf), np.full(2, -np.inf)
+    for u, y in blocks:
+        if not len(u):
+            continue
+        _check_block(u, y, sums.rows, low, high)
+        least = np.minimum(least, [u.min(), y.min()])
+        most = np.maximum(most, [u.max(), y.max()])
+        located = grid.located(np.asarray(u, float))
+        for block in design_blocks(grid, located):
+            sums.add(block, np.asarray(y[block.rows], float))
+        grid = replace(grid, initial=_remembered(located, u))
+    span, scale = (most - least).tolist()
+    if not (sums.rows and span > 0 and scale > 0):
+        raise InputError("zero-range", "the input or the output never changes.")
+    meaning = GridUnknowns(cells, low, high, leading, initial, scale)
+    normal = sums.equations(meaning.expansion, scale)
+    problem = PreisachObjective(meaning, {0: normal})
+    strength = problem.strength_by_evidence() if strength is None else strength
+    unknowns = meaning.minimum(*problem.objective((0,), strength))
+    rmse = scale * float(np.sqrt(normal.squared_error(unknowns) / normal.rows))
+    return BlockDensityFit(meaning.rising(unknowns), unknowns, strength, normal.rows, rmse)
+
+
+def _remembered(located: PreisachInput, u: Float[np.ndarray, " rows"]) -> tuple[float, ...]:
+    """Inputs that lead from all relays down to their state behind a block: open extrema, and the last."""
+    tree, past = located.tree, len(located.before)
+    found, anchor = [float(u[-1])], int(tree.anchor[-1])
+    while anchor:
+        place = int(located.place[anchor])
+        found.append(float(located.before[place] if place < past else u[place - past]))
+        anchor = int(tree.parent[anchor])
+    return tuple(reversed(found))
+
+
+def _check_block(u: np.ndarray, y: np.ndarray, rows: int, low: float, high: float) -> None:
+    if len(u) != len(y):
+        raise InputError("length-mismatch", f"a block of {len(u)} inputs and {len(y)} outputs.")
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        row = rows + int(np.flatnonzero(~(np.isfinite(u) & np.isfinite(y)))[0])
+        raise InputError(
+            "not-numbers", f"row {row} is not finite.", fix="leave such rows out of the blocks."
+        )
+    if u.min() < low or u.max() > high:
+        raise InputError(
+            "out-of-range",
+            f"the density reaches from {low:g} to {high:g}, the input from {u.min():g} to {u.max():g}.",
+            fix="give low and high that enclose the input.",
         )
