@@ -36,6 +36,8 @@ def init(
     config.parent.mkdir(parents=True, exist_ok=True)
     write_whole(config, toml(file, found))
     folder = config.with_suffix("")
+    if folder.exists() and folder.samefile(file):  # a file without a suffix
+        folder = folder.with_name(f"{folder.name}-fit")
     said = [shell_word(str(p)) for p in (file, config, folder)]
     command = f"hysid fit {said[0]} --config {said[1]} --out {said[2]}"
     document = {

@@ -10,20 +10,32 @@ from ..._errors import InputError
 
 PIECES, PIECE = 8, 2**16
 """Pieces of so many bytes that an excerpt has between head and tail."""
+LARGE = 32
+"""A text up to so many times the head that is asked for is read whole: an excerpt shows few of its runs."""
+
+
+BAG = b"#ROSBAG V2.0"
+"""The first bytes of a ROS bag."""
 
 
 def file_bytes(path: Path, most: int | None = None) -> tuple[bytes, int]:
     """What is in a file, and its size.
 
-    `most`: of a larger text an excerpt in whole lines: so many bytes from its head, then pieces from all
-    over it and its tail. Binary files are read whole.
+    `most`: of a text that is `LARGE` times larger, an excerpt in whole lines: so many bytes from its head,
+    then pieces from all over it and its tail. Binary files are read whole.
 
     Raises `InputError` `is-directory`, `file-not-found`, `permission-denied`, `unreadable-file`,
     `empty-file`.
     """
     try:
+        if (path / "metadata.yaml").is_file():  # a bag of the second ROS is a folder
+            parts = sorted(
+                one for one in path.iterdir() if one.suffix in (".db3", ".mcap", ".yaml")
+            )
+            data = BAG + b"".join(one.read_bytes() for one in parts)
+            return data, len(data)
         size = path.stat().st_size
-        if most is not None and size > most + 2 * PIECES * PIECE:
+        if most is not None and size > LARGE * most:
             with path.open("rb") as file:
                 data = _excerpt(file, size, most)
         else:

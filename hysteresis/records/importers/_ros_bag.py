@@ -1,4 +1,4 @@
-"""ROS bags (.bag) through rosbags (an extra: pip install 'hysid[ros]')."""
+"""ROS bags through rosbags (an extra: pip install 'hysid[ros]'): .bag files, folders of the second ROS."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,11 +8,11 @@ import numpy as np
 
 from ..._note import Note
 from ._arrays import sheet_of_arrays
-from ._file import fault
+from ._file import BAG, fault
 from ._sheet import Sheet
 
-_MARK = b"#ROSBAG V2.0"
 _LEAST = 3
+"""Messages of a topic that is read."""
 
 
 def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
@@ -24,10 +24,11 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
 
     Raises `InputError` `missing-extra` without rosbags, `damaged-file`, `no-rows`.
     """
-    if not data.startswith(_MARK):
+    if not data.startswith(BAG):
         return None
     try:
         from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise fault(
             "missing-extra", path, "ROS bags are read by rosbags, which is not installed.",
@@ -36,7 +37,8 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     topics: dict[str, dict[str, list[float]]] = {}
     times: dict[str, list[int]] = {}
     try:
-        with AnyReader([path]) as reader:
+        known = get_typestore(Stores.LATEST)  # of bags that do not hold the types of their messages
+        with AnyReader([path], default_typestore=known) as reader:
             for connection, stamp, raw in reader.messages():
                 fields = dict(_numbers("", reader.deserialize(raw, connection.msgtype)))
                 kept = topics.setdefault(connection.topic, {key: [] for key in fields})

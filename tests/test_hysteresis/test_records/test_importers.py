@@ -322,13 +322,17 @@ def test_parquet(table):
     assert set(found.text["run"]) == {"a"}
 
 
-def test_ros_bag(tmp_path):
-    rosbag = pytest.importorskip("rosbags.rosbag1", reason="rosbags is an extra")
+@pytest.mark.parametrize("generation", [1, 2])
+def test_ros_bag(tmp_path, generation):
+    bags = pytest.importorskip(f"rosbags.rosbag{generation}", reason="rosbags is an extra")
     types = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra")
-    store = types.get_typestore(types.Stores.ROS1_NOETIC)
+    store = types.get_typestore(
+        types.Stores.ROS1_NOETIC if generation == 1 else types.Stores.LATEST
+    )
     vector = store.types["geometry_msgs/msg/Vector3"]
-    path = tmp_path / "run.bag"
-    with rosbag.Writer(path) as writer:
+    path = tmp_path / ("run.bag" if generation == 1 else "run")
+    packed = store.serialize_ros1 if generation == 1 else store.serialize_cdr
+    with bags.Writer(path, **({} if generation == 1 else {"version": 9})) as writer:
         topics = [
             writer.add_connection(t, vector.__msgtype__, typestore=store) for t in ("/f", "/x")
         ]
@@ -336,14 +340,14 @@ def test_ros_bag(tmp_path):
             stamp = 10**9 * (1_700_000_000 + k)
             for topic, x, every in zip(topics, (F, X), (1, 2), strict=True):
                 if k % every == 0:
-                    message = vector(x[k], 0.0, 0.0)
-                    writer.write(topic, stamp, store.serialize_ros1(message, vector.__msgtype__))
+                    writer.write(topic, stamp, packed(vector(x[k], 0.0, 0.0), vector.__msgtype__))
     found = read_table(path)
     np.testing.assert_array_equal(found.columns["time"], np.arange(N))
     np.testing.assert_array_equal(found.columns["/f.x"], F)
     np.testing.assert_array_equal(found.columns["/x.x"][::2], X[::2])
     assert any("/x (6) are interpolated" in note for note in found.notes)
-    path.write_bytes(path.read_bytes()[:200])
+    whole = path if generation == 1 else next(path.glob("*.db3"))
+    whole.write_bytes(whole.read_bytes()[:200])
     with pytest.raises(InputError) as caught:
         read_table(path)
     assert caught.value.code == "damaged-file"
