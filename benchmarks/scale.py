@@ -28,9 +28,9 @@ from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 
 from ._measure import Row, judged, noted, options, report
 
-COLUMNS = ("time", "force", "displacement")
+COLUMNS = ("time", "input", "output")
 
-WORDS = ("--time", "time", "--input", "force", "--output", "displacement")
+WORDS = ("--time", "time", "--input", "input", "--output", "output")
 
 
 LONG = 100_000
@@ -48,8 +48,9 @@ class Bar(NamedTuple):
 class Case(NamedTuple):
     """A model to fit, and what is fitted.
 
-    - `columns`: time, input and output of so many rows. `peer`: a module of `benchmarks._scale` that fits
-      the same file, and whose first line says what it is.
+    - `columns`: time, input and output of so many rows. `model`: what `hysid fit` calls it, if not `name`.
+    - `peer`: a module of `benchmarks._scale` that fits the same file, its first line says what it is, and
+      what is said to it.
     - `bars`: what is allowed, by number of rows. `second`: seconds allowed for a second fit.
     - `over_peer`: how many times the peer's seconds a warm fit of `LONG` rows may take.
     """
@@ -57,15 +58,22 @@ class Case(NamedTuple):
     name: str
     columns: Callable[[int], tuple[np.ndarray, ...]]
     bars: Mapping[int, Bar]
-    peer: str | None = None
+    peer: tuple[str, ...] = ()
     over_peer: float | None = None
     second: float | None = None
+    model: str = ""
+
+    @property
+    def fitted(self) -> str:
+        """The model, as `hysid fit --model` takes it."""
+        return self.model or self.name
 
 
 class Taken(NamedTuple):
-    """Seconds and peak memory (GB) of a process, and what it printed."""
+    """Seconds and peak memory (GB) of a process, seconds of processors, and what it printed."""
 
     seconds: float
+    processor: float
     memory: float
     output: str
 
@@ -79,6 +87,16 @@ def burgers(rows: int) -> tuple[np.ndarray, ...]:
     clean = np.asarray(Burgers(2.0, 10 * t[-1], 1.0, 2.0, 0.3).simulate(t, force))
     noise = np.random.default_rng(1).normal(0.0, 0.01 * np.ptp(clean), rows)
     return t, force, clean + noise
+
+
+def leading(rows: int) -> tuple[np.ndarray, ...]:
+    """The same element under displacement ramps, at 300 Hz: a clock that is even to its printed digits."""
+    t, displacement, _ = burgers(rows)
+    t = np.array([float(f"{x:.7g}") for x in t / 3])
+    element = Burgers(2.0, 10 * t[-1], 1.0, 2.0, 0.3, leading=True)
+    clean = np.asarray(element.simulate(t, displacement))
+    noise = np.random.default_rng(1).normal(0.0, 0.01 * np.ptp(clean), rows)
+    return t, displacement, clean + noise
 
 
 def sliders(rows: int) -> tuple[np.ndarray, ...]:
@@ -98,9 +116,17 @@ CASES = (
         "Burgers",
         burgers,
         {1_000: Bar(cold=5.0), 100_000: Bar(warm=6.0)},
-        peer="lmfit_burgers",
+        peer=("lmfit_burgers",),
         over_peer=3.0,
         second=0.5,
+    ),
+    Case(
+        "Burgers leading",
+        leading,
+        {1_000: Bar(cold=5.0), 100_000: Bar(warm=6.0)},
+        peer=("lmfit_burgers", "--leading"),
+        second=0.5,
+        model="Burgers",
     ),
     Case("Preisach", sliders, {100_000: Bar(warm=5.0), 1_000_000: Bar(warm=25.0, memory=1.5)}),
     Case(
@@ -130,7 +156,8 @@ def run(words: Sequence[object], cache: Path) -> Taken:
         child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         raise RuntimeError(output)
-    return Taken(time.perf_counter() - begin, used.ru_maxrss / 1e6, output)
+    seconds = time.perf_counter() - begin
+    return Taken(seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6, output)
 
 
 def rows_of_size(case: Case, rows: int, folder: Path) -> tuple[list[Row], Taken]:
@@ -139,17 +166,19 @@ def rows_of_size(case: Case, rows: int, folder: Path) -> tuple[list[Row], Taken]
     # Seven digits, as loggers write them: the printed clock is even to its rounding only.
     table = np.column_stack(case.columns(rows))
     np.savetxt(file, table, fmt="%.7g", delimiter=",", header=",".join(COLUMNS), comments="")
-    words = ("hysid", "fit", file, *WORDS, "--model", case.name, "--out", out, "--overwrite")
+    words = ("hysid", "fit", file, *WORDS, "--model", case.fitted, "--out", out, "--overwrite")
     cold, warm = (run(words, folder / f"cache{rows}") for _ in range(2))
     bar = case.bars.get(rows, Bar())
     found = [
         _within(f"{what}: cold, s", cold.seconds, bar.cold),
         _within(f"{what}: warm, s", warm.seconds, bar.warm),
+        noted(f"{what}: warm, seconds of processors", warm.processor),
         _within(f"{what}: peak memory, GB", warm.memory, bar.memory),
     ]
     if case.peer:
-        peer = run((f"benchmarks._scale.{case.peer}", file), folder)
-        name = f"{case.peer.partition('_')[0]} with {peer.output.splitlines()[0]}"
+        module, *said = case.peer
+        peer = run((f"benchmarks._scale.{module}", file, *said), folder)
+        name = f"{module.partition('_')[0]} with {peer.output.splitlines()[0]}"
         found.append(noted(f"{what}: {name}, s", peer.seconds))
         ratio = warm.seconds / peer.seconds
         # Of few rows the start of Python and of JAX is all the time there is.
@@ -168,7 +197,7 @@ def second_fit(case: Case, rows: int) -> Row:
     for count in (rows, rows - rows // 10):
         t, u, y = case.columns(count)
         begin = time.perf_counter()
-        identify.fit(Record.from_arrays(u, y, t), case.name)
+        identify.fit(Record.from_arrays(u, y, t), case.fitted)
         seconds = time.perf_counter() - begin
     return _within(f"{case.name}, {rows:,} rows: second fit, s", seconds, case.second)
 
@@ -200,13 +229,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Fit every case at every number of rows and print; the exit status."""
     chosen = options(
         "benchmarks.scale", __doc__, arguments,
-        model="which of the cases, by name", rows="how many rows, with commas between",
+        model="cases of these models", rows="how many rows, with commas between",
     )  # fmt: skip
     jax.config.update("jax_enable_x64", True)
     said = (chosen.rows or ("1e3" if chosen.quick else "1e3,1e5")).split(",")
     sizes = sorted(int(float(word)) for word in said)
     names = [word.casefold() for word in (chosen.model or "").split(",") if word]
-    some = [case for case in CASES if not names or case.name.casefold() in names]
+    some = [case for case in CASES if not names or case.fitted.casefold() in names]
     if not some:
         print(f"have {', '.join(case.name for case in CASES)}", file=sys.stderr)
         return 2

@@ -1,10 +1,10 @@
 """The fit of a Burgers element that a Python user would write: lmfit, and a compiled recursion.
 
-python -m benchmarks._scale.lmfit_burgers FILE
+python -m benchmarks._scale.lmfit_burgers FILE [--leading]
 
-FILE has the columns time, force, displacement and an even clock. The recursion is numba's where that is
-installed, else SciPy's `lfilter`; the first line of the output says which. Parameters start where hysid's
-do, and are bounded below by zero.
+FILE has the columns time, input, output and an even clock: force and displacement, or with `--leading`
+displacement and force. The recursion is numba's where that is installed, else SciPy's `lfilter`; the first
+line of the output says which. Parameters start where hysid's do, and are bounded below by zero.
 """
 
 import sys
@@ -52,11 +52,26 @@ def output(p: lmfit.Parameters, dt: float, u: np.ndarray, recursion: Recursion) 
     return u / values["E1"] + flow + delayed + values["offset"]
 
 
-def fitted(file: Path) -> tuple[str, lmfit.minimizer.MinimizerResult]:
+def leading(p: lmfit.Parameters, dt: float, u: np.ndarray) -> np.ndarray:
+    """Force of the element under a displacement: the filter with its two polynomials exchanged."""
+    values = p.valuesdict()
+    x = dt * values["E2"] / values["eta2"]
+    decay, phi = np.exp(-x), -np.expm1(-x) / x
+    psi, flow = (1 - phi) / x, dt / 2 / values["eta1"]
+    delayed = dt / values["eta2"] * np.array([psi, phi - psi])
+    at_rest, relaxing = np.array([1.0, -1.0]), np.array([1.0, -decay])
+    below = np.polymul(at_rest, relaxing)
+    above = below / values["E1"] + flow * np.polymul([1.0, 1.0], relaxing)
+    above += np.polymul(delayed, at_rest)
+    return lfilter(below, above, u) + values["offset"]
+
+
+def fitted(file: Path, leads: bool) -> tuple[str, lmfit.minimizer.MinimizerResult]:
     """The fit of a file, and what compiled its recursion."""
     t, u, y = np.loadtxt(file, delimiter=",", skiprows=1, unpack=True)
     words, recursion = compiled()
     dt, span, gain = (t[-1] - t[0]) / (len(t) - 1), t[-1] - t[0], np.ptp(y) / np.ptp(u)
+    gain = 1 / gain if leads else gain
     start = {
         "E1": 1 / gain,
         "eta1": 3 / gain * span,
@@ -67,11 +82,13 @@ def fitted(file: Path) -> tuple[str, lmfit.minimizer.MinimizerResult]:
     for name, value in start.items():
         parameters.add(name, value, min=0.0)
     parameters.add("offset", 0.0)
+    if leads:
+        return "SciPy lfilter", lmfit.minimize(lambda p: leading(p, dt, u) - y, parameters)
     return words, lmfit.minimize(lambda p: output(p, dt, u, recursion) - y, parameters)
 
 
 def main(arguments: list[str]) -> None:
-    words, found = fitted(Path(arguments[0]))
+    words, found = fitted(Path(arguments[0]), "--leading" in arguments)
     print(words)
     for name, value in found.params.valuesdict().items():
         print(f"{name}={float(value)!r}")

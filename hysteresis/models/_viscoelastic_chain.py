@@ -179,29 +179,23 @@ def against(direct: Array, rates: Array, drives: Array, dt: Array, hold: Hold) -
 
     if len(rates) == 1:
         return (step(delta[0] + beta[0] / whole, now[0] / whole, beta[0] / whole**2),)
-    share = beta / whole
-    sign, half = jnp.sign(beta.sum()), (delta[0] + share[0] - delta[1] - share[1]) / 2
-    coupling = share[0] * share[1]
-    root = jnp.sqrt(half**2 + coupling)
-    turned = sign * half
-
-    def beyond(along: Array) -> Array:
-        """sign (root - along), from which the far root's distances follow."""
-        return sign * jnp.where(along > 0, coupling / (root + jnp.abs(along)), root - along)
-
-    # Away from both deltas, and what remains of the nearer root is between them.
-    far = jnp.stack([beyond(turned), beyond(-turned)]) + share
-    part, apart = share / far, delta[1] - delta[0]
-    weight = whole * (part[0] * far[1] + part[1] * far[0])
-    outer = step(
-        delta[0] + far[0],
-        (now[0] * far[1] + now[1] * far[0]) / weight,
-        far[0] * far[1] / weight,
-    )
+    share, signs = beta / whole, np.array([1.0, -1.0])
+    sign, half = jnp.sign(beta.sum()), (signs * (delta + share)).sum() / 2
+    coupling = share.prod()
+    root, turned = jnp.sqrt(half**2 + coupling), sign * half * signs
+    # root - turned without cancellation: the farther root's distances from both deltas, but for the share.
+    beyond = jnp.where(turned > 0, coupling / (root + jnp.abs(turned)), root - turned)
+    far = sign * beyond + share
+    part = share / far
+    other, swapped = jnp.flip(part), jnp.flip(far)
+    weight = whole * (part * swapped).sum()
+    apart = -(signs * delta).sum()
+    outer = step((delta + far)[0], (now * swapped).sum() / weight, far.prod() / weight)
+    # The nearer root lies between the deltas.
     inner = step(
-        delta[0] + part[0] * apart,
-        apart * (now[0] * part[1] - now[1] * part[0]) / weight,
-        apart**2 * part[0] * part[1] / weight,
+        (delta * other).sum(),
+        apart * (signs * now * other).sum() / weight,
+        apart**2 * part.prod() / weight,
     )
     return outer, inner
 
