@@ -14,8 +14,11 @@ SENSED = ("voltage", "resistance", "capacitance", "sensor", "current")
 
 PAIRS: dict[tuple[str, str], float] = {
     ("force", "displacement"): 1.0,
-    ("stress", "strain"): 1.0,
-    ("torque", "angle"): 1.0,
+    (
+        "stress",
+        "strain",
+    ): 0.97,  # which a machine computes from force and displacement, where it has both
+    ("torque", "angle"): 0.97,
     ("rate", "stress"): 0.95,
     ("force", "strain"): 0.9,
     ("stress", "displacement"): 0.9,

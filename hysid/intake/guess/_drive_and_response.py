@@ -21,7 +21,7 @@ from ._column_pairs import (
 )
 from ._commanded import commanded
 from ._exceptions import NothingDrivenError
-from ._quantities import OSCILLATION
+from ._quantities import OSCILLATION, words_of
 from ._unnamed_columns import by_shape
 
 MISSING = 0.05
@@ -32,6 +32,8 @@ MOST = 40_000
 """Rows that are looked at."""
 ALIKE = 0.99
 """Correlation of two readings of one quantity."""
+NEAR = 0.97
+"""The share of the best pair's score from which another transducer follows the input as well."""
 FLAT = 2.0
 """Factor by which the unexplained part must be smaller in the other direction, which is then chosen."""
 
@@ -110,20 +112,39 @@ def choose(
     sure = (
         "sure" if clear and read and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
     )
-    best = _quietest(best, found, asked_out)
+    best = _reading(table, best, found, asked_out)
     choice = _directed(table, best, options, asked_in, asked_out, time)
     more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
     return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
 
 
-def _quietest(best: Pair, found: list[Pair], asked_out: str | None) -> Pair:
-    """Of several readings of one output, as two fits of one signal, the one with the least noise."""
-    readings = [
-        p for p in found
-        if p.input.name == best.input.name and p.output[1:3] == best.output[1:3]
-        and abs(correlation(p.output.x, best.output.x)) > ALIKE
-    ]  # fmt: skip
-    return best if asked_out else min([best, *readings], key=lambda p: noise(p.output.x))
+def _reading(table: Table, best: Pair, found: list[Pair], asked_out: str | None) -> Pair:
+    """One of several readings of the output that follow the input as well.
+
+    Of two results for one signal, as those of a magnetometer, the one that the instrument fitted better,
+    then the one with less noise; of several transducers the first in the file.
+    """
+    if asked_out:
+        return best
+    others = [
+        p for p in found if p.input.name == best.input.name and p.output[1:3] == best.output[1:3]
+    ]
+    twins = [p for p in others if abs(correlation(p.output.x, best.output.x)) > ALIKE]
+    if len(twins) > 1:
+        shared = set.intersection(*(set(words_of(p.output.name)) for p in twins))
+        return min(twins, key=lambda p: (-_fit_of(table, p.output.name, shared), noise(p.output.x)))
+    near = [p for p in others if p.score > NEAR * best.score]
+    return min(near, key=lambda p: list(table.columns).index(p.output.name))
+
+
+def _fit_of(table: Table, name: str, shared: set[str]) -> float:
+    """How well the instrument says that it fitted a reading: a column of its words and "fit"; else 0."""
+    own = set(words_of(name)) - shared
+    for other, x in table.columns.items():
+        said = set(words_of(other))
+        if x.dtype.kind == "f" and own and own <= said and "fit" in said:
+            return float(np.nanmean(x))
+    return 0.0
 
 
 def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> list[Column]:

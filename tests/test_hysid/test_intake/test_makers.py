@@ -146,6 +146,19 @@ FILES = {
         {"Temperature (K)": "K", "Moment (emu)": "emu"},
         "Time Stamp (sec)", {"Temperature (K)", "Moment (emu)"},
     ),
+    "Quantum Design, two fits of one moment": File(
+        QUANTUM + "Time Stamp (sec),Magnetic Field (Oe),DC Moment Fixed Ctr (emu),DC Moment Free Ctr (emu),"
+        "DC Fixed Fit,DC Free Fit\n"
+        + rows(STAMP, U, Y, numbers(ANSWER + 0.01 * np.cos(9 * T)), numbers(0.8 + T / 1e3),
+               numbers(0.9 + T / 1e3), sep=","),
+        {"Magnetic Field (Oe)": "Oe", "DC Moment Free Ctr (emu)": "emu"},
+        "Time Stamp (sec)", {"Magnetic Field (Oe)", "DC Moment Free Ctr (emu)"},
+    ),
+    "several transducers": File(
+        "Time (s),Load (kN),LVDT 7 (mm),LVDT 9 (mm)\n"
+        + rows(TIME, U, numbers(ANSWER + 3 * np.cos(9 * T)), numbers(ANSWER + 3 * np.sin(9 * T)), sep=","),
+        {"LVDT 7 (mm)": "mm"}, "Time (s)", {"Load (kN)", "LVDT 7 (mm)"},
+    ),
     "MicroMag, reversal curves": File(
         FORC.format("Hybrid SI")
         + "\n".join(rows(U[k : k + 20], Y[k : k + 20], sep=",") for k in (0, 20, 40))
