@@ -1,17 +1,18 @@
-"""What bad input does: to the command line, to a file that is damaged at random, to a running compensator.
+"""What bad input does: to the command line, to damaged files, to a running compensator; what a kill leaves.
 
-python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT]
+python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N]
 
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
-damaged at random), readings (compensators fed with what a broken sensor gives).
+damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
+of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
+names (hostile names of columns), headers (exported C fed with broken numbers), disk (a full one), kills (at
+random moments). `--count`: cases of `tables` and `documents` together; 10,000 by default.
 """
 
-import contextlib
-import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,17 @@ import numpy as np
 from compensate import Status, export_runtime, invert
 from compensate.runtime import load
 from tests.problems import INVERTIBLE, SAMPLES, Problem, clock, random_histories
-from tests.test_hysid.command import COLUMNS, Result, put, run, sponge, text, tree
+from tests.test_hysid.command import COLUMNS, put, run, sponge, text, tree
 from tests.test_hysid.test_cli.test_bad_inputs import BAD
 from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
 from ._measure import Row, judged, noted, run_parts
+from ._ruggedness import documents as _documents
+from ._ruggedness import kills as _kills
+from ._ruggedness import tables as _tables
+from ._ruggedness import written as _written
+from ._ruggedness.documents import NOT_EXPORTED
+from ._ruggedness.fuzzing import elsewhere, fuzz, one_line
 
 FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
 WORDS = (
@@ -41,13 +48,6 @@ WORDS = (
     b"-",
 )
 BROKEN = (np.nan, np.inf, -np.inf)
-NOT_EXPORTED = ("preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen")
-
-
-def one_line(said: Result) -> bool:
-    """Refused as a user is: exit 2, nothing on stdout, one line that ends in a code."""
-    lines = said.err.splitlines()
-    return (said.code, said.out, len(lines)) == (2, "", 1) and lines[0].endswith("]")
 
 
 def files(quick: bool) -> list[Row]:
@@ -118,7 +118,7 @@ ACCIDENTS = (_cut, _swapped_bytes, _repeated_lines, _column_lost, _other_separat
 
 def damage(quick: bool) -> list[Row]:
     """A good file after accidents, looked at by `hysid check`."""
-    count, good = 200 if quick else 2000, text(sponge()).encode()
+    count, good = 60 if quick else 2000, text(sponge()).encode()
     random, seen, wrong = np.random.default_rng(0), Counter[str](), []
     with elsewhere():
         for _ in range(count):
@@ -141,7 +141,7 @@ def damage(quick: bool) -> list[Row]:
 
 def folders(quick: bool) -> list[Row]:
     """A fit's files after accidents, one file at a time, run over the file it was fitted to."""
-    count, random, wrong = 40 if quick else 400, np.random.default_rng(1), 0
+    count, random, wrong = 12 if quick else 400, np.random.default_rng(1), 0
     with elsewhere():
         put(text(sponge()))
         assert run("fit", "run.csv", *COLUMNS, *FIT).code == 0
@@ -163,11 +163,12 @@ def folders(quick: bool) -> list[Row]:
 
 def readings(quick: bool) -> list[Row]:
     """A fifth of the readings of every model is broken; for those exported one is huge besides."""
-    found = [_fed(problem) for problem in INVERTIBLE]
+    tried = INVERTIBLE[::9] if quick else INVERTIBLE
+    found = [_fed(problem) for problem in tried]
     exceptions, poisoned = sum(f[0] for f in found), sum(f[1] for f in found)
     differ = max(f[2] for f in found)
     with tempfile.TemporaryDirectory() as folder:
-        own = [p for p in INVERTIBLE if p.name not in NOT_EXPORTED]
+        own = [p for p in tried if p.name not in NOT_EXPORTED]
         exported = [_fed_exported(problem, Path(folder) / "it.json") for problem in own]
     return [
         judged(f"{len(found)} compensators fed with NaN and infinities: exceptions", exceptions, 0),
@@ -236,29 +237,66 @@ def _fed_exported(problem: Problem, path: Path) -> tuple[int, float]:
     return int((~np.isfinite(value)).sum()), float(np.abs(value - same).max() / np.ptp(u))
 
 
-@contextlib.contextmanager
-def elsewhere() -> Iterator[None]:
-    """An empty folder to work in."""
-    before = os.getcwd()
-    with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
-        try:
-            yield
-        finally:
-            os.chdir(before)
+def tables(count: int) -> list[Row]:
+    """Structured cases of text tables, and damaged binary ones, through `hysid check`."""
+    with elsewhere():
+        rows = fuzz(_tables.texts(), count // 2, _tables.checked).rows("text tables")
+        good = _tables.good_binaries()
+        what = f"damaged {', '.join(sorted(good))} files"
+        return rows + fuzz(_tables.binaries(good), count // 10, _tables.checked).rows(what)
 
+
+def documents(count: int) -> list[Row]:
+    """Saved results and configurations with entries changed."""
+    rows = []
+    for what, cases, make, share in _documents.cases():
+        with elsewhere():
+            rows += fuzz(cases, max(int(share * count), 10), make()).rows(what)
+    return rows
+
+
+def kills(quick: bool) -> list[Row]:
+    """A hundred kills of commands."""
+    if quick:
+        return [noted("kills of commands", 0, reason="takes minutes: run without --quick")]
+    with elsewhere():
+        return _kills.kills(100)
+
+
+def disk(quick: bool) -> list[Row]:
+    """Commands on a full disk; the same for `quick`."""
+    with elsewhere():
+        return _kills.full_disk()
+
+
+FUZZED, QUICKLY = 10_000, 100
+"""Cases of `tables` and `documents`."""
 
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "files": files,
     "damage": damage,
     "folders": folders,
     "readings": readings,
+    "names": lambda quick: _written.hostile_names(100 if quick else 500),
+    "headers": lambda quick: _written.headers(14 if quick else 1),
+    "disk": disk,
+    "kills": kills,
 }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
-    run_parts("benchmarks.ruggedness", __doc__, PARTS, arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    count = None
+    if "--count" in given:
+        at = given.index("--count")
+        count, given = int(given[at + 1]), [*given[:at], *given[at + 2 :]]
+
+    def of(part: Callable[[int], list[Row]]) -> Callable[[bool], list[Row]]:
+        return lambda quick: part(count or (QUICKLY if quick else FUZZED))
+
+    parts = PARTS | {"tables": of(tables), "documents": of(documents)}
+    run_parts("benchmarks.ruggedness", __doc__, parts, given)
 
 
 if __name__ == "__main__":

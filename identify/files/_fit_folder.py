@@ -40,6 +40,13 @@ from ..storage._provenance import versions
 SCHEMA = 1
 ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
 """How often a folder is looked at that another process may be writing, and for which faults."""
+_KINDS: dict[str, type] = {
+    **dict.fromkeys(
+        ("each", "failed", "folders", "files", "records", "metrics", "data", "verdict"), dict
+    ),
+    **dict.fromkeys(("parameters", "candidates", "baselines", "notes"), list),
+}
+"""Entries of fit.json that readers look into, and what they are."""
 _OF_EARLIER = (
     "posterior.json", "posterior.nc", "posterior_models.npz", "chains.h5", "chains.previous.h5",
     "report.html",
@@ -255,6 +262,15 @@ def read_document(folder: str | Path) -> dict[str, Any]:
             fix="update hysid, or fit again.",
         )
     check_unedited(Path(folder), "fit.json", document)
+    for key, kind in _KINDS.items():
+        if key in document and not isinstance(document[key], kind):
+            raise InputError(
+                "damaged-file",
+                f"the entry {key} of fit.json cannot be read.",
+                place=str(folder),
+                cause="it was edited.",
+                fix="fit again.",
+            )
     return document
 
 

@@ -69,8 +69,12 @@ def whole_files(
 
     Raises `InputError` for a file that is missing, or another than was written.
     """
-    found = {}
-    for name, digest in document["files"].items():
+    found, listed = {}, document.get("files")
+    if not isinstance(listed, dict):
+        raise InputError(
+            "damaged-file", "the list of its files cannot be read.", place=str(folder), fix=fix
+        )
+    for name, digest in listed.items():
         name = Path(name).name
         places = [p for p in (folder / name, _aside(folder, name)) if p.is_file()]
         if not places:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ._arrays import sheet_of_arrays
 from ._file import fault
+from ._matlab_check import checked_matlab
 from ._sheet import Sheet
 
 _MATLAB, _HDF5 = b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
@@ -50,7 +51,7 @@ def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | No
 def _matlab(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     from scipy.io import loadmat  # a tenth of a second, for this alone
 
-    variables = loadmat(io.BytesIO(data), simplify_cells=True)
+    variables = loadmat(io.BytesIO(checked_matlab(data)), simplify_cells=True)
     yield from _groups("", {k: v for k, v in variables.items() if not k.startswith("__")})
 
 

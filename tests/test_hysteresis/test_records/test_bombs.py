@@ -9,6 +9,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from hysteresis import InputError, read_table
 from hysteresis.records._cells import LONG_CELL
@@ -118,3 +119,23 @@ def test_a_workbook_that_unpacks_without_end(tmp_path: Path):
     file = tmp_path / "run.xlsx"
     file.write_bytes(xlsx(SHEET.format("<sheetData/>"), more=300_000_000))
     refused(file, "binary-file", "would unpack to 300,", "256,000,000")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_damaged_mat_file_does_not_end_the_process(packed: bool, tmp_path: Path):
+    """SciPy's reader crashes on some of these; whole ones are read as ever."""
+    u, whole = np.sin(np.arange(20.0)), io.BytesIO()
+    savemat(whole, {"s": {"force": u, "x": u, "who": "me"}}, do_compression=packed)
+    file = tmp_path / "run.mat"
+    file.write_bytes(whole.getvalue())
+    np.testing.assert_array_equal(read_table(file).number("x"), u)
+    random, refused = np.random.default_rng(0), 0
+    for k in range(128, len(whole.getvalue()), 1 if packed else 3):
+        content = bytearray(whole.getvalue())
+        content[k : k + 4] = random.choice([b"\0" * 4, b"\xff" * 4, b"\x7f" * 4, b"\0", b"\x09"])
+        file.write_bytes(content)
+        try:
+            read_table(file)
+        except InputError:
+            refused += 1
+    assert refused > 20

@@ -1,0 +1,216 @@
+"""Saved results with entries changed, removed or exchanged, and their checksums made again."""
+
+import copy
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from hypothesis import strategies as st
+
+import identify
+from compensate import export_runtime
+from compensate.runtime import FileError, load
+from compensate.runtime._file import checksum
+from hysteresis import InputError
+from hysteresis._limits import parse_toml
+from identify.internal import sealed
+from tests.problems import INVERTIBLE
+from tests.test_hysid.command import COLUMNS, put, run, sponge, text
+
+from .fuzzing import told
+from .tables import broken
+
+NOT_EXPORTED = ("preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen")
+ODD: tuple[Any, ...] = (
+    None, True, -1, 0, 10**9, 10**400, 1e308, "", "x", "\ud800", [], {}, [1, 2], {"a": 1}, [[[[]]]],
+    "../../x", float("nan"), 2**63, "os.system",
+)  # fmt: skip
+TOML = """[selection]
+input = "force (N)"
+output = "displacement (mm)"
+time = "time (s)"
+test_cycles = 1
+
+[fit]
+model = "LinearSponge"
+seed = 0
+
+[parameters]
+K = {start = 2.0, bounds = [0.1, 100.0]}
+"""
+
+
+class Edits(NamedTuple):
+    """Which document, and for each edit: where (a number for each level) and what is put there."""
+
+    which: int
+    edits: list[tuple[list[int], int]]
+    deep: int
+
+
+edits = st.builds(
+    Edits,
+    st.integers(0, 10**6),
+    st.lists(st.tuples(st.lists(st.integers(0, 10**6), min_size=1, max_size=6), st.integers(0, len(ODD))),
+             min_size=1, max_size=3),
+    st.integers(0, 60),
+)  # fmt: skip
+
+
+def changed(document: Any, case: Edits) -> Any:
+    """A document after its edits."""
+    document = copy.deepcopy(document)
+    for steps, what in case.edits:
+        at = document
+        for depth, step in enumerate(steps):
+            keys = list(at) if isinstance(at, dict) else list(range(len(at)))
+            if not keys:
+                break
+            key = keys[step % len(keys)]
+            inner = at[key]
+            if depth < len(steps) - 1 and isinstance(inner, dict | list) and inner:
+                at = inner
+                continue
+            if what == len(ODD):
+                del at[key]
+            else:
+                at[key] = copy.deepcopy(ODD[what])
+            break
+    if case.deep == 0 and isinstance(document, dict):
+        nest: Any = 1
+        for _ in range(500):
+            nest = [nest]
+        document["deep"] = nest
+    return document
+
+
+def runtime_files() -> Callable[[Edits], str]:
+    """Compensators of every exportable model: `load` gives `FileError` or something that runs."""
+    documents, file = [], Path("it.json")
+    for problem in INVERTIBLE[::3]:
+        if problem.name in NOT_EXPORTED:
+            continue
+        t = np.linspace(0, 1, 40)
+        u = problem.low + (problem.high - problem.low) * np.abs(np.sin(7 * t))
+        y = np.asarray(problem.model().simulate(t, u))
+        export_runtime(problem.model(), file, y, times=t)
+        documents.append(json.loads(file.read_text()))
+
+    def tried(case: Edits) -> str:
+        document = changed(documents[case.which % len(documents)], case)
+        if isinstance(document, dict):
+            document["checksum"] = checksum(document)
+        file.write_text(json.dumps(document))
+        try:
+            it = load(file)
+        except FileError:
+            return "FileError"
+        it.reset()
+        return "read"
+
+    return tried
+
+
+def fits() -> Callable[[Edits], str]:
+    """fit.json of a small fit, run over the file it was fitted to."""
+    put(text(sponge()))
+    words = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
+    assert run("fit", "run.csv", *COLUMNS, *words).code == 0
+    document = json.loads(Path("out/fit.json").read_text())
+
+    def tried(case: Edits) -> str:
+        made = changed(document, case)
+        made = sealed(made) if isinstance(made, dict) and case.which % 8 else made
+        Path("out/fit.json").write_text(json.dumps(made))
+        return told(run("predict", "out", "run.csv"))
+
+    return tried
+
+
+def posteriors() -> Callable[[Edits], str]:
+    """posterior.json, with damaged posterior.nc and posterior_models.npz beside it."""
+    put(text(sponge()))
+    words = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
+    assert run("fit", "run.csv", *COLUMNS, *words).code == 0
+    fit = identify.load("out")
+    identify.save_posterior(identify.sample(fit, steps=40, ensembles=2), "out")
+    folder = Path("out")
+    names = ("posterior.nc", "posterior_models.npz")
+    whole = {name: (folder / name).read_bytes() for name in names}
+    document = json.loads((folder / "posterior.json").read_text())
+
+    def tried(case: Edits) -> str:
+        random = np.random.default_rng(case.which)
+        made = changed(document, case) if case.which % 3 else document
+        for name in names:
+            content = bytearray(whole[name])
+            if random.random() < 0.5:
+                at = random.integers(0, len(content), random.integers(1, 6))
+                for k in at:
+                    content[k] = random.integers(256)
+                content = content[: int(at[0])] if random.random() < 0.2 else content
+            (folder / name).write_bytes(content)
+            if isinstance(made, dict) and isinstance(made.get("files"), dict) and case.which % 5:
+                made["files"] = made["files"] | {name: hashlib.sha256(content).hexdigest()}
+        made = sealed(made) if isinstance(made, dict) else made
+        (folder / "posterior.json").write_text(json.dumps(made))
+        try:
+            identify.load_posterior(folder)
+        except InputError as error:
+            return error.code
+        return "read"
+
+    return tried
+
+
+@st.composite
+def configurations(draw: st.DrawFn) -> bytes:
+    """A configuration with some lines exchanged, and bytes broken."""
+    lines = TOML.splitlines()
+    odd = (
+        *(
+            "[a.b",
+            "x = [" + "[" * 200,
+            "k" + ".k" * 300 + " = 1",
+            "model = 1",
+            "model = []",
+            '"" = 1',
+        ),
+        *("seed = -1", "test_cycles = 1e400", "input = ['a', 2]", "K = {start = 'x'}", "K = 3"),
+        *(
+            "time = true",
+            "x = 2024-01-01",
+            "nan = nan",
+            'input = "\\u0000"',
+            "[[fit]]",
+            "bounds = [2, 1]",
+        ),
+    )
+    for _ in range(draw(st.integers(0, 3))):
+        lines.insert(draw(st.integers(0, len(lines))), draw(st.sampled_from(odd)))
+    return broken(draw, "\n".join(lines).encode())
+
+
+def toml_files() -> Callable[[bytes], str]:
+    """A configuration, checked and fitted with."""
+    put(text(sponge()[:60]))
+
+    def tried(content: bytes) -> str:
+        Path("it.toml").write_bytes(content)
+        return told(run("check", "run.csv", "--config", "it.toml"))
+
+    return tried
+
+
+def cases() -> Iterator[tuple[str, Any, Callable[[], Callable[[Any], str]], float]]:
+    """What is tried, its cases, what tries them, and its share of the count."""
+    jax.config.update("jax_enable_x64", True)
+    assert parse_toml(TOML)
+    yield "runtime files with entries changed", edits, runtime_files, 0.2
+    yield "fit.json with entries changed", edits, fits, 0.05
+    yield "posteriors with entries and bytes changed", edits, posteriors, 0.1
+    yield "configurations", configurations(), toml_files, 0.05
