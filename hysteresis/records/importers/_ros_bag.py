@@ -1,6 +1,7 @@
 """ROS bags through rosbags (an extra: pip install 'hysid[ros]'): .bag files, folders of the second ROS."""
 
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
     elif isinstance(value, np.ndarray) and value.ndim == 1 and len(value) <= 32:
         for k, one in enumerate(value.tolist()):
             yield from _numbers(f"{name}[{k}]", one)
-    elif hasattr(value, "__dataclass_fields__"):
-        for key in value.__dataclass_fields__:
+    elif is_dataclass(value):
+        for key in (field.name for field in fields(value)):
             if key != "header" and not key.startswith("__"):
                 yield from _numbers(f"{name}.{key}" if name else key, getattr(value, key))
