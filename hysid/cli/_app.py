@@ -1,6 +1,5 @@
 """The command line: its commands, and how a run ends."""
 
-import os
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
@@ -14,7 +13,7 @@ from ._batch import batch
 from ._bench import bench
 from ._compare import compare
 from ._config_file import FindsConfig
-from ._console import CLOSED, INTERRUPTED, USER, Fault, example, explain, stop
+from ._console import INTERRUPTED, USER, Fault, example, explain, stop
 from ._datasets import datasets
 from ._demo import demo
 from ._export import export
@@ -93,10 +92,6 @@ def main() -> None:
         stop(Fault("foreign-package", fault), fault, USER, as_json)
     try:
         code = app(arguments, prog_name="hysid", standalone_mode=False)
-    except BrokenPipeError:  # `hysid ... | head`
-        # What Python still wants to write at its end has nowhere to go either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        raise SystemExit(CLOSED) from None
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # what newer typers return; older ones raise Abort
     except Exception as error:

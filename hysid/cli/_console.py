@@ -64,10 +64,20 @@ def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) 
     if as_json:
         from hysteresis._format import plain  # late: it loads JAX
 
-        print(_json(plain(document), sys.stdout.encoding), flush=True)
+        _print(_json(plain(document), sys.stdout.encoding))
     else:
         shown = (_shown(line, sys.stdout.encoding) for one in lines for line in one.split("\n"))
-        print("\n".join(shown), flush=True)
+        _print("\n".join(shown))
+
+
+def _print(text: str) -> None:
+    """Text on stdout; where its reader is gone, as in `hysid ... | head`, the process ends as others do."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # What Python still wants to write at its end has nowhere to go either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        raise SystemExit(CLOSED) from None
 
 
 def log(line: str) -> None:
