@@ -80,12 +80,12 @@ class Target(eqx.Module):
     def pointwise(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
         """log p(y_i | those before it), without a misfit's part; 0 where a row does not count."""
         residuals, rows = self._compared(point)
-        return self.noise(point).pointwise(residuals, rows)
+        return jnp.asarray(self.noise(point).pointwise(residuals, rows))
 
     def log_likelihood(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
         """log p(data | point), times the weight."""
         residuals, rows = self._compared(point)
-        return self.weight * self.noise(point).log_likelihood(residuals, rows)
+        return jnp.asarray(self.weight * self.noise(point).log_likelihood(residuals, rows))
 
     def log_prior(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
         """log of the priors' density in the free space."""
