@@ -2,7 +2,7 @@
 
 import abc
 from functools import partial
-from typing import Any, Generic
+from typing import Any, Generic, overload
 
 import equinox as eqx
 import jax
@@ -114,6 +114,10 @@ def _scan(model: AbstractModel, state: Any, t: Array, u: Array) -> tuple[Any, Ar
     return jax.lax.scan(lambda carry, sample: model.step(carry, *sample), state, (t, u))
 
 
+@overload
+def time_steps(t: Array, t_before: Any, starts: tuple[int, ...]) -> Array: ...
+@overload
+def time_steps(t: np.ndarray, t_before: Any, starts: tuple[int, ...]) -> np.ndarray: ...
 def time_steps(
     t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: tuple[int, ...]
 ) -> Float[Array | np.ndarray, " samples"]:

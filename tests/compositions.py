@@ -74,7 +74,7 @@ def friction(rng: np.random.Generator) -> Sum:
 def drifting(rng: np.random.Generator) -> Sum:
     """Beside a line: a drift alone does not depend on the present input."""
     levels = np.array([LOW, 0.3, HIGH])
-    drift = CyclicDrift(LOW, HIGH, levels, rng.uniform(-0.1, 0.1, 3), HIGH - LOW, least=0.4)
+    drift = CyclicDrift(LOW, HIGH, levels, rng.uniform(-0.1, 0.1, 3), length=HIGH - LOW, least=0.4)
     return Sum([LinearSponge(rng.uniform(0.5, 2)), drift])
 
 

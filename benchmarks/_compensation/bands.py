@@ -97,7 +97,7 @@ def _of_one(sensor: Sensor, what: str, folder: Path) -> list[Row]:
         return [noted(what, np.nan, reason="the data are not here")]
     with tempfile.TemporaryDirectory() as out:
         file = place if isinstance(sensor.file, str) else sensor.file(folder, Path(out))
-        records, _ = sensor.selection.records(sensor.selection.table(file))
+        records, _ = sensor.selection.records(sensor.selection.read(file))
     shares = {name: _share(sensor, *pair) for name, pair in records.items()}
     mean = float(np.mean([*shares.values()]))
     row = Row(what, mean, LOW, None, LOW <= mean <= HIGH, at_least=True)

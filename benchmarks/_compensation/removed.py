@@ -73,7 +73,7 @@ def _of_one(sensor: Sensor, folder: Path, out: Path, quick: bool) -> list[Row]:
     if not place.exists():
         return [noted(sensor.what, float("nan"), reason="the data are not here")]
     file = place if isinstance(sensor.file, str) else sensor.file(folder, out)
-    table = sensor.selection.table(file)
+    table = sensor.selection.read(file)
     records, _ = sensor.selection.records(table)
     if quick and sensor.one:
         records = {sensor.one: records[sensor.one]}

@@ -197,7 +197,7 @@ def _fit(
     """What a fit does, from the middle of the prior."""
     first = refine(bounds, model, prepared, y, np.asarray(rows.counted), z)
     r = first.predicted - y
-    plain = covariance_of(first.jacobian, r @ r / (len(y) - len(z)))
+    plain = covariance_of(first.jacobian, float(r @ r) / (len(y) - len(z)))
     found = likeliest(bounds, model, prepared, y, rows, first.free, kinds("auto"))
     if found is None or found.believed < BELIEVED:
         # No noise model is believed: least squares, its errors widened.

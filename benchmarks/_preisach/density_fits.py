@@ -24,6 +24,7 @@ from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import everett_surface, fit, fit_density, forc_curves
+from identify.linear._preisach_design_matrix import design_rows
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import Parts
@@ -225,7 +226,9 @@ def _over_scipy(record: Record, cells: int, strength: float) -> float:
     """How far our objective is from that of scipy.optimize.nnls on the stacked system, relative."""
     problem = _problem(record, cells)
     H, b = problem.objective((0,), strength)
-    A = problem.meaning.space.to_unknowns(problem.B.toarray().T).T / np.sqrt(len(problem.y))
+    A = problem.meaning.space.to_unknowns(
+        design_rows(problem.template, problem.prepared).toarray().T
+    ).T / np.sqrt(len(problem.y))
     values, vectors = np.linalg.eigh(strength * problem.prior)
     root = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
     stacked = np.vstack([A, root])

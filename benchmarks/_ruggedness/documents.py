@@ -170,7 +170,7 @@ def posteriors() -> Callable[[Edits], str]:
 @st.composite
 def configurations(draw: st.DrawFn) -> bytes:
     """A configuration with some lines exchanged, and bytes broken."""
-    lines = TOML.splitlines()
+    lines: list[str] = [*TOML.splitlines()]
     odd = (
         *(
             "[a.b",

@@ -59,7 +59,7 @@ def fuzz(cases: st.SearchStrategy[Any], count: int, run: Callable[[Any], str]) -
     @seed(0)
     @settings(
         max_examples=count, deadline=None, database=None, phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=[*HealthCheck.__members__.values()],
     )  # fmt: skip
     @given(cases)
     def each(case: Any) -> None:

@@ -131,7 +131,7 @@ def options(draw: st.DrawFn, names: list[str]) -> tuple[str, ...]:
 def texts(draw: st.DrawFn) -> Case:
     """A text table with one to a few things that are not as they should be."""
     separator = draw(st.sampled_from(",,,;\t|"))
-    names = draw(st.permutations(NAMES))[: draw(st.integers(2, 5))]
+    names: list[str] = [*draw(st.permutations(NAMES))[: draw(st.integers(2, 5))]]
     if draw(st.integers(0, 3)) == 0:
         names[0] = draw(st.sampled_from(HOSTILE) | st.text(max_size=8))
     count, width = draw(st.sampled_from([0, 1, 2, 5, 12, 30, 60])), len(names)

@@ -10,6 +10,7 @@ line of the output says which. Parameters start where hysid's do, and are bounde
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import lmfit
 import numpy as np
@@ -27,7 +28,7 @@ def compiled() -> tuple[str, Recursion]:
     """The recursion, and the name of what compiled it."""
     try:
         # Only the extra `bench` has it.
-        import numba
+        import numba  # pyright: ignore[reportMissingImports]
     except ImportError:
         return "SciPy lfilter", by_scipy
 
@@ -63,10 +64,10 @@ def leading(p: lmfit.Parameters, dt: float, u: np.ndarray) -> np.ndarray:
     below = np.polymul(at_rest, relaxing)
     above = below / values["E1"] + flow * np.polymul([1.0, 1.0], relaxing)
     above += np.polymul(delayed, at_rest)
-    return lfilter(below, above, u) + values["offset"]
+    return np.asarray(lfilter(below, above, u)) + values["offset"]
 
 
-def fitted(file: Path, leads: bool) -> tuple[str, lmfit.minimizer.MinimizerResult]:
+def fitted(file: Path, leads: bool) -> tuple[str, Any]:
     """The fit of a file, and what compiled its recursion."""
     t, u, y = np.loadtxt(file, delimiter=",", skiprows=1, unpack=True)
     words, recursion = compiled()

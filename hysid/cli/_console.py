@@ -200,7 +200,8 @@ def explain(error: Exception) -> tuple[Fault, str, int]:
     # Not imported here: what failed may be that very import.
     known = getattr(sys.modules.get("hysteresis"), "InputError", None)
     if known is not None and isinstance(error, known):
-        fault = Fault(error.code, error.problem, error.place, error.cause, error.fix)
+        told: Any = error
+        fault = Fault(told.code, told.problem, told.place, told.cause, told.fix)
         return fault, str(error), USER
     if isinstance(error, OSError):
         place, why = str(error.filename or "the disk"), f"{error.strerror or error}."

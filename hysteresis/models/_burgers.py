@@ -121,5 +121,5 @@ class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
 
 def one_branch(E1: Scalar, E2: Scalar, eta2: Scalar) -> Chain:
     """A spring and a Kelvin-Voigt element in series."""
-    E1, E2, eta2 = map(array_module(E1, E2, eta2).asarray, (E1, E2, eta2))
-    return Chain(1 / E1, (E2 / eta2)[None], (1 / eta2)[None])
+    first, second, dashpot = map(array_module(E1, E2, eta2).asarray, (E1, E2, eta2))
+    return Chain(1 / first, (second / dashpot)[None], (1 / dashpot)[None])

@@ -58,7 +58,8 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
 
     **Example:**
 
-        >>> drift = hysteresis.CyclicDrift(0.0, 1.0, np.array([0.0, 1.0]), np.array([0.0, -1.0]), 1.0)
+        >>> levels, rates = np.array([0.0, 1.0]), np.array([0.0, -1.0])
+        >>> drift = hysteresis.CyclicDrift(0.0, 1.0, levels, rates, length=1.0)
         >>> drift.simulate(None, np.array([0.0, 1.0, 1.0, 0.0, 1.0])).round(3).tolist()
         [0.0, 0.0, -0.693, -0.693, 0.0]
     """
@@ -67,7 +68,7 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     high: float = eqx.field(static=True, converter=float)
     levels: Values = parameter(unit="input", fixed=True, meaning="places of the hats")
     rates: Values = parameter(unit="output", meaning="drift at each place")
-    length: float = eqx.field(static=True, converter=float)
+    length: float = eqx.field(static=True, converter=float, kw_only=True)
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     least: float = eqx.field(default=0.0, static=True, converter=float)
 

@@ -117,10 +117,10 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         # Known times and inputs are prepared by NumPy: no program is compiled for every number of rows.
         xp, first = array_module(t, u, *state), np.asarray(starts)
         u = xp.asarray(u, dtype=None if xp is jnp else float)
-        t = xp.asarray(t, dtype=u.dtype)
-        dt = time_steps(t, state.t, starts)
+        times = xp.asarray(t, dtype=u.dtype)
+        dt: Any = time_steps(times, state.t, starts)
         if xp is np and not (np.any(dt[first]) or np.any(state.branches)):
-            even = even_step(t, starts)
+            even = even_step(times, starts)
             dt = dt if even is None else np.asarray(even)
         # Against its chain a model's last input is what the chain last answered.
         u_last = self.answer(state) if self.against_chain else state.load
@@ -130,7 +130,8 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         else:
             u_before = jnp.asarray(u_before).at[first].set(u_last)
         start = is_start(u.shape[0], starts)
-        return ViscoelasticInput(*map(jnp.asarray, (dt, u, u_before, start)), state)
+        dt, u, u_before, start = map(jnp.asarray, (dt, u, u_before, start))
+        return ViscoelasticInput(dt, u, u_before, start, state)
 
     def evaluate(self, prepared: ViscoelasticInput) -> Float[Array, " samples"]:
         dt, u, u_before, start, state = prepared

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,10 @@ from jaxtyping import Array, Float
 from .._registry import register
 
 Hold = Literal["linear", "constant"]
-Known = Array | np.ndarray | np.generic
+if TYPE_CHECKING:
+    Known = Any  # the operators of the two libraries have no type in common
+else:
+    Known = Array | np.ndarray | np.generic
 """An array, of NumPy where the parameters are known."""
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from hysteresis import InputError, Preisach, Record
+from hysteresis.preisach import GridDensity
 
 from ..forc._curves import Forc, forc_curves
 from ..forc._everett import everett_surface
@@ -58,6 +59,7 @@ def fit_surface(name: str, data: TrainingData) -> FitResult:
     model = model_of(parts.all)
     judged = evidence(record, parts, predict(model, record), False, float(blocks.mean()))
     assert model.reversible is not None
+    assert isinstance(model.density, GridDensity)
     sums = {
         "offset": float(model.offset), "reversible.rise": float(np.sum(model.reversible)),
         "density.mass": float(np.sum(model.density.weights)),

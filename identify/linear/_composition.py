@@ -9,7 +9,7 @@ Each part rises with its input by construction, but for the strengths, or does n
 one (drift); so does a sum of them.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -237,7 +237,7 @@ class CompositionUnknowns(NamedTuple):
         if unknowns.ndim > 1:
             return jax.vmap(self.model)(jnp.asarray(unknowns))
         # In NumPy where it can be: each operation of JAX compiles a program of its own.
-        x = abs(self.scale) * unknowns
+        x: Any = abs(self.scale) * unknowns
         ends = np.cumsum(self.sizes)
         offset, *found = (x[end - size : end] for end, size in zip(ends, self.sizes, strict=True))
         values = dict(zip(self.parts, found, strict=True))
@@ -274,7 +274,9 @@ class CompositionUnknowns(NamedTuple):
             span = self.high - self.low
             rates, places = values[DRIFT], self._inputs(PLACES)
             parts.append(
-                CyclicDrift(self.low, self.high, places, rates, span, least=self.unseen * span)
+                CyclicDrift(
+                    self.low, self.high, places, rates, length=span, least=self.unseen * span
+                )
             )
         before = [self._first] if self.first else []
         after = [] if self.floor is None else [Clip(low=self.floor)]

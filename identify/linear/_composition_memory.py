@@ -80,7 +80,7 @@ def memory_of(layout: MemoryLayout, record: Record, rows: Int[np.ndarray, " rows
 
 def together(parts: Sequence[Memory]) -> Memory:
     """Of rows one after the other."""
-    joined = {
+    joined: dict[str, Any] = {
         name: sparse.vstack(each).tocsr() if name == "relays" else np.concatenate(each)
         for name, each in zip(Memory._fields, zip(*parts, strict=True), strict=True)
     }
@@ -111,7 +111,7 @@ def memory_blocks(
         relays = sparse.csr_matrix((len(taken), 0))
         if prepared is not None:
             relays = design_block(grid, prepared, taken).matrix.tocsr()
-        yield taken, Memory(*found[:-1], relays, found[-1])
+        yield taken, Memory(*[*found[:-1], relays, found[-1]])
 
 
 class _State(NamedTuple):

@@ -186,7 +186,8 @@ def _paths(space: NodeSpace, prepared: PreisachInput, anchors: Int[np.ndarray, "
         lambda a, b: np.where(before, a[place_past], b[place]), prepared.past, prepared.sample
     )
     sign = np.where(before, prepared.past_sign[place_past], prepared.sign[place])
-    return (reached @ _everett_rows(space, pairs, sign)).tocsr()
+    found: Any = reached @ _everett_rows(space, pairs, sign)
+    return found.tocsr()
 
 
 def _taken(pairs: GridPairs, rows: slice | Int[np.ndarray, " rows"]) -> GridPairs:

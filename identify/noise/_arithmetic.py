@@ -1,6 +1,6 @@
 """The likelihood of a noise model: one arithmetic, NumPy's where all is known, JAX's where it is traced."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
@@ -8,12 +8,15 @@ import scipy.linalg
 import scipy.special
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float
-from scipy.linalg.lapack import dtbtrs
+from scipy.linalg.lapack import dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
 
 from hysteresis import linear_recurrence
 from hysteresis._parameter import array_module
 
-Known = Array | np.ndarray | np.generic | float
+if TYPE_CHECKING:
+    Known = Any  # the operators of the two libraries have no type in common
+else:
+    Known = Array | np.ndarray | np.generic | float
 """An array, of NumPy where all that it is made of is known."""
 
 

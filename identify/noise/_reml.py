@@ -120,10 +120,11 @@ def noise_fit(
     """
     counted = np.where(at.rows.counted, 1.0, 0.0)
     size = float(np.sqrt(np.sum((counted * at.residuals) ** 2) / counted.sum())) or 1.0
-    basis, seen = _basis(at.jacobian * counted[:, None], size)
+    J, residuals, pull = map(np.asarray, (at.jacobian, at.residuals, at.pull))
+    basis, seen = _basis(J * counted[:, None], size)
     sizes = np.append(size / _largest(at.rows), np.ones(3))
     seek = _Sought(
-        at.residuals * counted, at.jacobian @ basis, at.rows, at.pull @ basis,
+        residuals * counted, J @ basis, at.rows, pull @ basis,
         basis.T @ at.precision @ basis, np.diag(np.where(seen, 0.0, counted.sum())),
         float(counted.sum()), kind, sizes,
     )  # fmt: skip
@@ -189,7 +190,7 @@ class _Sought(NamedTuple):
         whole = (information + self.precision + self.unseen) / self.count
         prior = self.pull @ d + d @ self.precision @ d / 2
         prior -= float(np.sum(log_prior(free)[self.moves]))
-        return float(np.linalg.slogdet(whole)[1]) / 2 + prior
+        return float(np.linalg.slogdet(whole)[1]) / 2 + float(prior)
 
     def gaussian(self, free: np.ndarray) -> tuple[float, np.ndarray]:
         """Cost, and the change d of the model that is best under this noise."""

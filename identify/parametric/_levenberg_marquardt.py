@@ -95,14 +95,14 @@ class LevenbergMarquardt(optimistix.AbstractGaussNewton):
         inner = super().init(fn, y, args, options, f_struct, aux_struct, tags)
         return _State(inner, jnp.asarray(jnp.inf, y.dtype), jnp.zeros((), int))
 
-    def step(self, fn, y, args, options, state, tags) -> Any:
+    def step(self, fn, y, args, options, state: Any, tags) -> Any:
         y, inner, aux = super().step(fn, y, args, options, state.inner, tags)
         squares = jnp.sum(inner.f_info.residual**2)
         gained = squares < (1 - STILL) * state.least
         still = jnp.where(gained, 0, state.still + 1)
         return y, _State(inner, jnp.minimum(squares, state.least), still), aux
 
-    def terminate(self, fn, y, args, options, state, tags) -> Any:
+    def terminate(self, fn, y, args, options, state: Any, tags) -> Any:
         inner, factors = state.inner, state.inner.descent_state
         squares = jnp.sum(inner.f_info.residual**2)
         eps = jnp.finfo(squares.dtype).eps
@@ -154,7 +154,7 @@ def least_squares(
 
     solution = optimistix.least_squares(
         lambda z, arguments: once(z, arguments=arguments),
-        LevenbergMarquardt(jnp.asarray(rows, z.dtype), jnp.asarray(limit)),
+        LevenbergMarquardt(rows=jnp.asarray(rows, z.dtype), limit=jnp.asarray(limit)),
         z,
         args=arguments,
         has_aux=True,

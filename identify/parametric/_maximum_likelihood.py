@@ -242,7 +242,7 @@ def linearised(
     residuals = np.where(np.asarray(rows.counted), at.predicted - measured, 0.0)
     pull, precision = np.zeros(len(at.free)), np.zeros((len(at.free),) * 2)
     if bounds.asked:
-        pull, precision = map(np.asarray, _slopes_of_penalty(bounds, at.free))
+        pull, precision = map(np.asarray, _slopes_of_penalty(bounds, jnp.asarray(at.free)))
     rows = rows._replace(output=at.predicted)
     return Linearised(residuals, at.jacobian, rows, pull, precision)
 
@@ -287,7 +287,8 @@ def skewness_at(
 def model_of(free: Float[np.ndarray, " parts"], kind: tuple[str, ...]) -> NoiseModel:
     """The noise model of unconstrained parameters."""
     noise = of_free(free, kind)
-    return NoiseModel(**{part: np.asarray(getattr(noise, part)) for part in kind})
+    parts: dict[str, Any] = {part: np.asarray(getattr(noise, part)) for part in kind}
+    return NoiseModel(**parts)
 
 
 def score(

@@ -59,7 +59,7 @@ def refine(
 ) -> Optimum:
     """Levenberg-Marquardt from one start to full accuracy, on the masked rows; one step only evaluates."""
     arguments = arguments_of(model, prepared, y, mask)
-    found = _run(transform, arguments, np.asarray(free), np.asarray(steps))
+    found = _run(transform, arguments, jnp.asarray(free), np.asarray(steps))
     size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(mask)))
     residuals = np.asarray(found.residuals)
     objective = np.nan_to_num(float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf)

@@ -179,7 +179,8 @@ def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
         if words.get("format") != FORMAT:
             raise ValueError(f"format {words.get('format')}, not {FORMAT}")
         for name in ARRAYS:  # they are not packed
-            check_shape(file[name].shape, file[name].dtype, len(image))
+            dataset: Any = file[name]
+            check_shape(dataset.shape, dataset.dtype, len(image))
         arrays = {name: np.asarray(file[name]) for name in ARRAYS}
     if digest(*arrays.values()) != words["checksum"]:
         raise ValueError("its checksum does not agree")
