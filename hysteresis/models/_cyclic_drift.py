@@ -60,7 +60,7 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
 
         >>> levels, rates = np.array([0.0, 1.0]), np.array([0.0, -1.0])
         >>> drift = hysteresis.CyclicDrift(0.0, 1.0, levels, rates, length=1.0)
-        >>> drift.simulate(None, np.array([0.0, 1.0, 1.0, 0.0, 1.0])).round(3).tolist()
+        >>> np.asarray(drift.simulate(None, np.array([0.0, 1.0, 1.0, 0.0, 1.0]))).round(3).tolist()
         [0.0, 0.0, -0.693, -0.693, 0.0]
     """
 

@@ -70,6 +70,8 @@ def _solve(H: Matrix, b: Vector, inside: Bool[np.ndarray, " n"]) -> Vector:
     """The minimum without signs over the variables `inside`; the others are 0."""
     at = np.flatnonzero(inside)
     x = np.zeros(len(b))
+    if not len(at):
+        return x
     # Rows before columns, and LAPACK without its wrappers: half of the time of a few hundred variables.
     _, x[at], failed = dposv(H[at][:, at].T, b[at], overwrite_a=True)
     if failed:

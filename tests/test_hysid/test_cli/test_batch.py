@@ -83,7 +83,7 @@ def test_every_file_is_fitted_and_the_bad_one_named():
 
 
 def test_what_was_stopped_goes_on(monkeypatch):
-    whole = Selection.table
+    whole = Selection.read
 
     def stopped(selection: Selection, file: Path):
         if file.name == "b.csv":
@@ -91,7 +91,7 @@ def test_what_was_stopped_goes_on(monkeypatch):
         return whole(selection, file)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Selection, "table", stopped)
+        patch.setattr(Selection, "read", stopped)
         assert batch().code == 130
     assert [
         row["name"] for row in json.loads(Path("out/batch.json").read_text("utf-8"))["fits"]

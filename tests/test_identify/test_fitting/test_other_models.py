@@ -85,10 +85,11 @@ def test_a_name_is_given_once():
     assert registered(Preisach) == find_model("theirpreisach")
     assert class_of("hysteresis:Preisach") is hysteresis.Preisach
     assert "TheirPreisach" not in names()  # nothing says where its fit starts
-    assert names()[:6] == (
+    assert names()[:7] == (
         "LinearSponge",
         "Burgers",
         "Preisach",
+        "EverettSurface",
         "Composition",
         "FoamCurve",
         "BoucWen",
