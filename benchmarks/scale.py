@@ -189,7 +189,7 @@ def rows_of_size(case: Case, rows: int, folder: Path) -> tuple[list[Row], Taken]
 
 def second_fit(case: Case, rows: int) -> Row:
     """A fit of another length in a process that has fitted `rows` rows before."""
-    # Loaded here: what the parent process does with JAX is no part of the other figures.
+    # Loaded here: what the parent process does with JAX does not count in the other figures.
     import identify
     from hysteresis import Record
 

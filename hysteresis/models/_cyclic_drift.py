@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start
+from .._model import AbstractModel, Series, before_each, is_start
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
@@ -107,13 +107,11 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     ) -> DriftInput:
         state = self.init() if state is None else state
         u = jnp.asarray(u, state.u.dtype)
-        first = jnp.asarray(starts)
-        begin = jnp.where(jnp.isnan(state.u), u[first], state.u)
-        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(begin)
+        begin = jnp.where(jnp.isnan(state.u), u[jnp.asarray(starts)], state.u)
+        before = before_each(u, begin, starts)
         start = is_start(len(u), starts)
         (path,) = linear_recurrence((1 - start,), (abs(u - before) + start * state.path,))
-        path = jnp.concatenate([path[:1], path[:-1]]).at[first].set(state.path)
-        return DriftInput(before, path)
+        return DriftInput(before, before_each(path, state.path, starts))
 
     def evaluate(self, prepared: DriftInput) -> Float[Array, " samples"]:
         return jax.vmap(self._output)(prepared.before, prepared.path)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start
+from .._model import AbstractModel, Series, before_each, is_start
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._clamps import clamps
@@ -147,15 +147,12 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         state = self.init() if state is None else state
         u = jnp.asarray(u, state.u.dtype)
         start = is_start(len(u), starts) > 0
-        first = jnp.asarray(starts)
-
-        def before(values: Array, begin: Array) -> Array:
-            return jnp.concatenate([values[:1], values[:-1]]).at[first].set(begin)
-
         least = -_largest_so_far(-u, -state.least, start)
         largest = _largest_so_far(u, state.largest, start)
         modulator = self._modulator(
-            before(u, state.u), before(least, state.least), before(largest, state.largest)
+            before_each(u, state.u, starts),
+            before_each(least, state.least, starts),
+            before_each(largest, state.largest, starts),
         )
         return StopInput(u, modulator, start, state)
 

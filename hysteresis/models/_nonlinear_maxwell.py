@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
+from .._model import AbstractModel, Series, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._recurrence import linear_recurrence
@@ -171,9 +171,8 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
             )
         u = jnp.asarray(u)
         state = self.init() if state is None else state
-        first = jnp.asarray(starts)
         dt = time_steps(jnp.asarray(t, u.dtype), state.t, starts)
-        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(state.u.astype(u.dtype))
+        before = before_each(u, state.u.astype(u.dtype), starts)
         start = is_start(u.shape[0], starts)
         return BranchInput(dt, *self._place(u), *self._place(before), start, state)
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
+from .._model import AbstractModel, Series, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
 from ..numerics._clamps import clamps
@@ -137,11 +137,9 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         if self.rates is None:
             return PlayInput(u, jnp.zeros_like(u), start, state)
         t = self.check_times(t, starts).astype(u.dtype)
-        first = jnp.asarray(starts)
-        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(state.u)
-        speed = _speed(u - before, time_steps(t, state.t, starts))
-        speed = jnp.concatenate([speed[:1], speed[:-1]]).at[first].set(state.speed)
-        return PlayInput(u, speed, start, state)
+        rise = u - before_each(u, state.u, starts)
+        speed = _speed(rise, time_steps(t, state.t, starts))
+        return PlayInput(u, before_each(speed, state.speed, starts), start, state)
 
     def evaluate(self, prepared: PlayInput) -> Float[Array, " samples"]:
         u, speed, start, state = prepared

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
+from .._model import AbstractModel, Series, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
@@ -145,9 +145,8 @@ class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
             )
         state = self.init() if state is None else state
         u = jnp.asarray(u, state.u.dtype)
-        first = jnp.asarray(starts)
-        begin = jnp.where(jnp.isnan(state.u), u[first], state.u)
-        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(begin)
+        begin = jnp.where(jnp.isnan(state.u), u[jnp.asarray(starts)], state.u)
+        before = before_each(u, begin, starts)
         dt = time_steps(jnp.asarray(t, u.dtype), state.t, starts)
         return FrictionInput(dt, u - before, before, is_start(len(u), starts), state)
 

@@ -25,7 +25,7 @@ class Table:
     **Arguments:**
 
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str.
-    - `text`: (n,) str, every column as it stands in the file, blanks stripped.
+    - `text`: (n,) str, every column as it stands in the file, without the blanks around it.
     - `line`: (n,) the line of each row, from 1.
     - `units`: from a row of units, by column; empty without one. `written_units`: as the file writes them.
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
@@ -95,7 +95,7 @@ class Table:
         cell = str(text[k])
         if not fix or fix.endswith("; "):
             fix += f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
-        problem = f"{name!r} = {cell!r} is no number that can be used."
+        problem = f"{name!r} = {cell!r} cannot be used as a number."
         place = f"{self.path}, line {line[k]}, column {name!r}"
         raise InputError(code, problem, place=place, cause=cause, fix=fix)
 

@@ -56,8 +56,7 @@ def fit_compositions(
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
     by more than the standard error of the difference, paired by blocks of rows. In the end a drift joins
     if it takes away half of what is left, and the input is mapped by half of the static curve if that gains
-    as much as a part. All that is chosen on some thousand rows; the
-    unknowns are fitted to all of them.
+    as much as a part. All that is chosen on some thousand rows; the unknowns are fitted to all of them.
     """
     return fitted(path_of(record, parts, leadings, initial))
 
@@ -69,11 +68,11 @@ def path_of(
     parts = parts.merged
     whole = unknowns_for(record, parts, initial)
     memory = memory_of(whole.memory(), record, fitted_rows(parts))
-    paths = []
+    paths, floors = [], (None, *slack(record))
     for leading in leadings:
         free, *floored = (
             _path(Problem(record, parts, whole._replace(leading=leading, floor=floor), memory))
-            for floor in (None, *slack(record))
+            for floor in floors
         )
         # Friction, too, keeps an output on a level for long.
         paths += [free, *(path for path in floored if _better(free[-1], path[-1]))]

@@ -97,7 +97,7 @@ def sheet_of(
     )
     if sign != decimal:
         notes.append(Note("decimal-comma", "Numbers are written with a decimal comma."))
-    # A unit for each column where a row has some: what stands in brackets behind a name is none then.
+    # A unit for each column where a row has some: what stands in brackets behind a name is then not a unit.
     stated = any(units)
     by_name = {
         name: units[k] for name, k in zip(names, kept, strict=True)
