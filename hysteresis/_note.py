@@ -46,3 +46,29 @@ class Note(str):
 def warning(code: str, text: str) -> Note:
     """A note whose text names its code in brackets at the end, as an error's does."""
     return Note(code, f"{text} [{code}]")
+
+
+class ProgressNote(Note):
+    """A note of a long run that says how far it is: `done` of `total` parts.
+
+    **Example:**
+
+        >>> from hysteresis._note import ProgressNote
+        >>> note = ProgressNote("candidate", "Burgers: held-out 2.9 %", 2, 5)
+        >>> note.done / note.total
+        0.4
+    """
+
+    __slots__ = ("done", "total")
+    done: int
+    total: int
+
+    def __new__(cls, code: str, text: str, done: int, total: int) -> "ProgressNote":
+        """A note of this code and text, at this place of a run."""
+        note = super().__new__(cls, code, text)
+        note.done, note.total = done, total
+        return note
+
+    def __getnewargs__(self) -> tuple[str, str, int, int]:  # type: ignore[override]
+        """What a copy is made from."""
+        return self.code, self.text, self.done, self.total

@@ -80,8 +80,19 @@ def _print(text: str) -> None:
         raise SystemExit(CLOSED) from None
 
 
+def logs_json() -> bool:
+    """Whether another program reads what is logged."""
+    return os.environ.get("HYSID_LOG") == "json"
+
+
 def log(line: str) -> None:
-    """A line on stderr."""
+    """A line on stderr; with HYSID_LOG=json one JSON object, which has a note's fields too."""
+    if logs_json():
+        fields = {
+            name: getattr(line, name) for name in ("code", "done", "total") if hasattr(line, name)
+        }
+        print(json.dumps({"said": str(line), **fields}), file=sys.stderr, flush=True)
+        return
     print(_shown(line, sys.stderr.encoding), file=sys.stderr, flush=True)
 
 
@@ -143,7 +154,7 @@ class Progress:
         self._what = what
         self._bar: Any = None
         self._task: Any = None
-        self._tenth = -1
+        self._part = -1
 
     def __enter__(self) -> "Progress":
         return self
@@ -159,9 +170,12 @@ class Progress:
                 self._bar.start()
                 self._task = self._bar.add_task(self._what, total=total)
             self._bar.update(self._task, completed=done, total=total, description=text)
-        elif (tenth := 10 * done // total) != self._tenth:
-            self._tenth = tenth
-            log(f"{self._what}: {100 * done // total} %, {text}")
+        elif (part := (100 if logs_json() else 10) * done // total) != self._part:
+            self._part = part
+            from hysteresis._note import ProgressNote  # late: it loads JAX, which runs by now
+
+            said = f"{self._what}: {100 * done // total} %, {text}"
+            log(ProgressNote("progress", said, done, total))
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
 
 from ._constant_input import CONSTANT, at_hold, with_constant
+from ._lines import check_lines, on_lines
 from ._selection_options import FIELDS, OF_READING, SelectionOptions
 
 Pair = tuple[Record, Record | None]
@@ -47,11 +48,11 @@ class Selection(SelectionOptions):
                 "--hold needs exactly one input column.",
                 fix="Name it (--input COL), or leave out --hold.",
             )
-        held_out = (self.test_where or None, self.test_cycles, self.test_tail)
-        if sum(h is not None for h in held_out) > 1:
+        held_out = (self.test_where, self.test_cycles, self.test_tail, self.test_lines)
+        if sum(h not in (None, ()) for h in held_out) > 1:
             raise InputError(
                 "conflicting-options",
-                "Give only one of --test-where, --test-cycles and --test-tail.",
+                "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.",
             )
         if self.time is not None and self.dt is not None:
             raise InputError("conflicting-options", "Give --time COL or --dt SECONDS, not both.")
@@ -88,7 +89,7 @@ class Selection(SelectionOptions):
 
     def without_hold_out(self) -> "Selection":
         """The same rows with none held out."""
-        return replace(self, test_where=(), test_cycles=None, test_tail=None)
+        return replace(self, test_where=(), test_cycles=None, test_tail=None, test_lines=())
 
     def check_columns(self) -> None:
         """Raise `InputError` where one column is to be both the input and the output."""
@@ -119,6 +120,8 @@ class Selection(SelectionOptions):
         """
         for condition in self.test_where:
             parse_condition(condition)(table)  # a column that is not there is said now
+        for lines in (self.test_lines, self.exclude_lines):
+            check_lines(lines, table)
         where = dict(_equality(condition) for condition in self.where)
         if self.each is None:
             return {"": self._split(self._read(table, where))}, {}
@@ -158,13 +161,18 @@ class Selection(SelectionOptions):
         chosen = {name: getattr(self, name) for name in FIELDS if name in _READ} | {
             "input": self.input or CONSTANT, "where": where, "keep": tuple(sorted(held_out_by)),
         }  # fmt: skip
-        return read_csv(table, **chosen)
+        record = read_csv(table, **chosen)
+        left_out = on_lines(record.line, self.exclude_lines)
+        return record.exclude(left_out) if left_out.any() else record
 
     def _split(self, record: Record) -> Pair:
         if self.test_cycles is not None:
             return record.split_cycles(self.test_cycles)
         if self.test_tail is not None:
             return record.split_tail(self.test_tail)
+        if self.test_lines:
+            held = on_lines(record.line, self.test_lines)
+            return record.split_rows(held) if held.any() else (record, None)
         if not self.test_where:
             return record, None
         held = np.ones(len(record), bool)

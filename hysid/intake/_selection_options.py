@@ -75,6 +75,18 @@ class SelectionOptions:
     test_tail: float | None = _option(
         "Hold out this last fraction of each sequence for testing.", None, metavar="FRACTION"
     )
+    test_lines: tuple[str, ...] = _option(
+        "Hold out the rows on these lines of the file for testing.",
+        (),
+        joined=True,
+        metavar="FIRST-LAST[,FIRST-LAST]",
+    )
+    exclude_lines: tuple[str, ...] = _option(
+        "Leave the rows on these lines of the file out of the fit; they still drive the model.",
+        (),
+        joined=True,
+        metavar="FIRST-LAST[,FIRST-LAST]",
+    )
     nan: str = _option(
         "Missing values: raise an error, omit (rows without output do not count, rows without both are left"
         " out), or interpolate.",

@@ -34,7 +34,8 @@ def for_new_file(
     """The fit's selection on a file that may lack columns: (selection, comparable, what was said).
 
     Without the column that is predicted nothing is compared; conditions and groups of columns that
-    are not there are let go. The driving column, the clock and `each` have to be there.
+    are not there are let go, and so are excluded lines, which are those of the fitted file. The driving
+    column, the clock and `each` have to be there.
     """
     driving, wanted = selection.input or CONSTANT, selection.output
     if inverse:
@@ -52,7 +53,7 @@ def for_new_file(
         said.append(
             f"The file has no column {', '.join(lost)}, so its sequences are not separated by it."
         )
-    selection = replace(selection, where=where, group=group)
+    selection = replace(selection, where=where, group=group, exclude_lines=())
     if selection.is_step:
         if inverse or wanted in columns or selection.time is None:
             return selection, True, said

@@ -289,6 +289,22 @@ class Record(AbstractRecord):
             return self
         return self._narrow(keep, "selected", f"Only {' and '.join(said)} counts.")
 
+    def exclude(self, rows: ArrayLike) -> "Record":
+        """The record without these rows (n,) in its mask: they drive the model, and do not count.
+
+        **Raises:** `InputError` `length-mismatch`, `no-rows`.
+
+        **Example:**
+
+            >>> shorter = record.exclude(record.input > 19.9)
+            >>> int(record.mask.sum()), int(shorter.mask.sum())
+            (101, 96)
+        """
+        rows = np.asarray(rows, bool)
+        same_length(input=self.input, rows=rows)
+        said = f"Excluded {int((rows & self.mask).sum())} rows by hand."
+        return self._narrow(~rows, "excluded", said)
+
     def _split(self, train: np.ndarray, test: np.ndarray, how: str) -> "tuple[Record, Record]":
         held = f"{int((test & self.mask).sum())} rows, {how}"
         return (

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Preisach, Record, Scaled
+from hysteresis._note import ProgressNote
 from hysteresis.records._excitation import check_rows
 
 from ..noise._reml import kinds
@@ -195,7 +196,7 @@ def _tried(
     skipped: dict[str, str] = {}
     one_way = any(warning.code == "one-way-input" for warning in data.warnings)
     only = len(asked) == 1
-    for candidate in asked:
+    for done, candidate in enumerate(asked, 1):
         since = time.perf_counter()
         try:
             if one_way and candidate.kind is Preisach and not only:
@@ -205,13 +206,15 @@ def _tried(
             if only:
                 raise
             skipped[candidate.name] = str(error)
-            say(f"{candidate.name}: skipped. {error}")
+            said = f"{candidate.name}: skipped. {error}"
+            say(ProgressNote("skipped", said, done, len(asked)))
             continue
         seconds = time.perf_counter() - since
         for fit, search in new:
             tried.append(_Trial(data.tested(replace(fit, seconds=seconds)), search))
         last = new[-1].fit
-        say(f"{last.name}: held-out {last.score:.3g} %, {seconds:.1f} s")
+        said = f"{last.name}: held-out {last.score:.3g} %, {seconds:.1f} s"
+        say(ProgressNote("candidate", said, done, len(asked)))
     if not tried:
         raise InputError("nothing-fits", " ".join(skipped.values()))
     return tried, skipped

@@ -12,7 +12,7 @@ from hysteresis import InputError, Record, Table, check_identifiable, read_table
 from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of
-from .._selection_options import OF_READING
+from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import Column, columns_of, held
 from ._drive_and_response import Choice, choose
 from ._exceptions import NothingDrivenError
@@ -361,7 +361,7 @@ def _goes_and_stays(record: Record) -> bool:
 
 
 def _held_out(given: Mapping[str, Any]) -> bool:
-    return any(given.get(key) for key in ("test_where", "test_cycles", "test_tail"))
+    return any(given.get(key) for key in HELD_OUT)
 
 
 def _memory(table: Table, columns: Mapping[str, Column], choice: Choice, out: Guess) -> None:
