@@ -74,7 +74,7 @@ class LogicTable:
 
     **Raises:** `InputError` for numbers out of range, more than 10 places.
 
-    Source: Kim and Park (2018), section III.C and table I, where f is known.
+    Source: Kim and Park (2018), section III.C and table I, whose levels are relative amplitudes.
 
     **Example:**
 

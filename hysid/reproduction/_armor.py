@@ -55,6 +55,10 @@ class Rig:
 
         self._errors: dict[str, Errors] = {}
 
+    def width(self, method: str) -> float:
+        """Of the box of an entry of `METHODS`, mm."""
+        return 2e3 * (self.soft if METHODS[method].soft else self.rigid).size.dx
+
     @cached_property
     def fresh(self) -> SpongeCycles:
         """Fig 6: five times 0 to 20 to 0 N."""

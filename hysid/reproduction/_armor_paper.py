@@ -13,6 +13,11 @@ from ._armor_touches import write_touches
 from ._frame import Asked, Paper
 from ._published import compared
 
+RIG = (
+    "All rigs are virtual: every number beside a published one is computed from synthetic records, "
+    "none from a measurement."
+)
+
 
 def carry_out(asked: Asked) -> dict[str, Any]:
     """Every number over all rigs, with spread; pictures of the first."""
@@ -25,6 +30,7 @@ def carry_out(asked: Asked) -> dict[str, Any]:
             asked.say(f"rig {done} of {asked.rigs}")
 
     document = {
+        "rig": RIG,
         "rows": compared(PUBLISHED, BETTER if asked.with_ours else {}, rigs, progress),
         "findings": findings(rigs),
         "methods": {name: _method(rigs, name) for name in _some(METHODS, asked.with_ours)},

@@ -4,17 +4,31 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 Measure = Callable[[Any], float | None]
 """Of one laboratory; None where it has not made that experiment."""
 
+TUNED, INFERRED, PREDICTED, UNPRINTED = (
+    "tuned to this number", "inferred", "predicted", "not printed",
+)  # fmt: skip
+"""What a row is worth: the virtual rig was chosen so that the number comes out; the number itself is
+an inference from the paper; nothing was chosen for it; or the paper shows no number."""
+
+COVERAGE = 0.95
+"""Of the interval of a count."""
+
 
 class Published(NamedTuple):
-    """One number of a paper, or None for one that a figure shows and no text prints.
+    """One number of a paper, or None for a quantity of which the paper prints no number.
 
+    - `where`: it is printed.
     - `half_digit`: what its printing leaves open: half of its last digit, or of the step it was read in.
     - `measure`: the same number, of one virtual laboratory.
-    - `why`: of a deviation.
+    - `label`: `TUNED`, `INFERRED`, `PREDICTED` or `UNPRINTED`.
+    - `differs`: how the virtual rig differs from the paper's, for this number.
+    - `repeats`: the number counts successes in so many of the paper's own trials.
+    - `percent`: it is the percentage of them.
     - `at_most`: the paper says no more than that it is not exceeded.
     """
 
@@ -25,8 +39,28 @@ class Published(NamedTuple):
     value: float | None
     half_digit: float
     measure: Measure
-    why: str = ""
+    label: str
+    differs: str
+    repeats: int = 0
+    percent: bool = False
     at_most: bool = False
+
+    def tolerance(self) -> tuple[float, float] | None:
+        """What the paper's own repeats, or else its printed digits, leave open.
+
+        Of a count it is Clopper and Pearson's interval of the chance, times the trials. The spread of
+        the virtual rigs is not in it, so a worse rig does not pass more easily.
+        """
+        if self.value is None:
+            return None
+        if self.at_most:
+            return -np.inf, self.value + self.half_digit
+        if not self.repeats:
+            return self.value - self.half_digit, self.value + self.half_digit
+        scale = (100 if self.percent else self.repeats) / self.repeats
+        seen = round(self.value / scale)
+        interval = scipy.stats.binomtest(seen, self.repeats).proportion_ci(COVERAGE)
+        return interval.low * self.repeats * scale, interval.high * self.repeats * scale
 
 
 def compared(
@@ -35,7 +69,7 @@ def compared(
     laboratories: Sequence[Any],
     progress: Callable[[int], None],
 ) -> list[dict[str, Any]]:
-    """One row for each number. `within_two_sd`: |published - mean| <= 2 sd + half_digit.
+    """One row for each number.
 
     `better`: the same numbers by our method, by their keys.
     """
@@ -52,21 +86,24 @@ def compared(
 
 
 def row_of(of: Published, found: list[float], ours: list[float] | None) -> dict[str, Any]:
-    """The number beside those of the laboratories, by the paper's method and by ours."""
+    """The number beside those of the laboratories, by the paper's method and by ours.
+
+    `within`: the laboratories' mean is within the tolerance.
+    """
     mean, sd = _spread(found)
+    tolerance = of.tolerance()
     row: dict[str, Any] = {"key": of.key, "what": of.what, "where": of.where, "unit": of.unit}
     row |= {"published": of.value, "at_most": of.at_most, "half_digit": of.half_digit}
-    row |= {"reproduced": mean, "sd": sd, "count": len(found)}
+    row |= {"repeats": of.repeats, "reproduced": mean, "sd": sd, "count": len(found)}
     row["ours"], row["ours_sd"] = _spread(ours) if ours else (None, None)
-    if of.value is None:
-        return row | {"within_two_sd": None, "deviation": ""}
-    off = max(mean - of.value, 0) if of.at_most else abs(mean - of.value)
-    row["within_two_sd"] = off <= 2 * sd + of.half_digit
-    return row | {"deviation": of.why if off > max(of.half_digit, 0.5 * sd) else ""}
+    row |= {"label": of.label, "differs": of.differs}
+    row["tolerance"] = None if tolerance is None else [float(x) for x in tolerance]
+    row["within"] = None if tolerance is None else bool(tolerance[0] <= mean <= tolerance[1])
+    return row
 
 
 def finding(published: str, reproduced: str, holds: Any) -> dict[str, Any]:
-    """What a paper says in words, and whether it holds here."""
+    """What a paper says in words, and whether the sentence is literally true here."""
     return {"published": published, "reproduced": reproduced, "holds": bool(holds)}
 
 

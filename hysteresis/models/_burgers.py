@@ -55,7 +55,8 @@ class Burgers(AbstractViscoelastic[BurgersState]):
 
     Raises `InputError` where a modulus or viscosity is not positive.
 
-    Source: Kim 2018, section on the Burgers model; exact steps re-derived.
+    Source: Findley, Lai and Onaran, Creep and relaxation of nonlinear viscoelastic materials (1976);
+    exact steps re-derived.
 
     **Example:**
 
