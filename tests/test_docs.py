@@ -46,6 +46,13 @@ def python_of(page: Path) -> list:
     return [block for block in found if block.kind == "python"]
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.glob("targets/*.md")), ids=lambda p: p.stem)
+def test_a_page_of_a_target_runs(page: Path) -> None:
+    names: dict = {}
+    for block in python_of(page):
+        tool("cells").run(block.code, names, f"{page.name}:{block.line}")
+
+
 @pytest.mark.parametrize("page", [p for p in RUN if python_of(p)], ids=lambda p: p.stem)
 def test_a_page_runs_and_draws(page: Path) -> None:
     names: dict = {}

@@ -7,7 +7,7 @@ from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ._header_facts import HEAD, STATUSES, clock, condition, facts, origin, trained
+from ._header_facts import HEAD, STATUSES, clock, condition, facts, origin, tables, trained
 from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
@@ -52,7 +52,7 @@ class _Header:
         sections = [
             comment(self._about(), ""),
             f"#ifndef {upper}_H\n#define {upper}_H\n\n#include <math.h>",
-            f"typedef {'float' if self.single else 'double'} {self.real};",
+            f"typedef {'float' if self.single else 'double'} {self.real};\n\n{tables(upper)}",
             f"enum {stem}_status {{\n{enum}\n}};",
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
@@ -133,7 +133,8 @@ class _Header:
             value = part.tree["parameters"][key]
             if kind == "Reals":
                 lines.append(
-                    f"static const {self.real} {place}_{key}[{max(len(value), 1)}] = {self._list(value)};"
+                    f"static const {self.real} {place}_{key}[{max(len(value), 1)}]"
+                    f" {self.stem.upper()}_TABLE = {self._list(value)};"
                 )
                 fields.append(f"    {place}_{key},")
             else:
@@ -188,8 +189,8 @@ class _Header:
                 comment("Everything that changes; the caller keeps it.", ""),
                 "typedef struct {", *fields, f"}} {stem}_state;", "",
                 f"static inline void {stem}_reset({stem}_state *s)", "{",
-                f"    static const {stem}_state initial = {{\n{body}\n    }};",
-                "    *s = initial;", "}",
+                f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
+                f"    {stem.upper()}_COPY(s, &initial);", "}",
             ]
         )  # fmt: skip
 
@@ -408,14 +409,16 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         stem, real, golden = self.stem, self.real, self.document["golden"]
         n, rates = len(golden["reading"]), self.document["rates"]
         given = ["dt"] * rates + ["reading"] + ["condition"] * bool(self.condition) + ["value"]
-        passed = "".join(f"{name}[k], " for name in given[:-1])
+        at = f"{stem.upper()}_AT"
+        passed = "".join(f"{at}({name}, k), " for name in given[:-1])
         arrays = "\n".join(
-            f"    static const {real} {k}[{n}] = {self._list(golden[k])};" for k in given
+            f"    static const {real} {k}[{n}] {stem.upper()}_TABLE = {self._list(golden[k])};"
+            for k in given
         )
         tolerance = number(golden["tolerance"] * (1e6 if self.single else 1.0), self.single)
-        wrong = f"!(fabs{'f' if self.single else ''}(estimate - value[k]) <= {tolerance})"
+        wrong = f"!(fabs{'f' if self.single else ''}(estimate - {at}(value, k)) <= {tolerance})"
         if None in golden["value"]:
-            wrong = f"isnan(value[k]) ? !isnan(estimate) : {wrong}"
+            wrong = f"isnan({at}(value, k)) ? !isnan(estimate) : {wrong}"
         return f"""\
 /* How many of {n} readings give another estimate than where this file was made; the state is reset. */
 static inline int {stem}_self_test({stem}_state *s)

@@ -48,12 +48,14 @@ class Origin(NamedTuple):
     """What a file says about the fit it comes from.
 
     - `verdict`: its level, "PASS", "CAUTION" or "FAIL"; `codes`: of the verdict's reasons.
-    - `date`: of the data, ISO 8601 ("2024-05-03"). Each is "" or () where it is not known.
+    - `date`: of the data, ISO 8601 ("2024-05-03"); `sha256`: checksum of their file. Each is "" or () where
+      it is not known.
     """
 
     verdict: str = ""
     codes: tuple[str, ...] = ()
     date: str = ""
+    sha256: str = ""
 
 
 class Exported(NamedTuple):
@@ -87,7 +89,8 @@ def export_runtime(
     - `trained`: (low, high), the least and the greatest input of the training rows; `beyond` and `start`
       as of `invert`. The file gives the values and statuses of
       `GuardedCompensator(invert(model), low, high, beyond, run_in, readings=limits)`. None: no guard.
-    - `origin`: the verdict on the fit and the date of its data, for the file's readers.
+    - `origin`: the verdict on the fit, the date and the checksum of its data, for the file's readers.
+    - `time_unit`: of `times`; targets that have a clock convert its seconds.
 
     Raises `InputError` where the model has no inverse, cannot be exported, or needs times, and where JAX
     runs in single precision.
@@ -146,6 +149,7 @@ class Program:
         beyond: str = "limit",
         start: str = "known",
         origin: Origin | None = None,
+        time_unit: str = "s",
     ):
         require_double()
         compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
@@ -178,6 +182,7 @@ class Program:
         value = np.asarray(compensator.simulate(t[:n], given[:n]).value)
         begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]
         span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
+        self.time_unit = time_unit
         self.model, self.depth, self._readings, self._times = model, depth, given, t
         known = None
         if conditioned is not None:

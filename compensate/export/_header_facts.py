@@ -89,17 +89,36 @@ def origin(document: dict[str, Any]) -> str:
         f"verdict on the fit: {known['verdict'] or 'not known'}{codes}."
         f" Date of the data: {known['date'] or 'not known'}."
     )
-    return f"\n\n{visible(said)}"
+    digest = f"\nSHA-256 of the data: {known['sha256']}." if known.get("sha256") else ""
+    return f"\n\n{visible(said)}{visible(digest, keep=chr(10))}"
 
 
 def facts(document: dict[str, Any], stem: str, literal: Callable[[float], str]) -> str:
     """The same for programs, as macros: they take no memory."""
-    found: dict[str, str] = {}
+    found = {"MODEL": c_string(document["title"])}
+    for role in ("reading", "estimate"):
+        found[role.upper()] = c_string(document[role]["name"])
+        found[f"{role.upper()}_UNIT"] = c_string(document[role]["unit"])
     if guard := document["guard"]:
         low, high = (guard["parameters"][end] for end in ("low", "high"))
         found |= {"TRAINED_LOW": literal(low), "TRAINED_HIGH": literal(high)}
     if known := document["origin"]:
-        words = {"VERDICT": "verdict", "DATA_DATE": "date"}
-        found |= {macro: c_string(known[key]) for macro, key in words.items()}
+        words = {"VERDICT": "verdict", "DATA_DATE": "date", "DATA_SHA256": "sha256"}
+        found |= {macro: c_string(known.get(key, "")) for macro, key in words.items()}
         found["CODES"] = c_string(" ".join(known["codes"]))
     return "\n".join(f"#define {stem.upper()}_{name} {text}" for name, text in found.items())
+
+
+def tables(upper: str) -> str:
+    """Where constants lie: in flash on an AVR, whose RAM is a tenth of it and holds all others."""
+    return f"""\
+#ifdef __AVR__
+#include <avr/pgmspace.h>
+#define {upper}_TABLE PROGMEM
+#define {upper}_AT(table, k) pgm_read_float(&(table)[k])
+#define {upper}_COPY(to, from) memcpy_P((to), (from), sizeof *(to))
+#else
+#define {upper}_TABLE
+#define {upper}_AT(table, k) (table)[k]
+#define {upper}_COPY(to, from) (void)(*(to) = *(from))
+#endif"""

@@ -219,6 +219,11 @@ class Function:
         assert isinstance(node.value, ast.Name)
         return self.home.structures[self.types[node.value.id]][node.attr]
 
+    def _is_constant(self, array: ast.expr) -> bool:
+        """Whether an array is one of the model's tables: all are, but those of the state."""
+        base = array.value if isinstance(array, ast.Attribute) else array
+        return isinstance(base, ast.Name) and self.types[base.id] != "State"
+
     def _block(self, body: list[ast.stmt], indent: str) -> list[str]:
         lines: list[str] = []
         for before, node in zip([None, *body], body, strict=False):
@@ -322,6 +327,8 @@ class Function:
                 return Expression(f"{name}->{node.attr}", self._field(node))
             case ast.Subscript():
                 array, index = (self._expression(e, quiet) for e in (node.value, node.slice))
+                if self._is_constant(node.value):
+                    return Expression(f"{home.stem.upper()}_AT({array.text}, {index.text})", "real")
                 return Expression(f"{array.text}[{index.text}]", "real")
             case ast.UnaryOp():
                 sign = "!" if isinstance(node.op, ast.Not) else "-"

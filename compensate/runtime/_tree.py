@@ -139,11 +139,20 @@ def _share(element: Any, s: Any, inner: list[Node]) -> Node:
 
 
 def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
+    # One after the other, as C adds: `sum` compensates its rounding from Python 3.12 on.
+    first, rest = parts[0], parts[1:]
+
     def look(whole: Any, dt: float, u: float) -> float:
-        return sum(part.look(dt, u) for part in parts)
+        total = first.look(dt, u)
+        for part in rest:
+            total += part.look(dt, u)
+        return total
 
     def move(dt: float, u: float) -> float:
-        return sum(part.move(dt, u) for part in parts)
+        total = first.move(dt, u)
+        for part in rest:
+            total += part.move(dt, u)
+        return total
 
     def find(dt: float, y: float) -> float:
         u = element.search(look, p, s, None, dt, y)

@@ -16,6 +16,13 @@ def export(
     runtime: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write a file for compensate.runtime.")
     ] = None,
+    to: Annotated[
+        tuple[str, Path] | None,
+        typer.Option(
+            metavar="TARGET OUT",
+            help="Write OUT for a target: c, runtime, or arduino (a library for Arduino and PlatformIO).",
+        ),
+    ] = None,
     single: Annotated[
         bool, typer.Option("--float", help="Use float instead of double in C.")
     ] = False,
@@ -48,17 +55,21 @@ def export(
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Write a fit's compensator as C99 or for plain Python.
+    """Write a fit's compensator as C99, for plain Python, or for a target around the C99.
 
-    Neither needs JAX.
+    None of them needs JAX.
     """
-    if c is None and runtime is None:
-        raise typer.BadParameter("nothing to write; give --c FILE.h, --runtime FILE.json or both")
+    targets = {"c": c, "runtime": runtime, **dict([to] if to else [])}
+    targets = {target: path for target, path in targets.items() if path is not None}
+    if not targets:
+        raise typer.BadParameter(
+            "nothing to write; give --c FILE.h, --runtime FILE.json or --to TARGET OUT"
+        )
     start_jax()
     from ..operations import _export  # after JAX is set up
 
     found = _export.export(
-        folder, c, runtime, single=single, limits=limits, depth=depth, beyond=beyond,
+        folder, targets, real="float" if single else None, limits=limits, depth=depth, beyond=beyond,
         start=start, date=date,
     )  # fmt: skip
     for line in warnings(found["notes"]):

@@ -8,21 +8,25 @@ import numpy as np
 import identify
 from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program, wider
+from compensate.export.targets._export_to import check, write_to
 from hysteresis import InputError, with_condition
 
 
 def export(
-    folder: Path, c: Path | None, runtime: Path | None, *, single: bool = False,
+    folder: Path, targets: dict[str, Path], *, real: str | None = None,
     limits: tuple[float, float] | None = None, depth: int = 64, beyond: str = "limit",
     start: str = "unknown", date: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """Write the header, the JSON file, or both; readings beyond the limits are taken for the limit.
+    """Write what the targets name; readings beyond the limits are taken for the limit.
 
     Estimates are guarded by the trained inputs. A robot is switched on at any time, so the first state is
     unknown unless `start` says otherwise.
     """
+    for target in targets:
+        check(target, None if target == "runtime" else real)
     fitted = identify.load(folder)
-    date = date or identify.internal.read_document(folder)["data"].get("date") or ""
+    data = identify.internal.read_document(folder)["data"]
+    date = date or data.get("date") or ""
     verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
         raise InputError(
@@ -47,13 +51,14 @@ def export(
         trained=fitted.trained,
         beyond=beyond,
         start=start,
-        origin=Origin(verdict.level, verdict.codes, date),
+        origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),
+        time_unit=record.time_unit,
     )
     files, notes = {}, [*program.notes]
-    if c is not None:
-        files["c"] = str(program.write_c(c, "float" if single else "double").path)
-    if runtime is not None:
-        files["runtime"] = str(program.write_runtime(runtime).path)
+    for target, path in targets.items():
+        done = write_to(target, program, path, None if target == "runtime" else real)
+        files[target] = str(done.path)
+        notes += [note for note in done.notes if note not in notes]
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {

@@ -224,7 +224,7 @@ def test_files_say_what_they_know(tmp_path: Path):
     given = {"trained": (0.0, 1.0), "origin": origin, "start": "unknown"}
     path = export_runtime(RELAYS, tmp_path / "it.json", y, **given).path
     assert load(path).origin == {
-        "verdict": "CAUTION", "codes": ["no-test", "flat"], "date": "2024-05-03",
+        "verdict": "CAUTION", "codes": ["no-test", "flat"], "date": "2024-05-03", "sha256": "",
     }  # fmt: skip
     text = export_c(RELAYS, tmp_path / "it.h", y, real="float", **given).path.read_text()
     for macro in (

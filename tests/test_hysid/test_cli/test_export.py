@@ -1,5 +1,6 @@
 """`hysid export`: files of a fit that run without JAX, and what is said where there can be none."""
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -54,6 +55,7 @@ def test_the_files_carry_the_fit(folder: Path):
     assert compensator.trained == fit.trained == tuple(told["trained"])
     assert compensator.origin == {
         "verdict": fit.verdict.level, "codes": list(fit.verdict.codes), "date": "2023-05-03",
+        "sha256": hashlib.sha256((folder.parent / "run.csv").read_bytes()).hexdigest(),
     }  # fmt: skip
     assert fit.verdict.codes
     assert f'#define FOAM_VERDICT "{fit.verdict.level}"' in c.read_text()
@@ -72,6 +74,13 @@ def test_limits_and_precision(folder: Path):
     assert run("export", folder, "--c", c, "--float", "--limits", 1, 9).code == 0
     assert "typedef float foam_real;" in c.read_text()
     assert "from 1 to 9;" in c.read_text()
+
+
+def test_a_target_is_written(folder: Path):
+    found = run("export", folder, "--to", "arduino", folder / "foam", "--json").json()
+    assert found["files"] == {"arduino": str(folder / "foam")}
+    assert load(folder / "foam" / "hysid-export.json").origin["verdict"]
+    refused(run("export", folder, "--to", "plc", folder / "plc"), "plc", "arduino")
 
 
 def test_what_is_at_fault_is_said(folder: Path):

@@ -1,0 +1,201 @@
+"""What every target is made of: facts for its templates, a folder or an archive written whole."""
+
+import json
+import re
+import shutil
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
+from hysteresis._escape import c_comment, c_string, markup, visible
+
+from ...runtime._file import checksum
+from .._c99_header import header
+from .._export import Program
+
+TEMPLATES = Path(__file__).parent / "templates"
+MARK = "hysid-export.json"
+"""Name of the runtime's file in every exported folder, which says that hysid may replace the folder."""
+COMPILE = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
+
+
+@dataclass
+class Artefact:
+    """The files of one export, by their path, before any of them is written."""
+
+    program: Program
+    stem: str
+    real: str
+    words: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, str | bytes] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        document = self.program.document(np.float64 if self.real == "double" else np.float32)
+        document = {**document, "checksum": checksum(document)}
+        self.document = document
+        self.words |= {
+            "stem": self.stem,
+            "upper": self.stem.upper(),
+            "real": self.real,
+            "rates": document["rates"],
+            "condition": document["condition"],
+            "reading": document["reading"],
+            "estimate": document["estimate"],
+            "title": document["title"],
+            "limits": document["limits"],
+            "start": document["start"],
+            "trained": self.trained,
+            "origin": document["origin"] or {"verdict": "", "codes": [], "date": "", "sha256": ""},
+            "checksum": document["checksum"],
+            "golden": len(document["golden"]["reading"]),
+            "per_second": self.per_second,
+            "time_unit": self.program.time_unit,
+            "hysid": version("hysid"),
+        }
+
+    @property
+    def trained(self) -> tuple[float, float] | None:
+        """The trained inputs, None where the model is not guarded."""
+        guard = self.document["guard"]
+        return guard and (guard["parameters"]["low"], guard["parameters"]["high"])
+
+    @property
+    def per_second(self) -> float:
+        """How much of the model's time passes in a second; 1 where its unit is not known."""
+        return _per_second(self.program.time_unit) if self.document["rates"] else 1.0
+
+    def add_header(self, path: str) -> None:
+        """The C99 header, the same that `hysid export --to c` writes."""
+        self.files[path] = header(self.document, self.stem, single=self.real == "float")
+
+    def add_runtime(self, path: str = MARK) -> None:
+        """The runtime's file: model, units, trained inputs, verdict, date, checksum and golden pair."""
+        self.files[path] = json.dumps(self.document) + "\n"
+
+    def add_template(self, template: str, path: str, **more: Any) -> None:
+        """A file made from templates/`template`."""
+        self.files[path] = _environment().get_template(template).render(**self.words, **more)
+
+    def write_folder(self, out: Path) -> Path:
+        """All files below `out`, which replaces a folder that an earlier export wrote.
+
+        Raises `InputError` `would-overwrite` where there is anything else.
+        """
+        replaced = out.is_dir() and (out / MARK).is_file()
+        if out.exists() and not replaced and not (out.is_dir() and not any(out.iterdir())):
+            raise InputError(
+                "would-overwrite",
+                "There is something else already, which no export has written.",
+                place=str(out),
+                fix="Give the name of a new folder.",
+            )
+        out.parent.mkdir(parents=True, exist_ok=True)
+        new = Path(tempfile.mkdtemp(prefix=f"{out.name}.new-", dir=out.parent))
+        try:
+            for path, content in self.files.items():
+                _put(new / path, content)
+            new.chmod(0o755)
+            if out.exists():
+                shutil.rmtree(out)
+            new.rename(out)
+        except BaseException:
+            shutil.rmtree(new, ignore_errors=True)
+            raise
+        return out
+
+    def write_archive(self, out: Path) -> Path:
+        """All files in one ZIP archive, the same bytes from the same model."""
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(out) as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path, content in self.files.items():
+                entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
+                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+                archive.writestr(entry, content)
+        return out
+
+    def compiled(
+        self, sources: Mapping[str, str | bytes], unit: str, *options: str
+    ) -> bytes | None:
+        """The shared library of one of some C sources; None, with a note, without a C compiler."""
+        compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+        if compiler is None:
+            self.notes.append("There is no C compiler here, so only sources were written.")
+            return None
+        with tempfile.TemporaryDirectory() as place:
+            for path, content in sources.items():
+                _put(Path(place, path), content)
+            library = Path(place, "built.so")
+            command = [compiler, *COMPILE, unit, *options, "-s", "-o", str(library), "-lm"]
+            done = subprocess.run(command, cwd=place, capture_output=True, text=True)
+            if done.returncode:
+                said = visible((done.stderr.strip().splitlines() or ["no message"])[0])
+                self.notes.append(f"The C compiler failed, so only sources were written: {said}")
+                return None
+            return library.read_bytes()
+
+
+def name_in_c(out: Path, *, lower: bool = False) -> str:
+    """The name of an export, from its file's or folder's. Raises `InputError` `bad-name`."""
+    stem = out.stem if out.suffix in (".fmu", ".onnx", ".h") else out.name
+    pattern, what = r"[A-Za-z][A-Za-z0-9_]*", "letters, digits and _, a letter first."
+    if lower:
+        pattern, what = (
+            r"[a-z](_?[a-z0-9])*",
+            "lower-case letters, digits and single _, a letter first.",
+        )
+    if not re.fullmatch(pattern, stem):
+        raise InputError("bad-name", f"{stem!r} cannot be the name of this export.", fix=what)
+    return stem
+
+
+def _put(file: Path, content: str | bytes) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(
+        content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    )
+
+
+@cache
+def _per_second(unit: str) -> float:
+    if unit in ("", "1", "s"):
+        return 1.0
+    import pint  # takes 0.3 s to load
+
+    try:
+        return float(pint.Quantity(1.0, "s").to(unit).magnitude)
+    except (
+        Exception
+    ) as error:  # pint raises its own, tokenizer's and arithmetic errors for odd text
+        raise InputError(
+            "unknown-unit",
+            f"{unit!r}, the unit of the model's times, is not a time.",
+            fix="Name the unit of the time column where the fit reads it.",
+        ) from error
+
+
+@cache
+def _environment() -> Any:
+    import jinja2  # takes 0.1 s to load
+
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    line: Callable[[Any], str] = lambda text: " ".join(visible(str(text)).split())  # noqa: E731
+    made.filters |= {"c_string": c_string, "c_comment": c_comment, "markup": markup, "line": line}
+    made.filters |= {"json": json.dumps, "exact": repr}
+    return made
