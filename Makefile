@@ -5,6 +5,7 @@
 # make datasets   rewrites datasets/
 # make picture    draws the first picture of the README again
 # make package    a wheel and an sdist in build/, tried on the oldest and newest Python found, its types checked
+# make targets    which judges of `hysid export --to` are here: simulators, importers, compilers
 # make minimum    some tests with the lowest versions that pyproject.toml allows
 # make clean   everything git does not hold, the environment included
 
@@ -15,7 +16,7 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test lint docs datasets picture package minimum clean
+.PHONY: demo test lint docs datasets picture package targets minimum clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
@@ -47,6 +48,9 @@ picture: $(READY)
 
 package:
 	.ci/packaging
+
+targets: $(READY)
+	@$(BIN)/python -m tests.judges
 
 minimum:
 	.ci/packaging minimum

@@ -1,15 +1,11 @@
-"""Exported headers run on simulated boards: an ATmega328 in simavr, a Cortex-M4 in QEMU."""
+"""Exported headers run on simulated boards: an ATmega328 in simavr."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-
-AVR = all(shutil.which(name) for name in ("avr-gcc", "simavr"))
-ARM = all(shutil.which(name) for name in ("arm-none-eabi-gcc", "qemu-system-arm"))
 
 ON_AVR = """\
 #include <avr/interrupt.h>

@@ -80,7 +80,7 @@ def case(name: str) -> Case:
     """By the name of its maker."""
     model, t, given = MAKERS[name]()
     y = np.asarray(model.simulate(t, given))
-    u, c = (given, None) if given.ndim == 1 else (given[:, 0], given[:, 1])
+    u, c = (given, None) if given.ndim == 1 else np.ascontiguousarray(given.T)
     options: dict[str, Any] = {
         "times": t, "trained": (float(u.min()), float(u.max())), "start": "unknown", "origin": ORIGIN,
         "title": "A sponge & its <skin>", "reading": Quantity("displacement (mm)", "mm"),

@@ -1,9 +1,10 @@
-"""The Arduino library: an example that compiles, and the same estimates on a simulated ATmega328."""
+"""Targets of `hysid export --to`: what each is made for runs it, and the estimates are those of the C99."""
 
 import json
-import shutil
 import subprocess
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +12,16 @@ import pytest
 from compensate import export_to
 from compensate.runtime import load
 from hysteresis import InputError
-from tests.boards import AVR, on_avr
-from tests.targets import MAKERS, ORIGIN, case
+from tests.boards import on_avr
+from tests.judges import JUDGES
+from tests.targets import MAKERS, ORIGIN, case, with_gaps
 
 ROOT = Path(__file__).parents[2]
 every = pytest.mark.parametrize("name", MAKERS)
 
 
 @every
-@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
+@JUDGES["g++"].needed
 def test_the_example_compiles(name: str, tmp_path: Path):
     out = case(name).write("arduino", tmp_path / "sensor")
     example = out / "examples" / "Compensate" / "Compensate.ino"
@@ -67,7 +69,7 @@ def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
         assert error.value.code == "bad-option"
 
 
-@pytest.mark.skipif(not AVR, reason="no avr-gcc and simavr")
+@JUDGES["simavr"].needed
 def test_an_atmega328_gives_the_estimates_of_float(tmp_path: Path):
     """Bit for bit: its library rounds sums, products, quotients and roots as a PC does."""
     one = case("relays")
@@ -79,3 +81,104 @@ def test_an_atmega328_gives_the_estimates_of_float(tmp_path: Path):
     np.testing.assert_array_equal(board.value, value.astype(np.float32))
     np.testing.assert_array_equal(board.status, status)
     assert board.ram <= 1200
+
+
+def fmu(name: str, target: str, folder: Path) -> Path:
+    return case(name).write(target, folder / "sensor.fmu")
+
+
+def slave(file: Path, folder: Path) -> Any:
+    """An instance of an FMU, initialised at time 0."""
+    import fmpy  # which only these tests need
+
+    about = fmpy.read_model_description(file)
+    unpacked = fmpy.extract(str(file), str(folder / "unpacked"))
+    made = {"2.0": fmpy.fmi2.FMU2Slave, "3.0": fmpy.fmi3.FMU3Slave}[about.fmiVersion](
+        guid=about.guid, unzipDirectory=unpacked, instanceName="it",
+        modelIdentifier=about.coSimulation.modelIdentifier,
+    )  # fmt: skip
+    made.instantiate()
+    if about.fmiVersion == "2.0":
+        made.setupExperiment(startTime=0.0)
+    made.enterInitializationMode()
+    made.exitInitializationMode()
+    return made
+
+
+def stepped_fmu(made: Any, t: np.ndarray, y: np.ndarray, c: np.ndarray | None) -> np.ndarray:
+    """Estimates, deviations and statuses, (samples, 3)."""
+    two = hasattr(made, "getReal")
+    get, put = (made.getReal, made.setReal) if two else (made.getFloat64, made.setFloat64)
+    whole = made.getInteger if two else made.getInt32
+    found = []
+    for k, time in enumerate(t):
+        put([1], [y[k]])
+        if c is not None:
+            put([5], [c[k]])
+        made.doStep(currentCommunicationPoint=time, communicationStepSize=0.01)
+        found.append([*get([2, 3]), *whole([4])])
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [("creep", "fmu"), ("creep", "fmu3"), ("relays", "fmu3"), ("conditioned", "fmu")],
+)
+@JUDGES["FMPy"].needed
+def test_an_fmu_is_valid_and_gives_the_estimates_of_the_header(
+    name: str, target: str, tmp_path: Path
+):
+    """Bit for bit, NaN among the readings; a state that was kept, serialised or reset gives them again."""
+    from fmpy.validation import validate_fmu  # which only this test needs
+
+    one, file = case(name), fmu(name, target, tmp_path)
+    assert validate_fmu(str(file)) == []
+    y, t = with_gaps(one.y), one.t
+    dt = one.dt
+    value, status, off = one.reference(tmp_path).run_with_deviation(dt, y, one.c)
+    wanted = np.column_stack([value, off, status])
+    made = slave(file, tmp_path)
+    half = len(t) // 2
+    first = stepped_fmu(made, t[:half], y[:half], one.c)
+    three = target == "fmu3"
+    kept = made.getFMUState() if three else made.getFMUstate()
+    bytes_ = made.serializeFMUState(kept) if three else made.serializeFMUstate(kept)
+    rest = one.c if one.c is None else one.c[half:]
+    second = stepped_fmu(made, t[half:], y[half:], rest)
+    np.testing.assert_array_equal(np.vstack([first, second]), wanted)
+    (made.setFMUState if three else made.setFMUstate)(kept)
+    np.testing.assert_array_equal(stepped_fmu(made, t[half:], y[half:], rest), wanted[half:])
+    made.reset()
+    again = made.deserializeFMUState(bytes_) if three else made.deSerializeFMUstate(bytes_)
+    (made.setFMUState if three else made.setFMUstate)(again)
+    np.testing.assert_array_equal(stepped_fmu(made, t[half:], y[half:], rest), wanted[half:])
+    made.reset()
+    np.testing.assert_array_equal(stepped_fmu(made, t[:half], y[:half], one.c), wanted[:half])
+    made.terminate()
+    made.freeInstance()
+
+
+@JUDGES["FMPy"].needed
+def test_an_fmu_is_its_sources_and_runs_in_fmpy(tmp_path: Path):
+    """Compiled again by FMPy from the sources alone; small; the same bytes every time."""
+    import fmpy  # which only these tests need
+
+    file = fmu("creep", "fmu", tmp_path)
+    with zipfile.ZipFile(file) as archive:
+        binary = [i for i in archive.infolist() if i.filename.startswith("binaries/")]
+        rest = sum(i.compress_size for i in archive.infolist()) - sum(
+            i.compress_size for i in binary
+        )
+        assert "resources/hysid-export.json" in archive.namelist()
+    assert len(binary) == 1
+    assert rest < 100_000
+    whole = file.read_bytes()
+    assert fmu("creep", "fmu", tmp_path).read_bytes() == whole
+    one = case("creep")
+    times = 0.02 * np.arange(50)
+    table = np.array(
+        list(zip(times, one.y[:50], strict=True)), dtype=[("time", float), ("reading", float)]
+    )
+    found = fmpy.simulate_fmu(str(file), input=table, stop_time=0.98, output_interval=0.02)
+    assert found.dtype.names == ("time", "estimate", "deviation", "status")
+    assert np.isfinite(found["estimate"][1:]).all()

@@ -1,0 +1,45 @@
+"""Which judges of `hysid export --to` are here: simulators, importers, compilers. `make targets` prints them."""
+
+import shutil
+from importlib.util import find_spec
+from typing import NamedTuple
+
+import pytest
+
+APT = "simavr gcc-avr avr-libc gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
+
+
+class Judge(NamedTuple):
+    """What it judges, the commands and the modules it needs, and the packages that bring them."""
+
+    targets: str
+    commands: tuple[str, ...]
+    modules: tuple[str, ...] = ()
+    packages: str = "any C compiler"
+
+    @property
+    def missing(self) -> list[str]:
+        """What is not here."""
+        absent = [name for name in self.commands if shutil.which(name) is None]
+        return absent + [name for name in self.modules if find_spec(name) is None]
+
+    @property
+    def needed(self) -> pytest.MarkDecorator:
+        """Skips a test, visibly, where anything is missing."""
+        return pytest.mark.skipif(bool(self.missing), reason=f"no {', '.join(self.missing)}")
+
+
+JUDGES = {
+    "gcc": Judge("c", ("gcc",)),
+    "g++": Judge("arduino, ros2: compiled beside stubs", ("g++",), packages="any C++ compiler"),
+    "FMPy": Judge("fmu, fmu3", ("gcc",), ("fmpy",), "pip: FMPy"),
+    "simavr": Judge("arduino", ("avr-gcc", "simavr"), packages="apt: simavr gcc-avr avr-libc"),
+}
+
+
+if __name__ == "__main__":
+    for name, judge in JUDGES.items():
+        said = (
+            f"missing: {', '.join(judge.missing)} ({judge.packages})" if judge.missing else "here"
+        )
+        print(f"{name:12} {judge.targets:40} {said}")
