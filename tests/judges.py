@@ -1,4 +1,4 @@
-"""Which judges of `hysid export --to` are here: simulators, importers, compilers. `make targets` prints them."""
+"""The judges of `hysid export --to`, simulators and importers: which are here. See `make targets`."""
 
 import shutil
 from importlib.util import find_spec
