@@ -33,6 +33,7 @@ JUDGES = {
     "gcc": Judge("c", ("gcc",)),
     "g++": Judge("arduino, ros2: compiled beside stubs", ("g++",), packages="any C++ compiler"),
     "FMPy": Judge("fmu, fmu3", ("gcc",), ("fmpy",), "pip: FMPy"),
+    "MuJoCo": Judge("mujoco", ("gcc",), ("mujoco",), "pip: mujoco"),
     "simavr": Judge("arduino", ("avr-gcc", "simavr"), packages="apt: simavr gcc-avr avr-libc"),
 }
 

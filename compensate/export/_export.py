@@ -232,6 +232,11 @@ class Program:
             f" smallest loops are dropped. Use a depth of {needed} to keep all.",
         )
 
+    @property
+    def predicts(self) -> bool:
+        """Whether the header has the model itself too: its feedback has none."""
+        return all(node["kind"] != "moving" for node in _nodes(self._trees[np.float64]))
+
     def write_runtime(self, path: str | Path) -> Exported:
         """`export_runtime` of what was prepared."""
         return Exported(write(path, self.document()), self.notes)

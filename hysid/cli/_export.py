@@ -20,7 +20,7 @@ def export(
         tuple[str, Path] | None,
         typer.Option(
             metavar="TARGET OUT",
-            help="Write OUT for a target: c, runtime, arduino, fmu (FMI 2.0) or fmu3 (FMI 3.0).",
+            help="Write OUT for a target: c, runtime, arduino, ros2, mujoco, fmu (FMI 2.0), fmu3.",
         ),
     ] = None,
     single: Annotated[

@@ -1,7 +1,6 @@
 """Exported compensators, in Python and in C, are the JAX one."""
 
 import json
-import shutil
 import subprocess
 import sys
 from functools import cache
@@ -204,18 +203,6 @@ def test_sanitizers_find_nothing(tmp_path: Path):
         ["gcc", *STRICT, *flags, str(tmp_path / "fuzz.c"), "-o", program, "-lm"], check=True
     )
     done = subprocess.run([program], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
-def test_the_header_is_cpp_too(tmp_path: Path):
-    """The sketch of docs/ compiles with it, a ROS 2 node."""
-    model, y = relays()
-    export_c(model, tmp_path / "sponge.h", y, real="float")
-    stub = ROOT / "tests" / "sketches"
-    command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
-    command += ["-I", str(stub), "-I", str(tmp_path), str(ROOT / "docs/sketches/ros2_node.cpp")]
-    done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 
 

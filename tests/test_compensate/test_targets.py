@@ -5,6 +5,7 @@ import subprocess
 import zipfile
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ every = pytest.mark.parametrize("name", MAKERS)
 def test_the_example_compiles(name: str, tmp_path: Path):
     out = case(name).write("arduino", tmp_path / "sensor")
     example = out / "examples" / "Compensate" / "Compensate.ino"
-    stub = ROOT / "tests" / "sketches"
+    stub = ROOT / "tests" / "stubs"
     command = ["g++", "-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
     command += ["-I", str(stub), "-I", str(out / "src"), str(example)]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -182,3 +183,168 @@ def test_an_fmu_is_its_sources_and_runs_in_fmpy(tmp_path: Path):
     found = fmpy.simulate_fmu(str(file), input=table, stop_time=0.98, output_interval=0.02)
     assert found.dtype.names == ("time", "estimate", "deviation", "status")
     assert np.isfinite(found["estimate"][1:]).all()
+
+
+ROS_MAIN = """
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "filter.cpp"
+
+int main(int, char **argv)
+{
+    double t, y, c, out;
+    sensor::Scalar one;
+    sensor::Wrench six;
+    filters::FilterBase<double> &scalar = one; // as a chain has them
+    filters::FilterBase<geometry_msgs::msg::WrenchStamped> &wrench = six;
+    std::map<std::string, std::string> given = {{"condition_topic", "c"}, {"reset_service", "r"}};
+    if (!std::strcmp(argv[1], "scalar")) {
+        given["period"] = "0.02";
+        if (!scalar.configure("it", given)) {
+            return 1;
+        }
+    } else {
+        given["force.z.enabled"] = "true";
+        given["force.z.scale"] = "0.5";
+        given["force.z.offset"] = "1";
+        if (!wrench.configure("it", given)) {
+            return 1;
+        }
+    }
+    geometry_msgs::msg::WrenchStamped in, done;
+    in.wrench.torque.x = 7;
+    while (std::scanf("%lf %lf %lf", &t, &y, &c) == 3) {
+        rclcpp::Node::last->publish(c);
+        if (t < 0) {
+            rclcpp::Node::last->call();
+            continue;
+        }
+        if (!std::strcmp(argv[1], "scalar")) {
+            scalar.update(y, out);
+        } else {
+            in.header.stamp.sec = static_cast<int>(t);
+            in.header.stamp.nanosec = static_cast<unsigned>((t - static_cast<int>(t)) * 1e9 + 0.5);
+            in.wrench.force.z = 2 * (y - 1);
+            wrench.update(in, done);
+            out = done.wrench.torque.x == 7 ? done.wrench.force.z : NAN;
+        }
+        std::printf("%a\\n", out);
+    }
+}
+"""
+
+
+@JUDGES["g++"].needed
+@pytest.mark.parametrize(("name", "kind"), [("relays", "scalar"), ("creep", "wrench")])
+def test_ros_plugins_give_the_estimates_of_the_header(name: str, kind: str, tmp_path: Path):
+    """Beside stubs of ROS, with parameters by axis, stamps and the reset service."""
+    one = case(name)
+    out = one.write("ros2", tmp_path / "sensor")
+    (tmp_path / "main.cpp").write_text(ROS_MAIN)
+    command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+    command += ["-I", str(ROOT / "tests" / "stubs"), "-I", str(out / "src"), "main.cpp", "-pthread"]
+    done = subprocess.run([*command, "-o", "it"], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    t = np.round(one.t[:150] + 1.0, 6)  # a stamp of 0 is none
+    y = 1 + np.round(with_gaps(one.y[:150]) * 2**20) / 2**20
+    rows = [f"{a!r} {b!r} 0" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
+    said = "\n".join([*rows, "-1 0 0", *rows]).replace("nan", "NAN")
+    ran = subprocess.run([tmp_path / "it", kind], input=said, capture_output=True, text=True)
+    found = np.array([float.fromhex(x) for x in ran.stdout.split()])
+    dt = np.full(150, 0.02) if kind == "scalar" else np.diff(t, prepend=t[0])
+    value, _ = one.reference(tmp_path).run(dt, y)
+    wanted = np.concatenate([value, value])
+    if kind == "wrench":  # a stamp has nanoseconds
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6 * np.ptp(one.u))
+    else:
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_ros_package_is_whole(tmp_path: Path):
+    """Its files name each other, and the plugins the classes of the source."""
+    out = case("conditioned").write("ros2", tmp_path / "sensor")
+    described = ElementTree.parse(out / "plugins.xml").getroot()
+    source = (out / "src" / "filter.cpp").read_text()
+    for plugin in described.iter("class"):
+        name, base = plugin.attrib["type"], plugin.attrib["base_class_type"]
+        assert f"PLUGINLIB_EXPORT_CLASS({name}, {base})" in source
+    needed = {e.text for e in ElementTree.parse(out / "package.xml").getroot().iter("depend")}
+    build = (out / "CMakeLists.txt").read_text()
+    assert needed == set(build.split("set(DEPENDENCIES ")[1].split(")")[0].split())
+    assert "condition_topic" in (out / "config" / "filters.yaml").read_text()
+    assert "CAUTION" in (out / "README.md").read_text()
+
+
+SIMULATED = """
+<mujoco>
+  <option timestep="0.02" integrator="{integrator}"/>
+  <extension>
+    <plugin plugin="hysid.{stem}">
+      <instance name="it"><config key="reading" value="given"/>{condition}</instance>
+      <instance name="acting">{condition}</instance>
+    </plugin>
+  </extension>
+  <worldbody>
+    <body><joint name="a" type="slide"/><geom size="0.1"/></body>
+    <body pos="1 0 0"><joint name="b" type="slide"/><geom size="0.1"/></body>
+  </worldbody>
+  <actuator><plugin joint="b" plugin="hysid.{stem}" instance="acting"/></actuator>
+  <sensor>
+    <jointpos name="given" joint="a"/>
+    <plugin name="it" plugin="hysid.{stem}" instance="it"/>
+  </sensor>
+</mujoco>
+"""
+
+
+@JUDGES["MuJoCo"].needed
+@pytest.mark.parametrize(("name", "integrator"), [("relays", "Euler"), ("creep", "RK4")])
+def test_a_mujoco_plugin_gives_the_estimates_of_the_header(
+    name: str, integrator: str, tmp_path: Path
+):
+    """As sensor and actuator; a second forward changes nothing, a saved state gives the same again."""
+    import mujoco  # which only this test needs
+
+    one, stem = case(name), f"tried_{name}"
+    out = one.write("mujoco", tmp_path / stem)
+    mujoco.mj_loadPluginLibrary(str(out / f"lib{stem}.so"))
+    text = SIMULATED.format(stem=stem, integrator=integrator, condition="")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    y = one.y[:80]
+
+    def stepped(readings: np.ndarray) -> np.ndarray:
+        found = []
+        for reading in readings:
+            data.qpos[0], data.qvel[0], data.ctrl[0] = reading, 0.0, reading
+            mujoco.mj_forward(model, data)
+            mujoco.mj_step(model, data)
+            found.append([*data.sensordata[1:4], data.actuator_force[0]])
+        return np.array(found)
+
+    dt = np.diff(np.concatenate([[0.0], np.add.accumulate(np.full(79, 0.02))]), prepend=0.0)
+    value, status, off = one.reference(tmp_path).run_with_deviation(dt, y)
+    wanted = np.column_stack([value, off, status, value])
+    first = stepped(y[:40])
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    kept = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, kept, kind)
+    np.testing.assert_array_equal(np.vstack([first, stepped(y[40:])]), wanted)
+    mujoco.mj_setState(model, data, kept, kind)
+    np.testing.assert_array_equal(stepped(y[40:]), wanted[40:])
+    mujoco.mj_resetData(model, data)
+    np.testing.assert_array_equal(stepped(y[:40]), wanted[:40])
+
+
+@JUDGES["MuJoCo"].needed
+def test_mujoco_runs_the_example(tmp_path: Path):
+    import mujoco  # which only this test needs
+
+    out = case("conditioned").write("mujoco", tmp_path / "tried_example")
+    mujoco.mj_loadPluginLibrary(str(out / "libtried_example.so"))
+    model = mujoco.MjModel.from_xml_path(str(out / "example.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert np.isfinite(data.sensordata[2])

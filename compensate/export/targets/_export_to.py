@@ -11,11 +11,15 @@ from hysteresis import AbstractModel, InputError
 from .._export import Exported, Program
 from ._arduino import arduino
 from ._fmu import fmu2, fmu3
+from ._mujoco import mujoco
+from ._ros2 import ros2
 
 TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ...]]] = {
     "c": (lambda program, out, real: program.write_c(out, real), ("double", "float")),
     "runtime": (lambda program, out, real: program.write_runtime(out), ("double",)),
     "arduino": (arduino, ("float",)),
+    "ros2": (ros2, ("double",)),
+    "mujoco": (mujoco, ("double",)),
     "fmu": (fmu2, ("double",)),
     "fmu3": (fmu3, ("double",)),
 }
@@ -36,7 +40,8 @@ def export_to(
     **Arguments:**
 
     - `target`: "c" (a header), "runtime" (a file for plain Python), "arduino" (a library for Arduino and
-      PlatformIO), "fmu" or "fmu3" (a unit of FMI 2.0 or 3.0 for co-simulation).
+      PlatformIO), "ros2" (a package of filter plugins), "mujoco" (an engine plugin), "fmu" or "fmu3" (a
+      unit of FMI 2.0 or 3.0 for co-simulation).
     - `path`: of the file or folder. A folder that an earlier export wrote is replaced.
     - `real`: "double" or "float"; by default what the target is used with.
 
