@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import html_of, plot_of
+from hysteresis import Units, html_of, plot_of
+from hysteresis._quantities import as_units
 from hysteresis._show import one_line, table
 from hysteresis._type_variables import PyTree, State
 
@@ -40,7 +41,12 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
         model.simulate(t, compensator.simulate(t, y).value) == y     on the reachable set
 
     to 1e-9 of the range of y. Elsewhere the status says why not. A compensator never raises inside a loop.
+
+    **Field** of every compensator, given by name: `units`, from readings to estimates, where they are
+    known; `invert` takes them from the model.
     """
+
+    units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
 
     @abc.abstractmethod
     def init(self) -> State:

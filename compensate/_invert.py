@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, parameters
+from hysteresis import AbstractModel, InputError, parameters, with_units
 
 from ._contract import AbstractCompensator
 from .guards._guarded import GuardedCompensator
@@ -38,7 +38,7 @@ def invert(
     - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
       RUN_IN until the readings have replaced what is unknown, see `run_in`.
 
-    **Returns:** a compensator.
+    **Returns:** a compensator, with the units of the model where it has any.
 
     **Raises:** `InputError` where the model has no inverse (a decreasing stage, a signed density, no
     slope), and `bad-option` or `zero-range` for options that do not fit.
@@ -66,6 +66,7 @@ def invert(
         )
     else:
         inverse = inverse_of(model)
+    units = model.units and model.units.reversed
     if trained is None:
         if start == "unknown":
             raise InputError(
@@ -73,8 +74,8 @@ def invert(
                 "an unknown start needs the trained range, over which the memory is replaced.",
                 fix="give trained=(low, high), the inputs of the training rows.",
             )
-        return inverse
+        return inverse if units is None else with_units(inverse, units)
     low, high = trained
-    return GuardedCompensator(
-        inverse, low, high, beyond, run_in(model, low, high) if start == "unknown" else None
-    )
+    waits = run_in(model, low, high) if start == "unknown" else None
+    guarded = GuardedCompensator(inverse, low, high, beyond, waits)
+    return guarded if units is None else with_units(guarded, units)

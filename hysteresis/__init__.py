@@ -14,6 +14,9 @@ from ._parameter import is_concrete as is_concrete
 from ._parameter import parameter as parameter
 from ._parameter import parameter_at as parameter_at
 from ._parameter import parameters as parameters
+from ._quantities import Units as Units
+from ._quantities import conversion as conversion
+from ._quantities import with_units as with_units
 from ._registry import model_names as model_names
 from ._registry import register as register
 from ._stepped_model import AbstractSteppedModel as AbstractSteppedModel

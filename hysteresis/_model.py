@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._parameter import array_module
+from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
 from ._type_variables import Prepared, State
 
@@ -29,7 +30,15 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     Models are frozen: `step` returns the next state, a fit returns a new model. They are pytrees,
     so all of `jax.jit`, `jax.vmap` and `jax.grad` apply to them.
+
+    **Fields** of every model, given by name; a fit sets both, and files keep them:
+
+    - `units`: `Units` of input, output and time; None where they are not known.
+    - `trained`: (2,), the least and the greatest input that the model was fitted to; None: not known.
     """
+
+    units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
+    trained: Float[Array, "2"] | None = eqx.field(default=None, converter=as_range, kw_only=True)
 
     @abc.abstractmethod
     def init(self, t0: Any = None, u0: Any = None) -> State:

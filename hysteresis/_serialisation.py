@@ -66,7 +66,11 @@ def described(
             f"{kind.__name__} is not registered, so a file with it could not be loaded.",
             fix=f"call hysteresis.register({kind.__name__}) in the module that defines it.",
         )
-    parts = {field: inside(getattr(value, field), field) for field in _fields(kind)}
+    given = {field: getattr(value, field) for field in _fields(kind)}
+    for name_of_field in ("units", "trained"):  # of models; they are not written where not known
+        if given.get(name_of_field, value) is None:
+            del given[name_of_field]
+    parts = {field: inside(part, field) for field, part in given.items()}
     return {"class": class_key(kind), "fields": parts}, arrays
 
 

@@ -18,6 +18,7 @@ FEW = 4
 def one_line(module: eqx.Module) -> str:
     """A module as the call that makes it: numbers to six digits, long arrays by their shape."""
     given = [f for f in fields(module) if f.init and hasattr(module, f.name)]
+    given = [f for f in given if not (f.kw_only and getattr(module, f.name) is None)]
     said = [f"{f.name}={_argument(getattr(module, f.name))}" for f in given]
     return f"{type(module).__name__}({', '.join(said)})"
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ._errors import InputError
+from ._quantities import FORCE, Units, conversion
 from ._registry import register
 from .models._bouc_wen import BoucWen
 from .models._burgers import Burgers
@@ -18,10 +19,11 @@ output none: a combination of channels has the output's unit."""
 
 def _sponge(record: Record) -> LinearSponge:
     u, y = record.input[record.mask], record.output[record.mask]
-    is_force = (
-        record.input_unit == "N" != record.output_unit and u.min() < CONTACT_FORCE < 0.5 * u.max()
-    )
-    threshold = CONTACT_FORCE if is_force else -np.inf
+    newtons = conversion(record.input_unit, FORCE)
+    threshold = -np.inf
+    if newtons is not None and conversion(record.output_unit, FORCE) is None:
+        contact = CONTACT_FORCE / newtons
+        threshold = contact if u.min() < contact < 0.5 * u.max() else threshold
     K, b = np.polyfit(u[u >= threshold], y[u >= threshold], 1)
     return LinearSponge(K, b, threshold)
 
@@ -78,3 +80,4 @@ register(LinearSponge, guess=_sponge)
 register(Burgers, guess=_burgers)
 register(FoamCurve, guess=_foam)
 register(BoucWen, guess=_bouc_wen)
+register(Units)

@@ -220,7 +220,7 @@ def _modelled(armor: Armor, press: Presses, normal: Array) -> Float[Array, " sam
     """Indentation d_n of the cover at the pressed point, m."""
     cover, along = armor.solver.cover, press.force * dots(press.direction, normal)
     pressed = jax.lax.scan(
-        lambda state, now: cover.press(state, *now), cover.init(), (press.time, along)
+        lambda state, now: cover.press(state, *now)[:2], cover.init(), (press.time, along)
     )[1]
     return jax.vmap(lambda g, F: cover.displacement(g, F, press.surface, press.touched))(
         pressed, along

@@ -27,12 +27,14 @@ class Candidates(NamedTuple):
 
     - `pushed`: which faces the force pushes with the threshold's force or more.
     - `point`, `displacement`, `outside`: P^e, d_n, and how far P^i lies beyond the face's edge, m.
+    - `beyond`: where the material is pushed further than its fit knows, or than it is thick.
     """
 
     pushed: Bool[Array, " faces"]
     point: Float[Array, "faces 3"]
     displacement: Float[Array, " faces"]
     outside: Float[Array, " faces"]
+    beyond: Bool[Array, " faces"]
 
     def cost(self, limits: Limits) -> Float[Array, " faces"]:
         """How far outside a pushed face's point lies, m; 0 within it, infinite where not pushed."""
@@ -41,14 +43,18 @@ class Candidates(NamedTuple):
 
 
 def candidates_of(
-    crossing: Crossing, displacement: Float[Array, " faces"], limits: Limits
+    crossing: Crossing,
+    displacement: Float[Array, " faces"],
+    beyond: Bool[Array, " faces"],
+    limits: Limits,
 ) -> Candidates:
     """All faces, each pressed in by its own d_n."""
     pushed = crossing.safe & (crossing.along >= limits.threshold)
     displacement = jnp.where(pushed, displacement, 0)
     point = crossing.point + displacement[:, None] * crossing.ahead
     touched = crossing.point + displacement[:, None] * crossing.aside
-    return Candidates(pushed, point, displacement, crossing.faces.outside(touched))
+    outside = crossing.faces.outside(touched)
+    return Candidates(pushed, point, displacement, outside, pushed & beyond)
 
 
 def likeliest(crossing: Crossing, found: Candidates, limits: Limits) -> Int[Array, ""]:
@@ -60,7 +66,7 @@ def likeliest(crossing: Crossing, found: Candidates, limits: Limits) -> Int[Arra
 def contact_at(
     best: Int[Array, ""], crossing: Crossing, found: Candidates, line: Line, limits: Limits
 ) -> Contact:
-    """The contact on one face, with the status of this face alone: OK, MISSED or NO_CONTACT."""
+    """The contact on one face, with its own status: OK, EXTRAPOLATED, MISSED or NO_CONTACT."""
     pushed = found.pushed[best]
     within = pushed & (found.outside[best] <= jnp.maximum(limits.tolerance, limits.rounding))
     status = jnp.where(pushed, ContactStatus.MISSED, ContactStatus.NO_CONTACT)
@@ -68,7 +74,11 @@ def contact_at(
         jnp.where(pushed, found.point[best], 0),
         jnp.where(within, crossing.faces.surface[best], 0),
         found.displacement[best],
-        jnp.where(within, ContactStatus.OK, status),
+        jnp.where(
+            within,
+            jnp.where(found.beyond[best], ContactStatus.EXTRAPOLATED, ContactStatus.OK),
+            status,
+        ),
         line.spin,
         jnp.where(pushed, crossing.faces.normal[best], 0),
         jnp.where(pushed, crossing.along[best], 0),
@@ -104,6 +114,7 @@ def judged(
             doubt != ContactStatus.OK,
             is_found & too_much_spin,
             is_found & several.any(),
+            is_found & found.beyond[best],
             is_found,
             is_strong & is_pulling,
             is_strong & (found.pushed.any() | ~faces.real.any()),
@@ -112,7 +123,8 @@ def judged(
             jnp.asarray(code, doubt.dtype)
             for code in (
                 ContactStatus.INVALID, ContactStatus.NO_CONTACT, doubt, ContactStatus.SECOND_SUPPORT,
-                ContactStatus.AMBIGUOUS, ContactStatus.OK, ContactStatus.PULLING, ContactStatus.MISSED,
+                ContactStatus.AMBIGUOUS, ContactStatus.EXTRAPOLATED, ContactStatus.OK,
+                ContactStatus.PULLING, ContactStatus.MISSED,
             )
         ],
         jnp.asarray(ContactStatus.BELOW_THRESHOLD, doubt.dtype),

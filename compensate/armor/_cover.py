@@ -5,19 +5,31 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
-from numpy.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
 
-from hysteresis import AbstractModel, FoamCurve, InputError, is_concrete
+from hysteresis import (
+    AbstractModel,
+    FoamCurve,
+    InputError,
+    LinearSponge,
+    Scalar,
+    Units,
+    conversion,
+    is_concrete,
+    parameter,
+)
+from hysteresis._quantities import FORCE, LENGTH, TIME
 from hysteresis._type_variables import PyTree
 
-from .._contract import AbstractCompensator
+from .._contract import AbstractCompensator, Status
 from ..inverses._linear_sponge import LinearSpongeCompensator
-from ._faces import METRES
 from ._fields import AbstractField, Uniform, as_field
 
 HARD_PUSH = 20.0
 """N, the paper's largest force: what a cover gives way under it tells its unit."""
+
+LATER = 60.0
+"""s, after which a cover under a constant force is looked at again."""
 
 THINNEST = 1e-4
 """m. A cover that gives way less under a hard push is not soft, or its unit is not what it is taken for."""
@@ -32,15 +44,21 @@ class Cover(eqx.Module):
 
     **Arguments:**
 
-    - `compensator`: g, from N to a length: a model fitted with force as input, such as `LinearSponge`,
-      or the inverse of one fitted with force as output, `invert(model)`. None: rigid.
+    - `compensator`: g, from a force to a length: a model fitted with force as input, such as
+      `LinearSponge`, or the inverse of one fitted with force as output, `invert(model)`. None: rigid.
     - `factor`: a number or a field, e.g. `Bumps`: what the sheet differs from the sample g was fitted to.
     - `compliance`: of the frame, m/N; a number or a field.
-    - `length_unit`: of g. By default millimetres, and then refused where a hard push of 20 N makes less
-      than 0.1 mm, which are metres.
+    - `length_unit`, `force_unit`: of g, where it does not carry its units. The model of a fit does, and is
+      converted; a `LinearSponge` without units is in mm and N, as its documentation says, and refused
+      where a hard push of 20 N makes less than 0.1 mm, which are metres.
+    - `thickness`, m: of the cover, beyond which no displacement is possible.
 
-    Raises `InputError` for a unit that is not a length's, or one that cannot be right, and for a curve that
-    gives forces.
+    A contact whose force is beyond those of the fit (`trained` of the model), whose displacement is beyond
+    them or beyond the thickness, or that a guarded compensator calls so, is EXTRAPOLATED.
+
+    Raises `InputError` `no-unit` for a material of which nothing tells the units, `wrong-unit` for units
+    that contradict those given or cannot be right, `unknown-unit`, and `wrong-direction` for a material
+    that gives forces.
 
     Source: Tsuji 2014, equations (7) and (8), for factor 1 and compliance 0.
 
@@ -55,24 +73,28 @@ class Cover(eqx.Module):
     factor: AbstractField = eqx.field(default=1.0, converter=as_field)
     compliance: AbstractField = eqx.field(default=0.0, converter=as_field)
     length_unit: str | None = eqx.field(default=None, static=True)
+    force_unit: str | None = eqx.field(default=None, static=True)
+    thickness: Scalar = parameter(
+        float("inf"), unit="m", fixed=True, meaning="thickness of the cover"
+    )
 
     def __check_init__(self) -> None:
-        if (self.length_unit or "mm") not in METRES:
+        if self.is_rigid:
+            return
+        _check_quantities(self.compensator, self.length_unit, self.force_unit)
+        if is_concrete(self.thickness) and not self.thickness > 0:
             raise InputError(
-                "unknown-unit",
-                f"the cover's length unit {self.length_unit!r} is unknown.",
-                fix=f"give one of {', '.join(METRES)}.",
-            )
-        if isinstance(self.compensator, LinearSpongeCompensator | FoamCurve):
-            given = type(self.compensator).__name__
-            raise InputError(
-                "wrong-direction",
-                f"a {given} gives forces, and a cover is asked for its displacement.",
-                fix="LinearSponge(K, b) itself; invert(FoamCurve(...)).",
-            )
+                "parameter-out-of-bounds", f"a thickness of {float(self.thickness):g} m.",
+                fix="give a length above 0, in metres.",
+            )  # fmt: skip
         leaves = jax.tree.leaves(self)
-        if self.length_unit is None and all(map(is_concrete, leaves)) and not self.is_rigid:
+        if self.length_unit is None and all(map(is_concrete, leaves)):
             self._check_unit()
+
+    @property
+    def scales(self) -> tuple[float, float, float]:
+        """What 1 N, 1 unit of displacement in m, and 1 s are for g: (N -> g, g -> m, s -> g)."""
+        return scales_of(self.compensator, self.length_unit, self.force_unit)
 
     @property
     def is_rigid(self) -> bool:
@@ -88,16 +110,22 @@ class Cover(eqx.Module):
         return () if self.compensator is None else self.compensator.init()
 
     def press(
-        self, state: PyTree, t: ArrayLike | None, force: Float[Array, ""]
-    ) -> tuple[PyTree, Float[Array, ""]]:
-        """g(F_n) in metres, at the time `t`, and the state after it."""
+        self, state: PyTree, t: Any, force: Float[Array, ""]
+    ) -> tuple[PyTree, Float[Array, ""], Bool[Array, ""]]:
+        """The state after a force at the time `t`, s; g(F_n) in metres; whether it is beyond the fit."""
         if self.compensator is None:
-            return state, jnp.zeros_like(force)
+            return state, jnp.zeros_like(force), jnp.zeros_like(force, bool)
+        of_force, of_length, of_time = self.scales
+        own = force * of_force
         found: Any
-        state, found = self.compensator.step(state, t, force)
+        state, found = self.compensator.step(state, None if t is None else t * of_time, own)
+        beyond = jnp.zeros_like(force, bool)
         if isinstance(self.compensator, AbstractCompensator):
-            found = found.value
-        return state, METRES[self.length_unit or "mm"] * found
+            beyond, found = found.status == int(Status.EXTRAPOLATED), found.value
+        if (most := most_of(self.compensator)) is not None:
+            is_inverse = isinstance(self.compensator, AbstractCompensator)
+            beyond = beyond | ((found if is_inverse else own) > most)
+        return state, of_length * found, beyond
 
     def displacement(
         self,
@@ -120,6 +148,14 @@ class Cover(eqx.Module):
         with jax.ensure_compile_time_eval():  # also where a cover is made within a jitted function
             return float(self.press(self.init(), 0.0, jnp.asarray(HARD_PUSH, float))[1])
 
+    def creeps(self) -> bool:
+        """Whether a held force presses the cover in further with time, by more than a thousandth."""
+        with jax.ensure_compile_time_eval():
+            force = jnp.asarray(HARD_PUSH / 2, float)
+            state, now, _ = self.press(self.init(), 0.0, force)
+            then = self.press(state, LATER, force)[1]
+        return abs(float(then - now)) > 1e-3 * abs(float(now))
+
     def _check_unit(self) -> None:
         pressed = self.hard_push()
         if not pressed >= THINNEST:
@@ -129,6 +165,76 @@ class Cover(eqx.Module):
                 cause="its lengths are metres, or it gives forces and not displacements.",
                 fix='length_unit="m"; or invert(model), where the model\'s output is a force.',
             )
+
+
+def scales_of(
+    material: Any, length_unit: str | None, force_unit: str | None
+) -> tuple[float, float, float]:
+    """(N -> g, g -> m, s -> g), of a material whose quantities have been checked."""
+    units = getattr(material, "units", None)
+    if units is None or not units.are_known:
+        units = Units(
+            force_unit or FORCE, length_unit or "mm", "1" if units is None else units.time
+        )
+    force, length = conversion(units.input, FORCE), conversion(units.output, LENGTH)
+    assert force is not None
+    assert length is not None
+    return 1 / force, length, conversion(TIME, units.time) or 1.0
+
+
+def _check_quantities(material: Any, length_unit: str | None, force_unit: str | None) -> None:
+    """Raises `InputError` where a material is not known to give lengths under forces."""
+    given = type(material).__name__
+    wrong_way = InputError(
+        "wrong-direction",
+        f"this {given} gives forces, and a cover is asked for its displacement.",
+        fix="invert(model) of a model of the force; LinearSponge(K, b) itself, not its inverse.",
+    )
+    for unit, quantity in ((length_unit, LENGTH), (force_unit, FORCE)):
+        if unit is not None and conversion(unit, quantity) is None:
+            raise InputError(
+                "unknown-unit",
+                f"{unit!r} is not a unit of {'length' if quantity == LENGTH else 'force'}.",
+                fix='give one such as "mm", "inch", "N" or "kgf".',
+            )
+    units = getattr(material, "units", None)
+    if units is not None and units.are_known:
+        if conversion(units.input, LENGTH) and conversion(units.output, FORCE):
+            raise wrong_way
+        force, length = conversion(units.input, FORCE), conversion(units.output, LENGTH)
+        if force is None or length is None:
+            raise InputError(
+                "wrong-unit",
+                f"this {given} leads from {units.input} to {units.output}, not from a force to a length.",
+                fix="give a model of a displacement under a force.",
+            )
+        for own, told in ((units.input, force_unit), (units.output, length_unit)):
+            if told is not None and conversion(told, own) != 1.0:
+                raise InputError(
+                    "wrong-unit",
+                    f"this {given} carries the unit {own}, and {told} was given.",
+                    fix="leave the unit out.",
+                )
+        return
+    if isinstance(material, LinearSpongeCompensator | FoamCurve):
+        raise wrong_way
+    if length_unit is None and not isinstance(material, LinearSponge):
+        raise InputError(
+            "no-unit",
+            f"nothing tells the units of this {given}.",
+            cause="it was not made by a fit, or its record had no units.",
+            fix='give them: Cover(model, length_unit="mm", force_unit="N").',
+        )
+
+
+def most_of(material: Any) -> Array | None:
+    """The greatest trained input of a model, or of the one that a compensator inverts; None: not known."""
+    while not (material is None or isinstance(material, AbstractModel)):
+        material = getattr(material, "model", None) or getattr(material, "inner", None)
+    if material is None or material.trained is None:
+        return None
+    low, high = material.trained[..., 0], material.trained[..., 1]
+    return high + 1e-6 * (high - low)  # rounding
 
 
 Material = Cover | AbstractModel | AbstractCompensator | None

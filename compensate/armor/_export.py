@@ -16,8 +16,7 @@ from ..export._element_tree import program_of
 from ..export._precision import require_double
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
-from ._cover import Cover
-from ._faces import METRES
+from ._cover import Cover, most_of
 from ._fields import AbstractField, Bumps, Grid, Uniform
 from ._solver import TURNS, ContactSolver
 from ._wrench import WristSensor
@@ -89,8 +88,12 @@ def _cover(cover: Cover, model: AbstractModel | None, surfaces: int) -> dict[str
         )  # fmt: skip
     exported: Any = model if is_inverse else material
     tree = None if exported is None else program_of(exported)
+    of_force, of_length, of_time = (1.0, 1.0, 1.0) if cover.is_rigid else cover.scales
+    most = most_of(material)
     return {
-        "tree": tree, "inverse": is_inverse, "scale": METRES[cover.length_unit or "mm"],
+        "tree": tree, "inverse": is_inverse, "scale": of_length, "force_scale": of_force,
+        "time_scale": of_time, "thickness": number(cover.thickness),
+        "most": None if most is None else float(most),
         "factor": _field(cover.factor, surfaces), "compliance": _field(cover.compliance, surfaces),
         "turns": TURNS,
     }  # fmt: skip

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
@@ -23,6 +23,9 @@ from ._touch import Touch
 
 CHUNK = 8192
 """Contacts solved at a time: what they need in between stays in the cache."""
+
+DWELL = np.geomspace(1e-3, 1.0, 10)
+"""Parts of the dwell time after which a rate-dependent material takes a step."""
 
 TURNS = 5
 """Rounds for a displacement that depends on where it is, see `settle`."""
@@ -61,12 +64,15 @@ class ContactSolver(eqx.Module):
       judged. Two pushes whose sum passes through the shell without spin no wrench can tell from one.
     - `release`, N: a contact in a stream ends below it; by default 0.8 of the threshold, so that noise
       does not make it chatter.
-    - `same_place`, m, and `recovery`, in the time unit of the material's model: a touch within these of
-      the last one finds the material as that one left it, see `step`. By default 15 mm, the paper's
-      probe, and 60.
+    - `same_place`, m, and `recovery`, s: a touch within these of the last one finds the material as that
+      one left it, see `step`. By default 15 mm, the paper's probe, and 60. All times are in the unit of
+      the material's model if that does not carry its units.
+    - `dwell`, s: how long a load has rested when `solve` is asked, for materials that creep: they give way
+      less in the first moment than in a stream. A stream knows its times, and does not use it.
 
     Raises `InputError` where the threshold or a limit is negative, and where 20 N would press the cover
-    through the shape, which is a matter of units.
+    through the shape, which is a matter of units; `solve` and `candidates` raise `no-time` for a material
+    that creeps, without a `dwell`.
 
     Source: Tsuji 2014, equations (1) to (17); its equation (3) divides by F_x and F_y, the form here
     only by F_n.
@@ -86,6 +92,8 @@ class ContactSolver(eqx.Module):
     release: Scalar = parameter(unit="N", fixed=True)
     same_place: Scalar = parameter(unit="m", fixed=True)
     recovery: Scalar = parameter(unit="time", fixed=True)
+    dwell: float | None = eqx.field(default=None, static=True)
+    creeps: bool = eqx.field(default=False, static=True)
 
     def __init__(
         self,
@@ -98,12 +106,15 @@ class ContactSolver(eqx.Module):
         release: ArrayLike | None = None,
         same_place: ArrayLike = 0.015,
         recovery: ArrayLike = 60.0,
+        dwell: float | None = None,
     ):
         self.shape, self.cover, self.threshold = shape, as_cover(compensator), as_float(threshold)
         self.tolerance = shape.longest() / 20 if tolerance is None else as_float(tolerance)
         self.release = 0.8 * self.threshold if release is None else as_float(release)
         self.spin_limit, self.same_place = as_float(spin_limit), as_float(same_place)
-        self.recovery = as_float(recovery)
+        self.recovery, self.dwell = as_float(recovery), None if dwell is None else float(dwell)
+        known = all(map(is_concrete, jax.tree.leaves(self.cover)))
+        self.creeps = known and self.cover.creeps()
 
     def __check_init__(self) -> None:
         limits = (self.threshold, self.tolerance, self.spin_limit, self.release)
@@ -113,6 +124,10 @@ class ContactSolver(eqx.Module):
                 "bad-option",
                 "a threshold, tolerance or other limit is negative or no number.",
                 fix="give forces in N and lengths in m, or leave them out.",
+            )
+        if self.dwell is not None and not 0 < self.dwell < float("inf"):
+            raise InputError(
+                "bad-option", f"a dwell time of {self.dwell:g} s.", fix="give seconds above 0."
             )
         if not all(map(is_concrete, jax.tree.leaves((self.shape, self.cover)))):
             return
@@ -134,6 +149,7 @@ class ContactSolver(eqx.Module):
         `WristSensor.read` returns it.
         """
         force, moment, doubt = _wrenches(force, moment, doubt)
+        self._check_dwell()
         return _solve(self, force, moment, doubt, _nearby(self, force, moment))
 
     def candidates(self, force: ArrayLike, moment: ArrayLike) -> Contact:
@@ -143,7 +159,16 @@ class ContactSolver(eqx.Module):
         Places in the list that no pushed surface fills hold NO_CONTACT.
         """
         force, moment, _ = _wrenches(force, moment, None)
+        self._check_dwell()
         return _listed(self, force, moment, _nearby(self, force, moment))
+
+    def _check_dwell(self) -> None:
+        if self.dwell is None and self.creeps:
+            raise InputError(
+                "no-time",
+                "this cover creeps, so one wrench without its history does not say how far it gave way.",
+                fix="use simulate, step or ContactStream; or ContactSolver(..., dwell=seconds).",
+            )
 
     def init(self) -> Touch:
         """The state of a stream before anything was touched."""
@@ -171,7 +196,7 @@ class ContactSolver(eqx.Module):
 
         A wrench or time that is not finite changes nothing: the last contact is held, INVALID.
 
-        **Arguments:** `t`, in the time unit of the material's model; the others as of `solve`, for one
+        **Arguments:** `t`, s; the others as of `solve`, for one
         wrench. `ContactStream` runs this at full speed.
         """
         force, moment, doubt = _wrenches(force, moment, doubt)
@@ -204,8 +229,13 @@ class ContactSolver(eqx.Module):
         """Where a line meets the planes of the faces `near`; of all, if that is None."""
         return crossing_of(self.shape.faces(near), line)
 
-    def settle(self, crossing: Crossing, pressed: Float[Array, " faces"]) -> Float[Array, " faces"]:
-        """d_n of each face, from the material's g(F_n).
+    def settle(
+        self,
+        crossing: Crossing,
+        pressed: Float[Array, " faces"],
+        beyond: Bool[Array, " faces"],
+    ) -> tuple[Float[Array, " faces"], Bool[Array, " faces"]]:
+        """d_n of each face, from the material's g(F_n), and whether it is beyond what is known.
 
         d_n depends on the place P^i, and P^i lies aside by d_n tan(angle between F and n). A fixed-point
         iteration solves this: each round shrinks the error by |grad d_n| tan(angle), which is
@@ -221,7 +251,14 @@ class ContactSolver(eqx.Module):
         found = at(jnp.zeros_like(pressed))
         for _ in range(0 if self.cover.is_even else TURNS):
             found = at(found)
-        return found
+        return found, beyond | (found > self.cover.thickness)
+
+    def _held(self, virgin: Any, force: Float[Array, ""]) -> tuple[Array, Array]:
+        """g of a virgin place under a force that has been held for the dwell time."""
+        state, pressed, beyond = self.cover.press(virgin, 0.0, force)
+        for t in () if self.dwell is None else (self.dwell * DWELL).tolist():
+            state, pressed, beyond = self.cover.press(state, t, force)
+        return pressed, beyond
 
     def _virgin(
         self, force: Array, moment: Array, near: Array | None
@@ -231,8 +268,8 @@ class ContactSolver(eqx.Module):
         crossing = self.cross(line, near)
         pushing = jnp.maximum(crossing.along, 0)
         virgin = self.cover.init()
-        pressed = jax.vmap(lambda normal: self.cover.press(virgin, 0.0, normal)[1])(pushing)
-        found = candidates_of(crossing, self.settle(crossing, pressed), self.limits())
+        pressed, beyond = jax.vmap(lambda normal: self._held(virgin, normal))(pushing)
+        found = candidates_of(crossing, *self.settle(crossing, pressed, beyond), self.limits())
         return line, crossing, found
 
 
@@ -289,14 +326,14 @@ def _touched(
     fresh = elsewhere | (~state.touching & (far | late))
     virgin = solver.cover.init()
 
-    def trial(is_fresh: Array, along: Array) -> tuple[Any, Array]:
+    def trial(is_fresh: Array, along: Array) -> tuple[Any, Array, Array]:
         before = jax.tree.map(lambda v, kept: jnp.where(is_fresh, v, kept), virgin, state.cover)
         return solver.cover.press(before, t, along)
 
     # Which face is touched depends on how far each is pressed in, and that on the history of the cover. So
     # every face presses its own copy first; the choice follows, and the other copies are dropped.
-    covers, pressed = jax.vmap(trial)(fresh, jnp.maximum(crossing.along, 0))
-    found = candidates_of(crossing, solver.settle(crossing, pressed), limits)
+    covers, pressed, beyond = jax.vmap(trial)(fresh, jnp.maximum(crossing.along, 0))
+    found = candidates_of(crossing, *solver.settle(crossing, pressed, beyond), limits)
     best = likeliest(crossing, found, limits)
     contact = judged(best, crossing, found, line, limits, doubt)
     touching = contact.surface > 0

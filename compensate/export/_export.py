@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, condition_of
+from hysteresis import AbstractModel, InputError, condition_of, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.records._common_part import STILL
 
@@ -42,6 +42,19 @@ class Quantity(NamedTuple):
 
 
 OUTPUT, INPUT = Quantity("output"), Quantity("input")
+
+
+def _named(given: Quantity, carried: str) -> Quantity:
+    """A quantity with the unit that the model carries. Raises `InputError` `wrong-unit` for another one."""
+    if given.unit == "1" or carried == "1":
+        return given._replace(unit=carried if given.unit == "1" else given.unit)
+    if conversion(given.unit, carried) != 1.0:
+        raise InputError(
+            "wrong-unit",
+            f"{given.name!r} is given in {given.unit}, and the model has it in {carried}.",
+            fix="leave the unit out, or fit a record in the wanted unit.",
+        )
+    return given
 
 
 class Origin(NamedTuple):
@@ -80,7 +93,8 @@ def export_runtime(
     **Other arguments:**
 
     - `times`: (samples,) of the readings, for models that depend on the rate.
-    - `reading`, `estimate`: name and unit of the model's output and input.
+    - `reading`, `estimate`: name and unit of the model's output and input; the units that the model
+      carries by default.
     - `title`: in a line.
     - `error`: `calibrated(invert(model), record)`, for the deviation beside every estimate.
     - `limits`: readings beyond are taken for the nearer limit; by default half the readings' span on
@@ -92,8 +106,8 @@ def export_runtime(
     - `origin`: the verdict on the fit, the date and the checksum of its data, for the file's readers.
     - `time_unit`: of `times`; targets that have a clock convert its seconds.
 
-    Raises `InputError` where the model has no inverse, cannot be exported, or needs times, and where JAX
-    runs in single precision.
+    Raises `InputError` where the model has no inverse, cannot be exported, or needs times, where it carries
+    another unit than is given, and where JAX runs in single precision.
 
     **Example:**
 
@@ -152,6 +166,9 @@ class Program:
         time_unit: str = "s",
     ):
         require_double()
+        if model.units is not None:
+            reading = _named(reading, model.units.output)
+            estimate = _named(estimate, model.units.input)
         compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
         tree = tree_of(model, depth=depth)
         y, conditioned = np.asarray(readings, float), condition_of(model)

@@ -87,7 +87,8 @@ def export_force(
         "schema": SCHEMA, "kind": KIND, "title": title or type(estimator.model).__name__,
         "channels": [channel._asdict() for channel in channels], "estimate": estimate._asdict(),
         "limits": [[number(low), number(high)] for low, high in limits],
-        "high": estimator.high, "deviation": float(estimator.deviation), "rates": rates,
+        "high": estimator.high, "scale": estimator.newtons,
+        "deviation": float(estimator.deviation), "rates": rates,
         "longest": longest,
         "model": model,
         "golden": {

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, is_concrete, register
+from hysteresis import AbstractModel, InputError, Units, conversion, is_concrete, register
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status, scan_steps
@@ -84,6 +84,12 @@ def _by_steps(model: BackwardsModel, prepared: BackwardsInput) -> Array:
     return jax.lax.scan(step, prepared.state, rows)[1]
 
 
+def _units(model: AbstractModel) -> Units | None:
+    """From readings to forces, as a model or its compensator carries them."""
+    inner = model.compensator if isinstance(model, BackwardsModel) else model
+    return model.units or inner.units
+
+
 class ForceState(NamedTuple):
     """The model's own state, and the last force."""
 
@@ -103,12 +109,14 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
 
     **Arguments:**
 
-    - `model`: reading -> force in N. `deviation`: N. `high`: the largest force of the training, N.
+    - `model`: from a reading to a force, in N or in the unit that the model, or the compensator in a
+      `BackwardsModel`, carries: it is converted. `deviation`: N. `high`: largest force of the training, N.
     - `low_reading`, `high_reading`: the range of the readings in the training, a number, or (channels,)
       where the model takes several. A sample with any other reading is EXTRAPOLATED, one without a reading
       INVALID.
 
-    **Raises:** `InputError` for a deviation or range that is not positive.
+    **Raises:** `InputError` for a deviation or range that is not positive, and `wrong-direction` or
+    `wrong-unit` for a model whose output is not a force.
 
     **Source:** Kim and Park (2018), section III A.
 
@@ -137,6 +145,21 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
                 f"{self.low_reading} to {self.high_reading}: none of them may be empty.",
             )
 
+        units = _units(self.model)
+        if units is not None and units.output != "1" and conversion(units.output, "N") is None:
+            is_turned = conversion(units.input, "N") is not None
+            raise InputError(
+                "wrong-direction" if is_turned else "wrong-unit",
+                f"this model leads from {units.input} to {units.output}, not to a force.",
+                fix="ForceEstimator(BackwardsModel(invert(model)), ...) for a model of the reading.",
+            )
+
+    @property
+    def newtons(self) -> float:
+        """What one unit of the model's output is in N."""
+        units = _units(self.model)
+        return 1.0 if units is None else conversion(units.output, "N") or 1.0
+
     def init(self) -> ForceState:
         return ForceState(self.model.init(), jnp.zeros_like(self.deviation))
 
@@ -147,6 +170,7 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
         t = jnp.asarray(0.0 if t is None else t, y.dtype)
         valid = jnp.isfinite(y).all() & jnp.isfinite(t)
         model, found = self.model.step(state.model, t, y)
+        found = self.newtons * found
         value = jnp.clip(found, 0.0, self.high)
         after = ForceState(model, value)
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)

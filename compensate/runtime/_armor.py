@@ -112,10 +112,11 @@ class Armor:
             )
             pressed = cover.trial(t, along, is_fresh)
             d = cover.settled(pressed, along, surface, point, aside)
+            far = cover.is_beyond(d)
             touched = moved(point, d, aside)
             beyond = outside(sides, touched)
             point = moved(point, d, ahead)
-            found.append((beyond, along, surface, point, d, normal, touched, is_fresh))
+            found.append((beyond, along, surface, point, d, normal, touched, is_fresh, far))
         rounding = limits["rounding"]
         costs = [0.0 if f[0] <= rounding else f[0] for f in found]
         cost = min(costs, default=inf)
@@ -134,7 +135,7 @@ class Armor:
                 outside=best[0],
             )  # fmt: skip
         best = max((f for f, c in zip(found, costs, strict=True) if c <= cost), key=lambda f: f[1])
-        beyond, along, surface, point, d, normal, touched, is_fresh = best
+        beyond, along, surface, point, d, normal, touched, is_fresh, far = best
         cover.keep(t, along, is_fresh)
         self._surface, self._place, self._time = surface, touched, t
         if doubt:
@@ -145,6 +146,8 @@ class Armor:
             f[0] <= rounding and square(f[3], point) > (f[4] + d + rounding) ** 2 for f in found
         ):
             status = ContactStatus.AMBIGUOUS
+        elif far:
+            status = ContactStatus.EXTRAPOLATED
         else:
             status = ContactStatus.OK
         return ArmorContact(point, surface, d, status, spin, normal, along, beyond)
@@ -177,6 +180,13 @@ class _Cover:
     def __init__(self, document: dict[str, Any]):
         self._tree, self._is_inverse = document["tree"], document["inverse"]
         self._scale: float = document["scale"]
+        # Files of earlier versions have neither of the following.
+        self._force_scale: float = document.get("force_scale", 1.0)
+        self._time_scale: float = document.get("time_scale", 1.0)
+        self._thickness, self._most = (
+            inf if document.get(key) is None else float(document[key])
+            for key in ("thickness", "most")
+        )
         self._factor, self._factor_even = field(document["factor"])
         self._compliance, self._compliance_even = field(document["compliance"])
         self._turns: int = document["turns"]
@@ -187,7 +197,11 @@ class _Cover:
         self._states: list[Any] = []
         self._node: Node | None = node_of(self._tree, self._states) if self._tree else None
         self._virgin = self._kept = _copied(self._states)
-        self._since, self._is_used = nan, False
+        self._since, self._is_used, self.beyond = nan, False, False
+
+    def is_beyond(self, d: float) -> bool:
+        """Whether the last trial is beyond the fit, or this displacement beyond the thickness."""
+        return self.beyond or d > self._thickness
 
     def trial(self, t: float, force: float, is_fresh: bool) -> float:
         """g(F_n) in metres; the state stays."""
@@ -214,7 +228,10 @@ class _Cover:
             _put(self._states, self._virgin)
         dt = 0.0 if is_fresh or isnan(self._since) else t - self._since
         move = self._node.find if self._is_inverse else self._node.move
-        return self._scale * move(dt, force)
+        own = self._force_scale * force
+        found = move(self._time_scale * dt, own)
+        self.beyond = (found if self._is_inverse else own) > self._most
+        return self._scale * found
 
     def settled(
         self, pressed: float, force: float, surface: int, point: Vector, aside: Vector

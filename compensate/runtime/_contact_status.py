@@ -23,3 +23,5 @@ class ContactStatus(IntEnum):
     """A channel of the sensor stood at the end of its range: the point is off by an unknown amount."""
     SECOND_SUPPORT = 8
     """More spin torque than the contact can transmit: something else bears on the shell."""
+    EXTRAPOLATED = 9
+    """The force is beyond those of the cover's fit, or the cover is pressed in further than it is thick."""

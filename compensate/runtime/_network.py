@@ -51,6 +51,7 @@ class ForceEstimator:
             for low, high in document["limits"]
         ]
         self.high: float = float(document["high"])
+        self._scale = float(document.get("scale", 1.0))  # earlier files have none
         self.deviation: float = float(document["deviation"])
         self.rates: bool = document["rates"]
         self.longest: float = document.get("longest") or LONGEST
@@ -90,7 +91,7 @@ class ForceEstimator:
         if not isfinite(sum(readings)) and not all(map(isfinite, readings)):
             return Estimate(self._value, Status.INVALID, self.deviation)
         dt = self._waited if self._begun else 0.0
-        found = self._move(dt, readings)
+        found = self._scale * self._move(dt, readings)
         self._waited, self._begun = 0.0, True
         status = _OK if dt < self.longest else _EXTRAPOLATED
         if found > self.high:

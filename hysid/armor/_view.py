@@ -24,6 +24,7 @@ MEANINGS = {
     "AMBIGUOUS": "The line of action meets more than one surface; this is the likeliest.",
     "INVALID": "A channel of the sensor gave no number.",
     "SATURATED": "A channel of the sensor stood at its end: the point is off.",
+    "EXTRAPOLATED": "Pushed harder than the cover was ever measured.",
     "SECOND_SUPPORT": "Too much spin torque for one contact: something else bears on the shell.",
 }
 

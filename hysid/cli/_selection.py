@@ -55,10 +55,22 @@ def as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
             value = tuple(value or ())
         elif FIELDS[name].metadata.get("joined"):
             value = tuple(part for part in value.split(",") if part)
+            if name == "range":
+                value = _numbers(value)
         found[name] = value
     if "input" in found and len(found["input"]) < 2:
         found["input"] = next(iter(found["input"]), None)
     return found
+
+
+def _numbers(words: tuple[str, ...]) -> tuple[float, ...]:
+    try:
+        numbers = tuple(map(float, words))
+    except ValueError:
+        numbers = ()
+    if words and len(numbers) != 2:
+        raise typer.BadParameter("--range is LOW,HIGH: two numbers, such as 2,20")
+    return numbers
 
 
 def values_of(value: str | tuple[str, ...] | None) -> tuple[str, ...]:

@@ -54,6 +54,12 @@ class Selection(SelectionOptions):
                 "conflicting-options",
                 "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.",
             )
+        if self.range and not (len(self.range) == 2 and self.range[0] <= self.range[1]):
+            raise InputError(
+                "zero-range",
+                f"No input is within the range {', '.join(f'{end:g}' for end in self.range)}.",
+                fix="Give --range LOW,HIGH, such as --range 2,20.",
+            )
         if self.time is not None and self.dt is not None:
             raise InputError("conflicting-options", "Give --time COL or --dt SECONDS, not both.")
         if self.input_time is not None and (self.time is None or self.is_step):
@@ -124,7 +130,7 @@ class Selection(SelectionOptions):
             check_lines(lines, table)
         where = dict(_equality(condition) for condition in self.where)
         if self.each is None:
-            return {"": self._split(self._read(table, where))}, {}
+            return {"": self._counted(self._read(table, where))}, {}
         rows = np.ones(len(table.line), bool)
         for condition in self.where:
             rows &= parse_condition(condition)(table)
@@ -142,7 +148,7 @@ class Selection(SelectionOptions):
         faults: dict[str, InputError] = {}
         for value in dict.fromkeys(cells.tolist()):
             try:
-                good[value] = self._split(self._read(table, where | {self.each: [value]}))
+                good[value] = self._counted(self._read(table, where | {self.each: [value]}))
             except InputError as error:
                 faults[value] = error
         if not good:
@@ -164,6 +170,16 @@ class Selection(SelectionOptions):
         record = read_csv(table, **chosen)
         left_out = on_lines(record.line, self.exclude_lines)
         return record.exclude(left_out) if left_out.any() else record
+
+    def _counted(self, record: Record) -> Pair:
+        """Training and test record, with the rows of the branch and the range alone."""
+        limits: Any = self.range or None
+        branch: Any = self.branch
+        train, test = self._split(record)
+        return (
+            train.select(branch, limits),
+            None if test is None else test.select(branch, limits),
+        )
 
     def _split(self, record: Record) -> Pair:
         if self.test_cycles is not None:

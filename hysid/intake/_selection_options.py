@@ -63,6 +63,18 @@ class SelectionOptions:
     where: tuple[str, ...] = _option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"
     )
+    branch: str | None = _option(
+        "Count only rows in which the input rises (loading) or falls (unloading), or each branch for itself"
+        " (both). A sample where it turns belongs to both. All other rows are history.",
+        None,
+        choices=("loading", "unloading", "both"),
+    )
+    range: tuple[float, ...] = _option(
+        "Count only rows with the input in this range; the others are history.",
+        (),
+        joined=True,
+        metavar="LOW,HIGH",
+    )
     test_where: tuple[str, ...] = _option(
         "Hold out these rows for testing; COL%2=0 holds out even values; repeatable.",
         (),

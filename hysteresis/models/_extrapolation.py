@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .._model import AbstractModel
+from .._quantities import with_units
 from ..preisach import GridDensity, Preisach
 from ..preisach._initial import staircase
 from ._compose import Scaled, Series, Sum
@@ -32,6 +33,11 @@ def extended(model: Any, low: float, high: float) -> Any:
         >>> bool(np.allclose(wider.simulate(t, u), preisach.simulate(t, u)))
         True
     """
+    found = _extended(model, low, high)
+    return found if found is model else with_units(found, model.units, model.trained)
+
+
+def _extended(model: Any, low: float, high: float) -> Any:
     if isinstance(model, Sum):
         return Sum([extended(part, low, high) for part in model.parts])
     if isinstance(model, Conditioned):

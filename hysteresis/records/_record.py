@@ -18,6 +18,7 @@ from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
 from ._arrays import fill, numbers, same_length
+from ._branch_rows import selected
 from ._common_part import common_part, constant_within
 from ._excitation import describe, summary
 from ._units import named_unit
@@ -266,28 +267,19 @@ class Record(AbstractRecord):
 
     def select(
         self,
-        branch: Literal["loading", "unloading"] | None = None,
+        branch: Literal["loading", "unloading", "both"] | None = None,
         range: tuple[float, float] | None = None,
         cycle: int | Collection[int] | None = None,
     ) -> "Record":
-        """Narrow the mask to a branch, to inputs in `[lo, hi]`, to cycles by number."""
-        keep, said = np.ones(len(self), bool), []
-        if branch is not None:
-            signs = {"loading": 1, "unloading": -1}
-            if branch not in signs:
-                raise InputError("bad-condition", f"No branch {branch!r}; have {list(signs)}.")
-            keep &= self.branch == signs[branch]
-            said.append(f"the {branch} branch")
-        if range is not None:
-            keep &= (self.input >= range[0]) & (self.input <= range[1])
-            said.append(f"input {range[0]:g} to {quantity(range[1], self.input_unit)}")
-        if cycle is not None:
-            wanted = sorted(cycle) if isinstance(cycle, Collection) else [cycle]
-            keep &= np.isin(self.cycle, wanted)
-            said.append(f"cycle {', '.join(map(str, wanted))}")
-        if not said:
-            return self
-        return self._narrow(keep, "selected", f"Only {' and '.join(said)} counts.")
+        """Narrow the mask to a branch, to inputs in `[lo, hi]`, to cycles by number.
+
+        A sample where the input turns belongs to both branches. So "both" is the loading branch and the
+        unloading branch side by side, as sequences of their own, and turning samples count twice; without
+        a branch every row counts once.
+
+        **Raises:** `InputError` `bad-condition`, `zero-range`, and `no-rows` where nothing is left.
+        """
+        return selected(self, branch, range, cycle)
 
     def exclude(self, rows: ArrayLike) -> "Record":
         """The record without these rows (n,) in its mask: they drive the model, and do not count.

@@ -4,16 +4,16 @@ import re
 
 from .._errors import InputError
 from .._note import Note
-from ._unit_grammar import LIMITS, LONGEST, is_within_grammar
+from .._unit_grammar import LIMITS, LONGEST, is_within_grammar
 
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
-N mN uN kN gf kgf mm um cm m s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT Oe
+N mN uN kN gf kgf lbf mm um cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT Oe
 emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
 """
 RIG_UNITS = tuple(_UNITS.split())
-FORCES = ("N", "mN", "uN", "kN", "gf", "kgf")
-LENGTHS = ("mm", "um", "cm", "m")
+FORCES = ("N", "mN", "uN", "kN", "gf", "kgf", "lbf")
+LENGTHS = ("mm", "um", "cm", "m", "inch", "in")
 _SPELLING = {
     "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Nm": "N*m", "Nmm": "N*mm",
     "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",

@@ -6,7 +6,17 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, ChannelMap, InputError, Record, extended, html_of, plot_of
+from hysteresis import (
+    AbstractModel,
+    ChannelMap,
+    InputError,
+    Record,
+    Units,
+    extended,
+    html_of,
+    plot_of,
+    with_units,
+)
 from hysteresis._format import quantity
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
@@ -87,7 +97,8 @@ class Candidate:
 class FitResult:
     """A model fitted to a record, with everything needed to judge it.
 
-    - `name`, `model`: the model's name, and a new model of that type.
+    - `name`, `model`: the model's name, and a new model of that type. It carries the units of the record,
+      `model.units`, and the range of the inputs of the fit, `model.trained`.
     - `parameters`, `covariance` (of the free ones, in their order).
     - `residuals`: predicted - measured on the training record, (samples,); NaN where not counted.
     - `metrics`: {"train": Metrics, "test": Metrics or None}.
@@ -148,6 +159,14 @@ class FitResult:
     settings: Settings = field(default_factory=dict)
     seed: int = 0
     seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        # Whoever gets the model alone has to know what its numbers mean.
+        record, seen = self.train, self.train.input[self.train.mask]
+        units = Units(record.input_unit, record.output_unit, record.time_unit)
+        known = seen.ndim == 1 and len(seen) > 0 and bool(np.isfinite(seen).all())
+        model = with_units(self.model, units, (seen.min(), seen.max()) if known else None)
+        object.__setattr__(self, "model", model)
 
     @property
     def trusted(self) -> bool:

@@ -22,11 +22,23 @@ from compensate.armor import (
     Grid,
     convention_doubt,
 )
-from hysteresis import Burgers, FoamCurve, InputError, LinearSponge, PrandtlIshlinskii
+from hysteresis import (
+    Burgers,
+    FoamCurve,
+    InputError,
+    LinearSponge,
+    PrandtlIshlinskii,
+    Units,
+    conversion,
+    with_units,
+)
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)
 SPONGE = LinearSponge(1.298, 6.186)
-PLAYS = PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0)
+PLAYS = with_units(
+    PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0), Units("N", "mm")
+)
+CREEPING = Burgers(1.0, 2.0, 20.0, 5.0, units=("N", "mm", "s"))
 LOCAL = Cover(
     SPONGE,
     factor=Bumps(BOX.centres(), 0.1, 0.06, 0.94),
@@ -254,7 +266,7 @@ def force_in_waves(samples: int) -> np.ndarray:
     return np.maximum(8 + 7 * np.sin(k / 5) + 2 * np.sin(k / 1.3), 2.0)
 
 
-@pytest.mark.parametrize("cover", [SPONGE, PLAYS, Burgers(1.0, 2.0, 20.0, 5.0)])
+@pytest.mark.parametrize("cover", [SPONGE, PLAYS, CREEPING])
 def test_stream_has_the_cover_s_own_history(cover: Any):
     """d_n = simulate(t, F_n) while it is touched, and without history the batch's answer."""
     t, strength = 0.1 * np.arange(60), force_in_waves(60)
@@ -359,15 +371,82 @@ def test_millimetres_for_metres_are_refused():
         ContactSolver(BOX, SPONGE).solve(*pushed).point,
     )
     with pytest.raises(InputError, match="unknown-unit"):
-        Cover(SPONGE, length_unit="inch")
+        Cover(SPONGE, length_unit="N")
 
 
 def test_a_cover_the_wrong_way_round_is_refused():
     foam = FoamCurve(0.6, 0.3, 0.2, 5.0, 20.0, 20.0, 1.0, 0.1)
-    for gives_force in (invert(SPONGE), foam):
+    known = with_units(foam, Units("mm", "N"))
+    for gives_force in (invert(SPONGE), foam, known, invert(with_units(SPONGE, Units("N", "mm")))):
         with pytest.raises(InputError, match="wrong-direction"):
             Cover(gives_force)
-    assert Cover(invert(foam)).hard_push() > 1e-3
+    assert Cover(invert(known)).hard_push() > 1e-3
+    with pytest.raises(InputError, match="no-unit"):
+        Cover(invert(foam))
+    assert Cover(invert(foam), length_unit="mm").hard_push() == Cover(invert(known)).hard_push()
+
+
+UNITS = [(f, x) for f in ("N", "gf", "kgf", "lbf", "mN") for x in ("m", "cm", "mm", "inch")]
+
+
+@pytest.mark.parametrize(("force", "length"), UNITS)
+def test_a_cover_is_converted_from_the_units_that_it_carries(force: str, length: str):
+    """The same sponge in any units: d = K F + b above 1.5 N, known to 25 N."""
+    newtons, metres = conversion(force, "N"), conversion(length, "m")
+    assert newtons is not None
+    assert metres is not None
+    same = LinearSponge(
+        1.298e-3 * newtons / metres, 6.186e-3 / metres, 1.5 / newtons,
+        units=(force, length), trained=(0.0, 25.0 / newtons),
+    )  # fmt: skip
+    loads = np.array([[0.0, 0, -1.6], [0, 0, -15.0], [0, -24.9, 0], [0, 0, -25.1]])
+    found = ContactSolver(BOX, same).solve(loads, np.cross([0.01, 0.02, 0.3], loads))
+    plain = ContactSolver(BOX, SPONGE).solve(loads, np.cross([0.01, 0.02, 0.3], loads))
+    # Rounding of the conversions, of 39 mm.
+    np.testing.assert_allclose(found.displacement, plain.displacement, atol=1e-15)
+    np.testing.assert_allclose(found.point, plain.point, atol=1e-15)
+    assert found.status.tolist() == [ContactStatus.OK] * 3 + [ContactStatus.EXTRAPOLATED]
+    stream = ContactSolver(BOX, same).simulate(np.arange(4.0), loads, 0 * loads)
+    assert stream.status[-1] == ContactStatus.EXTRAPOLATED
+
+
+def test_units_that_contradict_are_refused():
+    in_cm = with_units(SPONGE, Units("kgf", "cm"))
+    assert Cover(in_cm, length_unit="cm", force_unit="kgf").scales[1] == 0.01
+    for given_, code in (
+        ({"length_unit": "mm"}, "wrong-unit"),
+        ({"force_unit": "N"}, "wrong-unit"),
+        ({"length_unit": "kg"}, "unknown-unit"),
+        ({"thickness": 0.0}, "parameter-out-of-bounds"),
+    ):
+        with pytest.raises(InputError, match=code):
+            Cover(in_cm, **given_)
+    with pytest.raises(InputError, match="wrong-unit"):
+        Cover(with_units(SPONGE, Units("V", "N")))
+
+
+def test_nothing_is_pressed_in_further_than_it_is_thick():
+    """100 N would go 136 mm into 50 mm of sponge."""
+    solver = ContactSolver(BOX, Cover(SPONGE, thickness=0.05))
+    loads = np.array([[0.0, 0, -33.0], [0, 0, -34.0], [0, 0, -100.0]])
+    status = solver.solve(loads, 0 * loads).status.tolist()
+    assert status == [ContactStatus.OK, ContactStatus.EXTRAPOLATED, ContactStatus.EXTRAPOLATED]
+
+
+def test_a_cover_that_creeps_needs_a_stream_or_a_dwell_time():
+    load = np.array([0.0, 0.0, -15.0])
+    with pytest.raises(InputError, match="no-time"):
+        ContactSolver(BOX, CREEPING).solve(load, 0 * load)
+    with pytest.raises(InputError, match="bad-option"):
+        ContactSolver(BOX, CREEPING, dwell=0.0)
+    held = ContactSolver(BOX, CREEPING, dwell=3.0).solve(load, 0 * load)
+    t = np.array([0.0, 3.0])
+    stream = ContactSolver(BOX, CREEPING).simulate(t, np.tile(load, (2, 1)), np.zeros((2, 3)))
+    np.testing.assert_allclose(held.displacement, stream.displacement[-1], rtol=1e-12)
+    # A clock in minutes is converted too.
+    in_minutes = Burgers(1.0, 2.0 / 60, 20.0, 5.0 / 60, units=("N", "mm", "min"))
+    again = ContactSolver(BOX, in_minutes, dwell=3.0).solve(load, 0 * load)
+    np.testing.assert_allclose(again.displacement, held.displacement, rtol=1e-12)
 
 
 def test_wrong_shapes_and_limits_are_refused():

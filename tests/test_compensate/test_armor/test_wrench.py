@@ -25,11 +25,20 @@ from compensate.armor import (
     forearm,
 )
 from compensate.runtime import FileError, load_armor
-from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
+from hysteresis import (
+    Burgers,
+    InputError,
+    LinearSponge,
+    PrandtlIshlinskii,
+    Units,
+    with_units,
+)
 
 BOX = Box(0.3, 0.25, 0.55)
-PLAYS = PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0)
-GEAR = PrandtlIshlinskii([0.1, 0.2], [0.1, 0.1], 0.8)
+PLAYS = with_units(
+    PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0), Units("N", "mm")
+)
+GEAR = with_units(PrandtlIshlinskii([0.1, 0.2], [0.1, 0.1], 0.8), Units("mm", "N"))
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
@@ -144,8 +153,16 @@ EXPORTED = {
     "rigid": (None, None, None),
     "sponge": (LinearSponge(1.298, 6.186), None, WRIST),
     "local": (LOCAL, None, WRIST),
-    "rates": (Burgers(1.0, 2.0, 20.0, 5.0), None, None),
+    "rates": (Burgers(1.0, 2.0, 20.0, 5.0, units=("N", "mm", "s")), None, None),
     "inverse": (invert(GEAR), GEAR, None),
+    "other units": (
+        Cover(
+            LinearSponge(0.4, 0.3, 0.1, units=("kgf", "cm", "min"), trained=(0.1, 1.5)),
+            thickness=0.012,
+        ),
+        None,
+        None,
+    ),
 }
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, read_csv
-from hysteresis.records._unit_grammar import LARGEST_POWER, is_within_grammar
+from hysteresis._unit_grammar import LARGEST_POWER, is_within_grammar
 from hysteresis.records._units import RIG_UNITS, column_unit, spelled
 
 UNITS = (

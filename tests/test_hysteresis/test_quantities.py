@@ -1,0 +1,90 @@
+"""Units and trained inputs that models carry."""
+
+import numpy as np
+import pytest
+
+import identify
+from compensate import Quantity, export_runtime, invert
+from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
+from compensate.runtime import load_force
+from hysteresis import (
+    Burgers,
+    InputError,
+    LinearSponge,
+    Record,
+    Units,
+    conversion,
+    extended,
+    with_units,
+)
+from hysteresis._serialisation import described, rebuilt
+
+SENSOR = LinearSponge(0.5, 0.2, units=("kgf", "V"), trained=(0.0, 2.0))  # V behind kgf
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        ("kgf", "N", 9.80665),
+        ("lbf", "N", 4.4482216152605),
+        ("inch", "m", 0.0254),
+        ("min", "s", 60.0),
+    ],
+)
+def test_conversions_are_those_of_the_standards(unit: str, wanted: str, factor: float):
+    assert conversion(unit, wanted) == pytest.approx(factor, rel=1e-13)
+    assert conversion(wanted, unit) == pytest.approx(1 / factor, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted"), [("mm", "N"), ("1", "N"), ("degC", "K"), ("a.u.", "N")]
+)
+def test_what_is_no_multiple_is_not_converted(unit: str, wanted: str):
+    assert conversion(unit, wanted) is None
+
+
+def test_models_carry_units_and_range_through_files():
+    model = Burgers(1.0, 2.0, 3.0, 4.0, units=("N", "mm", "min"), trained=(0, 20))
+    again = rebuilt(*described(model))
+    assert again.units == Units("N", "mm", "min")
+    assert np.asarray(again.trained).tolist() == [0.0, 20.0]
+    assert "units" not in described(Burgers(1.0, 2.0, 3.0, 4.0))[0]["fields"]
+    assert extended(model, -1.0, 30.0).units == model.units
+    assert invert(model).units == Units("mm", "N", "min")
+    assert invert(model, trained=(0.0, 20.0)).units == Units("mm", "N", "min")
+    with pytest.raises(InputError, match="zero-range"):
+        with_units(model, None, (3.0, 1.0))
+
+
+def test_a_fit_gives_its_model_the_units_of_the_record(tmp_path):
+    u = np.linspace(0, 2, 30)
+    record = Record.from_arrays(u, 3 * u + 1, input_unit="kgf", output_unit="cm")
+    fit = identify.fit(record, "LinearSponge", noise="gaussian")
+    assert fit.model.units == Units("kgf", "cm", "1")
+    assert np.asarray(fit.model.trained).tolist() == [0.0, 2.0]
+    again = identify.load(identify.save(fit, tmp_path / "fit"))
+    assert again.model.units == fit.model.units
+    np.testing.assert_array_equal(again.model.trained, fit.model.trained)
+
+
+def test_forces_are_converted_to_newtons_or_refused(tmp_path):
+    backwards = BackwardsModel(invert(SENSOR))
+    estimator = ForceEstimator(backwards, deviation=0.1, high=25.0)
+    y = np.linspace(0.2, 1.2, 20)
+    found = estimator.simulate(None, y).value
+    np.testing.assert_allclose(found, 9.80665 * (y - 0.2) / 0.5, rtol=1e-12, atol=1e-12)
+    runtime = load_force(export_force(estimator, tmp_path / "force.json", y))
+    assert runtime.step(0.7).value == pytest.approx(9.80665, rel=1e-12)
+    with pytest.raises(InputError, match="wrong-direction"):
+        ForceEstimator(SENSOR, deviation=0.1, high=25.0)
+    with pytest.raises(InputError, match="wrong-unit"):
+        ForceEstimator(with_units(SENSOR, Units("V", "mm")), deviation=0.1, high=25.0)
+
+
+def test_exports_name_the_units_that_a_model_carries(tmp_path):
+    y = np.linspace(0.2, 1.2, 20)
+    text = export_runtime(SENSOR, tmp_path / "it.json", y).path.read_text()
+    assert '"kgf"' in text
+    assert '"V"' in text
+    with pytest.raises(InputError, match="wrong-unit"):
+        export_runtime(SENSOR, tmp_path / "it.json", y, estimate=Quantity("force", "N"))
