@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from .qualification._loop_widths import loop_widths as loop_widths
     from .qualification._qualify import Qualification as Qualification
     from .qualification._qualify import qualify as qualify
+    from .recalibration._adaptive import AdaptiveCompensator as AdaptiveCompensator
+    from .recalibration._adaptive import Recalibrated as Recalibrated
+    from .recalibration._recursion import Advice as Advice
+    from .recalibration._setup import adaptive as adaptive
     from .uncertainty._calibrated import CalibratedCompensator as CalibratedCompensator
     from .uncertainty._calibrated import calibrated as calibrated
     from .uncertainty._dead_band import DeadBandCompensator as DeadBandCompensator
@@ -51,6 +55,9 @@ _HOME = {
     "uncertainty._dead_band": ("DeadBandCompensator",),
     "uncertainty._filtered": ("FilteredCompensator",),
     "uncertainty._flat_intervals": ("FlatInterval", "flat_intervals"),
+    "recalibration._adaptive": ("AdaptiveCompensator", "Recalibrated"),
+    "recalibration._recursion": ("Advice",),
+    "recalibration._setup": ("adaptive",),
     "qualification._loop_widths": ("Loop", "loop_widths"),
     "qualification._qualify": ("Qualification", "qualify"),
     "export._export": ("Exported", "Origin", "Quantity", "export_c", "export_runtime"),

@@ -59,6 +59,27 @@ int size(void)
 """
 
 
+LEARNING = """
+void learn(
+    long n, const double *dt, const double *y, const double *known, double *u, double *lost, int *advice);
+
+void learn(
+    long n, const double *dt, const double *y, const double *known, double *u, double *lost, int *advice)
+{{
+    {stem}_state s;
+    {stem}_reset(&s);
+    (void)dt;
+    for (long k = 0; k < n; ++k) {{
+        real value;
+        (void){stem}_learn(&s, {dt}(real)y[k], (real)known[k], &value, 0);
+        u[k] = (double)value;
+        lost[k] = (double){stem}_lost(&s);
+        advice[k] = {stem}_advice(&s);
+    }}
+}}
+"""
+
+
 class Compiled:
     """A header `stem`.h as a shared library."""
 
@@ -75,7 +96,8 @@ class Compiled:
             f"(double){stem}_predict(&s, {dt}(real)u[k]{c and ', (real)c[k]'})" if known else "u[k]"
         )
         source = header.with_suffix(".c")
-        source.write_text(SOURCE.format(stem=stem, dt=dt, c=c, predict=predict), "utf-8")
+        code = SOURCE + (LEARNING if f"{stem}_learn(" in self.text else "")
+        source.write_text(code.format(stem=stem, dt=dt, c=c, predict=predict), "utf-8")
         library = header.with_suffix(f".{compiler}.so")
         command = [
             compiler,
@@ -106,6 +128,15 @@ class Compiled:
         u, off, status = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
         self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, c, u, off, status)))
         return u, status, off
+
+    def learn(
+        self, dt: np.ndarray, y: np.ndarray, known: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Estimates, accuracy lost and advice of a compensator that learns; `known`: inputs, or NaN."""
+        u, lost, advice = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
+        pointers = map(_pointer, (dt, y, known, u, lost, advice))
+        self.library.learn(ctypes.c_long(len(y)), *pointers)
+        return u, lost, advice
 
     def predict(self, dt: np.ndarray, u: np.ndarray, c: np.ndarray | None = None) -> np.ndarray:
         """Readings of the model itself."""

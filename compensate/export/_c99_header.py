@@ -7,8 +7,19 @@ from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ._header_facts import HEAD, STATUSES, clock, condition, facts, origin, tables, trained
-from ._operation_count import operations
+from . import _c99_adaptive
+from ._cost import cost
+from ._header_facts import (
+    HEAD,
+    STATUSES,
+    clock,
+    condition,
+    facts,
+    origin,
+    quantity,
+    tables,
+    trained,
+)
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
@@ -28,12 +39,6 @@ def header(document: dict[str, Any], stem: str, *, single: bool) -> str:
     return _Header(document, stem, single).text()
 
 
-def _quantity(one: dict[str, str]) -> str:
-    """The name, with the unit where it does not have it, on one line."""
-    said = one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
-    return visible(said)
-
-
 class _Header:
     def __init__(self, document: dict[str, Any], stem: str, single: bool):
         self.document, self.stem, self.single = document, stem, single
@@ -44,6 +49,8 @@ class _Header:
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
         self.condition: dict[str, Any] | None = document.get("condition")
+        learns = self.root.tree["kind"] == "adaptive"
+        self._learns = self.elements["adaptive"] if learns else None
         self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
 
     def text(self) -> str:
@@ -60,6 +67,7 @@ class _Header:
             self._state(),
             *(self._functions(part) for part in self.parts),
             self._step(),
+            self._learns and _c99_adaptive.called(self._learns, self.root.number, self.document),
             self._self_test(),
             f"#endif /* {upper}_H */\n",
         ]
@@ -67,7 +75,7 @@ class _Header:
 
     def _about(self) -> str:
         d, rates = self.document, self.document["rates"]
-        reading, estimate = map(_quantity, (d["reading"], d["estimate"]))
+        reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
@@ -90,25 +98,11 @@ class _Header:
         kind = tree["kind"]
         if kind != "series" and kind not in self.elements:
             self.elements[kind] = element(kind, self.stem, self.single)
-        part = _Part(tree, len(self.parts), inner, self._cost(tree, inner))
+        part = _Part(
+            tree, len(self.parts), inner, cost(tree, [i.cost for i in inner], self.elements)
+        )
         self.parts.append(part)
         return part
-
-    def _cost(self, tree: Tree, inner: tuple[_Part, ...]) -> dict[str, int]:
-        names = ("look", "move", "find")
-        both = {name: sum(part.cost.get(name, 0) + 12 for part in inner) for name in names}
-        if tree["kind"] == "series":
-            return both
-        home, p = self.elements[tree["kind"]], tree["parameters"]
-        if tree["kind"] == "sum":
-            looked = operations(home, "search", p, {"look": both["look"]})
-            return both | {"find": looked + both["move"] + 12}
-        if inner:
-            return {name: cost + 60 for name, cost in both.items()}
-        called = {"error": "deviation", "guard": "limited"}
-        if tree["kind"] in called:
-            return {"find": operations(home, called[tree["kind"]], p)}
-        return {n: operations(home, n, p) + 12 for n in names if n in home.functions}
 
     def _element(self, kind: str) -> str:
         home = self.elements[kind]
@@ -221,6 +215,8 @@ class _Header:
         kind, k = part.tree["kind"], part.number
         if kind == "sum":
             return self._sum(part)
+        if kind == "adaptive":
+            return self._adaptive(part)
         bodies: dict[str, list[str]] = {}
         if kind == "series":
             walk = [f"    value = {self._call(i, 'look')};" for i in part.inner]
@@ -279,6 +275,15 @@ class _Header:
             f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
         ]  # fmt: skip
         looks = [self._function(k, name, body) for name, body in both.items()]
+        return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
+
+    def _adaptive(self, part: _Part) -> str:
+        k, home, done = part.number, self.elements["adaptive"], {}
+        bodies = _c99_adaptive.bodies(
+            home, self.stem, k, [self._call(i, "look") for i in part.inner]
+        )
+        found = _c99_adaptive.find(home, self.stem, k, done)
+        looks = [self._function(k, name, body) for name, body in bodies.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
 
     def _call(self, part: _Part, name: str, value: str = "value") -> str:

@@ -64,7 +64,7 @@ def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64)
 def error_tree(found: CalibratedCompensator) -> Tree:
     """The error of a model, by level and branch, as an element."""
     falling, rising = np.asarray(found.error)
-    return _node(
+    return node(
         "error",
         {
             "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
@@ -81,7 +81,7 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     rounding = ROUNDING_OF_ENDS if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS
     return {
         "beyond": guard.beyond,
-        **_node(
+        **node(
             "guard",
             {
                 "low": low, "high": high, "rounding": rounding * (high - low),
@@ -93,7 +93,8 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     }  # fmt: skip
 
 
-def _node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
+def node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
+    """One element, its numbers plain."""
     plain = {"parameters": parameters, "state": {"status": int(Status.OK)} | (state or {})}
     values = {name: {k: _flat(v) for k, v in part.items()} for name, part in plain.items()}
     return {"kind": kind, **values, **({"parts": list(parts)} if parts else {})}
@@ -120,7 +121,7 @@ def _tree(model: AbstractModel, eps: float, depth: int) -> Tree:
 def _(model: LinearSponge, eps: float, depth: int) -> Tree:
     threshold = max(float(model.threshold), -1e30)
     least = threshold - max(1e-12, 8 * eps) * abs(threshold)
-    return _node("line", {"K": model.K, "b": model.b, "threshold": threshold, "least": least})
+    return node("line", {"K": model.K, "b": model.b, "threshold": threshold, "least": least})
 
 
 @_tree.register
@@ -128,7 +129,7 @@ def _(model: AbstractViscoelastic, eps: float, depth: int) -> Tree:
     chain = model.chain()
     rates, drives = np.asarray(chain.all_rates), np.asarray(chain.all_drives)
     none = np.zeros_like(rates)
-    return _node(
+    return node(
         "chain",
         {
             "branches": len(rates), "direct": chain.direct, "rates": rates, "drives": drives,
@@ -165,7 +166,7 @@ def _(model: Preisach, eps: float, depth: int) -> Tree:
     table = compensator.table
     even = np.allclose(np.diff(grid.edges), (grid.high - grid.low) / grid.cells, rtol=1e-12)
     flat = max(1e-12, 64 * eps) * (compensator.ceiling - compensator.floor) / grid.cells
-    return _node(
+    return node(
         "preisach",
         {
             "cells": grid.cells, "scale": grid.cells / (grid.high - grid.low) if even else 0.0,
@@ -186,7 +187,7 @@ def _(model: Preisach, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: MovingPreisach, eps: float, depth: int) -> Tree:
     floor, ceiling = saturated_outputs(model.inner)
-    return _node(
+    return node(
         "moving", {"feedback": model.feedback, "floor": floor, "ceiling": ceiling},
         parts=[_tree(model.inner, eps, depth)],
     )  # fmt: skip
@@ -204,7 +205,7 @@ def _(model: OutputDependentPreisach, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: PrandtlIshlinskii, eps: float, depth: int) -> Tree:
     r, none = np.asarray(model.thresholds), np.zeros(len(model.thresholds))
-    plays = _node(
+    plays = node(
         "plays",
         {
             "plays": len(r), "thresholds": r, "weights": model.weights, "slope": model.slope,
@@ -228,7 +229,7 @@ def _(model: MonotoneCurve | MonotoneSpline, eps: float, depth: int) -> Tree:
     nodes, outputs = np.asarray(model.nodes), np.asarray(model.outputs())
     starts, ends = model.cell_slopes()
     flat = max(FLAT_WIDTH, 8 * ROUNDING * eps) * (nodes[-1] - nodes[0])
-    return _node(
+    return node(
         "curve",
         {
             "cells": len(nodes) - 1, "nodes": nodes, "outputs": outputs, "starts": starts, "ends": ends,
@@ -241,7 +242,7 @@ def _(model: MonotoneCurve | MonotoneSpline, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: PolynomialCurve, eps: float, depth: int) -> Tree:
     first, last = model.curve(jnp.asarray([model.low, model.high]))
-    return _node(
+    return node(
         "polynomial",
         {
             "degree": len(model.coefficients) - 1, "coefficients": model.coefficients, "low": model.low,
@@ -256,7 +257,7 @@ def _(model: FoamCurve, eps: float, depth: int) -> Tree:
     u1 = model.toe_length
     u2 = u1 + model.linear_length
     none = jnp.zeros(())
-    return _node(
+    return node(
         "foam",
         {
             "linear": model.linear, "toe": model.toe, "plateau": model.plateau, "u1": u1, "u2": u2,
@@ -271,14 +272,14 @@ def _(model: FoamCurve, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: Clip, eps: float, depth: int) -> Tree:
     low, high = max(float(model.low), -1e30), min(float(model.high), 1e30)
-    return _node("clip", {"low": low, "high": high})
+    return node("clip", {"low": low, "high": high})
 
 
 @_tree.register
 def _(model: Softening, eps: float, depth: int) -> Tree:
     weights = np.triu(np.asarray(model.weights))
     n = len(weights)
-    part = _node(
+    part = node(
         "softening",
         {
             "cells": n, "low": model.low, "scale": n / (model.high - model.low), "weights": weights,
@@ -297,7 +298,7 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
     springs = np.pad(np.cumsum(increments, 1), ((0, 0), (1, 0)))
     strengths = np.zeros((n, cells + 1)) if model.strengths is None else np.asarray(model.strengths)
     above, below = np.broadcast_to(strengths, (2, n, cells + 1))
-    part = _node(
+    part = node(
         "maxwell",
         {
             "branches": n, "cells": cells, "low": model.low, "scale": cells / (model.high - model.low),
@@ -312,7 +313,7 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
     begin = model.init()
-    part = _node(
+    part = node(
         "stops",
         {
             "stops": len(model.thresholds), "count": len(model.levels), "thresholds": model.thresholds,
@@ -326,7 +327,7 @@ def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
 
 @_tree.register
 def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
-    part = _node(
+    part = node(
         "friction",
         {
             "speeds_count": len(model.speeds), "count": len(model.levels), "speeds": model.speeds,
@@ -341,7 +342,7 @@ def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
     """Part of a sum: alone it has no inverse."""
-    return _node(
+    return node(
         "drift",
         {
             "count": len(model.levels), "levels": model.levels, "drift": model.rates,
@@ -354,7 +355,7 @@ def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: Scaled, eps: float, depth: int) -> Tree:
     parameters = {"factor": model.factor, "offset": model.offset}
-    return _node("scaled", parameters, parts=[_tree(model.inner, eps, depth)])
+    return node("scaled", parameters, parts=[_tree(model.inner, eps, depth)])
 
 
 @_tree.register
@@ -371,11 +372,11 @@ def _(model: Conditioned, eps: float, depth: int) -> Tree:
         own = {"before": around[k], "at": around[k + 1], "after": around[k + 2]}
         ends = {"axis": axis, "low": knots[0], "high": knots[-1]}
         turned = Scaled(one, sign) if sign < 0 else one
-        parts.append(_node("share", ends | own, {"share": 0.0}, [_tree(turned, eps, depth)]))
+        parts.append(node("share", ends | own, {"share": 0.0}, [_tree(turned, eps, depth)]))
     whole = _bracketed(model, parts, eps)
     if sign > 0:
         return whole
-    return _node("scaled", {"factor": sign, "offset": 0.0}, parts=[whole])
+    return node("scaled", {"factor": sign, "offset": 0.0}, parts=[whole])
 
 
 @_tree.register
@@ -390,10 +391,10 @@ def _(model: Sum, eps: float, depth: int) -> Tree:
         return parts[0]
     if any(part["kind"] == "moving" for part in parts):
         raise InputError("not-exportable", "a MovingPreisach within a sum cannot be exported.")
-    return _bracketed(model, [p["parts"][0] if _is_search(p) else p for p in parts], eps)
+    return _bracketed(model, [p["parts"][0] if is_search(p) else p for p in parts], eps)
 
 
-def _is_search(tree: Tree) -> bool:
+def is_search(tree: Tree) -> bool:
     """A single part that is only looked for."""
     return tree["kind"] == "sum" and len(tree["parts"]) == 1
 
@@ -410,7 +411,7 @@ def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
     compensator = inverse_of(model)
     assert isinstance(compensator, BracketedCompensator | ConditionedCompensator)
     low, high = compensator.low, compensator.high
-    return _node(
+    return node(
         "sum",
         {
             "low": low, "high": high, "rounding": ROUNDING * eps, "finest": 2 * eps * (high - low),

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,10 +17,12 @@ from hysteresis.records._common_part import STILL
 
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
+from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, LONGEST, number
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
+from ._adaptive_tree import adaptive_tree
 from ._c99_header import header
 from ._document import write
 from ._element_tree import Tree, error_tree, guard_tree, tree_of
@@ -103,6 +106,7 @@ def export_runtime(
     - `trained`: (low, high), the least and the greatest input of the training rows; `beyond` and `start`
       as of `invert`. The file gives the values and statuses of
       `GuardedCompensator(invert(model), low, high, beyond, run_in, readings=limits)`. None: no guard.
+    - `adaptive`: `adaptive(model, record)`, for a compensator that recalibrates itself.
     - `origin`: the verdict on the fit, the date and the checksum of its data, for the file's readers.
     - `time_unit`: of `times`; targets that have a clock convert its seconds.
 
@@ -164,13 +168,18 @@ class Program:
         start: str = "known",
         origin: Origin | None = None,
         time_unit: str = "s",
+        adaptive: AdaptiveCompensator | None = None,
     ):
         require_double()
         if model.units is not None:
             reading = _named(reading, model.units.output)
             estimate = _named(estimate, model.units.input)
         compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
-        tree = tree_of(model, depth=depth)
+        if adaptive is not None:
+            guarded = isinstance(compensator, GuardedCompensator)
+            compensator = replace(compensator, inner=adaptive) if guarded else adaptive
+        self._adaptive, self.model, self.depth = adaptive, model, depth
+        tree = self._tree(np.float64)
         y, conditioned = np.asarray(readings, float), condition_of(model)
         if y.ndim != 1 + (conditioned is not None):
             raise InputError(
@@ -194,13 +203,13 @@ class Program:
         low, high = limits or wider(y)
         self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
-        n = GOLDEN_SEARCHED if "sum" in kinds else GOLDEN
+        n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive"} else GOLDEN
         given = np.column_stack([y, c]) if conditioned else y
         value = np.asarray(compensator.simulate(t[:n], given[:n]).value)
         begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]
         span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
         self.time_unit = time_unit
-        self.model, self.depth, self._readings, self._times = model, depth, given, t
+        self._readings, self._times = given, t
         known = None
         if conditioned is not None:
             ends = np.asarray(conditioned.knots, float)[[0, -1]]
@@ -230,9 +239,14 @@ class Program:
     def document(self, precision: type = np.float64) -> dict[str, Any]:
         """What `compensate.runtime` loads, for numbers of a precision."""
         if precision not in self._trees:
-            self._trees[precision] = tree_of(self.model, precision, self.depth)
+            self._trees[precision] = self._tree(precision)
         guard = self._guard and guard_tree(self._guard, precision)
         return {**self._rest, "tree": self._trees[precision], "guard": guard}
+
+    def _tree(self, precision: type) -> Tree:
+        if self._adaptive is not None:
+            return adaptive_tree(self._adaptive, precision, self.depth)
+        return tree_of(self.model, precision, self.depth)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -297,6 +311,7 @@ def _has_rates(node: dict[str, Any]) -> bool:
     p = node.get("parameters", {})
     return (
         node["kind"] in ("chain", "friction", "maxwell")
+        or (node["kind"] == "adaptive" and p["spread"][1] > 0)  # the zero drifts
         or bool(p.get("forgetting"))
         or any(p.get("rates", ()))
     )

@@ -122,3 +122,9 @@ def tables(upper: str) -> str:
 #define {upper}_AT(table, k) (table)[k]
 #define {upper}_COPY(to, from) (void)(*(to) = *(from))
 #endif"""
+
+
+def quantity(one: dict[str, str]) -> str:
+    """The name, with the unit where it does not have it, on one line."""
+    said = one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
+    return visible(said)

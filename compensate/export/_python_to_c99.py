@@ -7,14 +7,13 @@ import math
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from importlib import import_module
 from types import ModuleType
 from typing import Any
 
 from hysteresis import InputError
 from hysteresis._escape import c_comment
 
-from ..runtime._elements import _codes
+from ..runtime._elements import _codes, module_of
 
 _INDENT = "    "
 _OPERATORS = {
@@ -116,8 +115,7 @@ class Element:
 
 def element(kind: str, stem: str, single: bool) -> Element:
     """By the name of its module."""
-    module = import_module(f"{_codes.__package__}.{kind}")
-    return Element(module, stem, kind, f"{stem}_real", single)
+    return Element(module_of(kind), stem, kind, f"{stem}_real", single)
 
 
 def comment(text: str, indent: str) -> str:

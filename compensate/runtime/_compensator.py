@@ -5,13 +5,14 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._file import LONGEST, replayed
+from ._file import LONGEST, FileError, number, replayed
 from ._status import Status
 from ._tree import error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 
 _STATUSES = tuple(Status)
+_KEPT = ("_value", "_waited", "_deviation")
 _OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
 
 
@@ -34,6 +35,7 @@ class Compensator:
       {"name", "unit", "low", "high"}; None where the model depends on none.
     - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
       "nan" or "free", what becomes of estimates beyond. Their status is EXTRAPOLATED.
+    - `advice` and `lost`: of a compensator that recalibrates itself.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
       of the data, ISO 8601; None where they are not known.
 
@@ -54,7 +56,7 @@ class Compensator:
         self.rates: bool = document["rates"]
         self.longest: float = document.get("longest") or LONGEST
         self._tree, self._start = document["tree"], document["start"]
-        self._error_tree = document["error"]
+        self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
         self._guard_tree = guard = document.get("guard")
@@ -68,9 +70,11 @@ class Compensator:
     def reset(self) -> None:
         """The state before the first reading."""
         self._takes: list[Callable[[float], float]] = []
-        self._node = node_of(self._tree, takes=self._takes)
+        self._states: list[Any] = []
+        self._node = node_of(self._tree, self._states, self._takes)
+        self._learner = self._node.learner
         self._find, self._status = self._node.find, self._node.status
-        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
+        self._error: Any = error_of(self._error_tree) if self._error_tree else lambda value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
         self._value, self._waited, self._begun = (
             nan if self._start is None else self._start,
@@ -80,7 +84,11 @@ class Compensator:
         self._deviation = nan
 
     def step(
-        self, reading: float, dt: float | None = None, condition: float | None = None
+        self,
+        reading: float,
+        dt: float | None = None,
+        condition: float | None = None,
+        reference: float | None = None,
     ) -> Estimate:
         """One reading in, one estimate out.
 
@@ -88,10 +96,21 @@ class Compensator:
         negative or not a number is none. `condition`: at this reading, where
         the model depends on one; beyond its known range the nearer end is taken, EXTRAPOLATED. A reading or
         a condition that is NaN or infinite is INVALID: the last estimate is held, and nothing else changes.
+        `reference`: the true input, where it is known and the compensator recalibrates itself; the estimate
+        is made before it is looked at.
 
         Raises `TypeError` where the model depends on the rate and `dt` is left out, or on a condition and
-        `condition` is.
+        `condition` is, and for a reference that it cannot learn from.
         """
+        if reference is not None:
+            if self._learner is None:
+                raise TypeError("this compensator does not learn: export it with adaptive=...")
+            if isfinite(reference):
+                self._learner[2].reference, self._learner[2].known = reference, 1
+                try:
+                    return self.step(reading, dt, condition)
+                finally:
+                    self._learner[2].known = 0
         if dt is None:
             if self.rates:
                 raise TypeError("this compensator depends on the rate: step(reading, dt)")
@@ -124,6 +143,57 @@ class Compensator:
             status = _EXTRAPOLATED
         self._value = value
         return Estimate(value, _STATUSES[status], deviation)
+
+    @property
+    def advice(self) -> int:
+        """Why a calibration is needed now, a `compensate.Advice`; 0 where none is, or it does not learn."""
+        return 0 if self._learner is None else self._learner[0].advice(*self._learner[1:])
+
+    @property
+    def lost(self) -> float:
+        """The rms error that estimates have beyond that of the fit; 0 where it does not learn."""
+        return 0.0 if self._learner is None else self._learner[0].lost(*self._learner[1:])
+
+    def state(self) -> dict[str, Any]:
+        """All that changes, as plain data for JSON: `restore` goes on from there.
+
+        **Example:**
+
+            >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
+            >>> sensor = compensate.runtime.load(file)
+            >>> before = sensor.state()
+            >>> _ = sensor.step(1.0)
+            >>> sensor.restore(before)
+            >>> sensor.state() == before
+            True
+        """
+        kept = {name: number(getattr(self, name)) for name in _KEPT}
+        return {
+            "checksum": self._checksum, "begun": self._begun, **kept,
+            "nodes": [_copied(vars(one)) for one in self._all_states()],
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a `state` of this file.
+
+        Raises `FileError` where it belongs to another file.
+        """
+        nodes = state.get("nodes", ())
+        if state.get("checksum") != self._checksum or len(nodes) != len(self._all_states()):
+            raise FileError("This state belongs to another file.")
+        for one, values in zip(self._all_states(), nodes, strict=True):
+            vars(one).update(_copied(values))
+        for name in _KEPT:
+            setattr(self, name, nan if state[name] is None else state[name])
+        self._begun = state["begun"]
+
+    def _all_states(self) -> list[Any]:
+        error = [self._error.args[1]] if self._error_tree else []
+        return self._states + error + ([self._guard.state] if self._guard else [])
+
+
+def _copied(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: list(v) if isinstance(v, list) else v for key, v in values.items()}
 
 
 def load(path: str | Path) -> Compensator:

@@ -3,24 +3,24 @@
 import inspect
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from math import nan
 from typing import Any, NamedTuple
 
+from ._elements import module_of
 from ._elements._codes import OK
 
 Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 KINDS = (
-    "chain", "clip", "curve", "drift", "foam", "friction", "line", "maxwell", "moving", "plays",
+    "adaptive", "chain", "clip", "curve", "drift", "foam", "friction", "line", "maxwell", "moving", "plays",
     "polynomial", "preisach", "scaled", "series", "share", "softening", "stops", "sum",
 )  # fmt: skip
 
 
 def error_of(tree: Tree) -> Callable[[float], float]:
     """The standard deviation of an estimate, with a state of its own."""
-    element: Any = import_module("._elements.error", __package__)
+    element: Any = module_of("error")
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     return partial(element.deviation, p, s)
 
@@ -40,18 +40,22 @@ class Guard(NamedTuple):
 
 def guard_of(tree: Tree) -> Guard:
     """The guard of a file, see `_elements/guard.py`."""
-    element: Any = import_module("._elements.guard", __package__)
+    element: Any = module_of("guard")
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     return Guard(partial(element.limited, p, s), s, tree["beyond"] == "nan")
 
 
 class Node(NamedTuple):
-    """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`."""
+    """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`.
+
+    `learner`: element, parameters and state of a node that learns.
+    """
 
     look: Function
     move: Function
     find: Function
     status: Callable[[], int]
+    learner: tuple[Any, Any, Any] | None = None
 
 
 def node_of(
@@ -67,7 +71,7 @@ def node_of(
         raise ValueError(f"no element {kind!r}")
     if kind == "series":
         return _series(inner)
-    element: Any = import_module(f"._elements.{kind}", __package__)
+    element: Any = module_of(kind)
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     if states is not None:
         states.append(s)
@@ -75,8 +79,9 @@ def node_of(
         if takes is not None:
             takes.append(partial(element.take, p, s))
         return _share(element, s, inner)
-    if kind in ("scaled", "sum", "moving"):
-        return {"scaled": _scaled, "sum": _sum, "moving": _moving}[kind](element, p, s, inner)
+    made = {"scaled": _scaled, "sum": _sum, "moving": _moving, "adaptive": _adaptive}
+    if kind in made:
+        return made[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
     return Node(look, move, find, lambda: s.status)
 
@@ -169,3 +174,33 @@ def _moving(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
         return element.less_feedback(p, part.find(dt, y), y, part.status())
 
     return Node(part.look, part.move, find, part.status)
+
+
+def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
+    numbered = list(enumerate(parts))
+
+    def look(whole: Any, dt: float, u: float) -> float:
+        total = element.zero_now(s)
+        for k, part in numbered:
+            total += element.one(p, s, k, part.look(dt, u))
+        return total
+
+    def move(dt: float, u: float) -> float:
+        total = element.zero_now(s)
+        for k, part in numbered:
+            total += element.kept(p, s, k, part.move(dt, u))
+        return total
+
+    def find(dt: float, y: float) -> float:
+        element.began(s, dt)
+        u = element.search(look, p, s, None, dt, p.sign * y)
+        move(dt, element.driving(s, u))
+        if s.known:
+            element.learn(p, s, y)
+        return u
+
+    def signed(of: Callable[[float, float], float]) -> Function:
+        return lambda dt, u: p.sign * of(dt, u)
+
+    outward = signed(partial(look, None)), signed(move)
+    return Node(*outward, find, lambda: s.status, (element, p, s))

@@ -11,3 +11,16 @@ arithmetic, `math`, if, while, for over a range. `compensate.export._python_to_c
 word, comments
 included.
 """
+
+from importlib import import_module
+from types import ModuleType
+
+ADAPTIVE = ("adaptive",)
+"""Kinds in `_adaptation`."""
+
+
+def module_of(kind: str) -> ModuleType:
+    """The file of an element."""
+    if kind in ADAPTIVE:
+        return import_module(f"compensate.runtime._adaptation.{kind}")
+    return import_module(f"compensate.runtime._elements.{kind}")

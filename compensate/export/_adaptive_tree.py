@@ -1,0 +1,34 @@
+"""A compensator that recalibrates itself as a tree of plain numbers."""
+
+import numpy as np
+
+from ..inverses._bisection import FLAT_WIDTH, ROUNDING
+from ..recalibration._adaptive import AdaptiveCompensator
+from ._element_tree import Tree, is_search, node, tree_of
+
+
+def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth: int = 64) -> Tree:
+    """The tree of an `AdaptiveCompensator`, as it was made."""
+    eps = float(np.finfo(precision).eps)
+    p, n = own.settings, len(own.parts) + 2
+    parts = [tree_of(part, precision, depth) for part in own.parts]
+    begin = p.begin()
+    reach = own.high - own.low
+    return node(
+        "adaptive",
+        {
+            "low": own.low, "high": own.high, "rounding": ROUNDING * eps, "finest": 2 * eps * reach,
+            "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(own.parts), "sign": own.sign,
+            "zero": p.zero, "centres": own.centres, "nominal": p.nominal, "least": p.least,
+            "rises": p.rises, "widths": p.widths, "noise": p.noise, "correlation": p.correlation,
+            "memory": p.memory, "settling": p.settling, "threshold": p.threshold, "spread": p.spread,
+            "error": p.error,
+        },
+        {
+            "value": own.low, "reference": 0.0, "known": 0, "elapsed": 0.0, "idle": 0.0,
+            "theta": begin.theta, "covariance": begin.covariance, "evidence": 0.0, "excess": 0.0,
+            "possible": 0.0, "settled": 0.0, "loss": begin.loss, "changes": 0,
+            "output": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
+        },
+        [part["parts"][0] if is_search(part) else part for part in parts],
+    )  # fmt: skip

@@ -1,0 +1,90 @@
+"""In C: the node of a compensator that recalibrates itself, and the functions by which it learns."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ._operation_count import operations
+from ._python_to_c99 import Element
+
+
+def cost(home: Element, p: dict[str, Any], both: dict[str, int]) -> dict[str, int]:
+    """Operations of the functions of the node, at most."""
+    look = both["look"] + 30 * p["parts"] + 30
+    looked = operations(home.borrowed("search"), "search", p, {"look": look})
+    learnt = operations(home, "learn", p)
+    return {
+        "look": look,
+        "move": look + both["move"],
+        "find": looked + look + both["move"] + learnt,
+    }
+
+
+def bodies(home: Element, stem: str, k: int, parts: Sequence[str]) -> dict[str, list[str]]:
+    """`look` and `move` of a reading with its sign; `inner`, which the search looks at, without it.
+
+    `parts`: their calls, with "look" for the name of the function.
+    """
+    p, s = f"&{stem}_{k}", f"&s->n{k}"
+
+    def total(name: str, adds: str) -> str:
+        terms = [
+            f"{home.prefix}_{adds}({p}, {s}, {i}, {call.replace('_look(', f'_{name}(')})"
+            for i, call in enumerate(parts)
+        ]
+        return " + ".join([f"{home.prefix}_zero_now({s})", *terms])
+
+    return {
+        "inner": [f"    return {total('look', 'one')};"],
+        "look": [f"    return {stem}_{k}.sign * {stem}_{k}_inner(s, dt, value);"],
+        "move": [f"    return {stem}_{k}.sign * ({total('move', 'kept')});"],
+    }
+
+
+def find(home: Element, stem: str, k: int, done: dict[str, str]) -> list[str]:
+    """The body of `find`; the search that it calls is added to `done`."""
+    p, s = f"&{stem}_{k}", f"&s->n{k}"
+    given = {"look": f"{stem}_{k}_inner", "whole": f"{stem}_state"}
+    search = home.borrowed("search").specialised("search", given, done)
+    return [
+        f"    {home.prefix}_began({s}, dt);",
+        f"    {home.real} found = {search}({p}, {s}, s, dt, {stem}_{k}.sign * value);",
+        f"    (void){stem}_{k}_move(s, dt, {home.prefix}_driving({s}, found));",
+        f"    if (s->n{k}.known) {{",
+        f"        {home.prefix}_learn({p}, {s}, value);",
+        "    }",
+        "    return found;",
+    ]
+
+
+def called(home: Element, k: int, document: dict[str, Any]) -> str:
+    """What is called from outside: a reading with its true input, and what is said of the compensator."""
+    real, prefix, stem = home.real, home.prefix, home.stem
+    time = f"{real} dt, " if document["rates"] else ""
+    held = f"{real} condition, " if document.get("condition") else ""
+    passed = ("dt, " if time else "") + "reading, " + ("condition, " if held else "")
+    return f"""\
+/* As {stem}_step, of a reading whose true input, the reference, is known: the compensator learns from it.
+ * The estimate is made before. A reference that is not finite is none. */
+static inline int {stem}_learn(
+    {stem}_state *s, {time}{real} reading, {held}{real} reference, {real} *estimate, {real} *deviation)
+{{
+    s->n{k}.known = isfinite(reference) ? 1 : 0;
+    s->n{k}.reference = s->n{k}.known ? reference : s->n{k}.reference;
+    int status = {stem}_step(s, {passed}estimate, deviation);
+    s->n{k}.known = 0;
+    return status;
+}}
+
+/* Why a calibration is needed now; 0 where none is. A change is being learnt, most of it of 1: the zero,
+ * 2: the gain, 3: the width of the loop. 4: errors are large, and none of these explains them. 5: the zero
+ * may have drifted too far since the last reference. */
+static inline int {stem}_advice({stem}_state *s)
+{{
+    return {prefix}_advice(&{stem}_{k}, &s->n{k});
+}}
+
+/* The rms error that estimates have beyond that of the fit. */
+static inline {real} {stem}_lost({stem}_state *s)
+{{
+    return {prefix}_lost(&{stem}_{k}, &s->n{k});
+}}"""

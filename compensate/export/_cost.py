@@ -1,0 +1,30 @@
+"""What each node of a compensator's tree costs at most."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from . import _c99_adaptive
+from ._operation_count import operations
+from ._python_to_c99 import Element
+
+
+def cost(
+    tree: dict[str, Any], inner: Sequence[dict[str, int]], elements: Mapping[str, Element]
+) -> dict[str, int]:
+    """Operations of `look`, `move` and `find` of a node; `inner`: those of the nodes in it."""
+    names = ("look", "move", "find")
+    both = {name: sum(one.get(name, 0) + 12 for one in inner) for name in names}
+    if tree["kind"] == "series":
+        return both
+    home, p = elements[tree["kind"]], tree["parameters"]
+    if tree["kind"] == "sum":
+        looked = operations(home, "search", p, {"look": both["look"]})
+        return both | {"find": looked + both["move"] + 12}
+    if tree["kind"] == "adaptive":
+        return _c99_adaptive.cost(home, p, both)
+    if inner:
+        return {name: cost + 60 for name, cost in both.items()}
+    called = {"error": "deviation", "guard": "limited"}
+    if tree["kind"] in called:
+        return {"find": operations(home, called[tree["kind"]], p)}
+    return {n: operations(home, n, p) + 12 for n in names if n in home.functions}

@@ -1,0 +1,1 @@
+"""Compensators that learn, while they run, how their sensor has changed."""

@@ -1,0 +1,179 @@
+"""A compensator that recalibrates itself from inputs that are known at times."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
+
+from hysteresis import AbstractModel, InputError, register
+
+from .._contract import AbstractCompensator, Estimate
+from ..inverses._bisection import BracketedState, bracketed
+from . import _recursion
+from ._recursion import Recursion, Settings
+
+
+class AdaptiveState(NamedTuple):
+    """The states of the parts; the last estimate; what has been learnt."""
+
+    parts: tuple[Any, ...]
+    value: Float[Array, ""]
+    learnt: Recursion
+
+
+class Recalibrated(NamedTuple):
+    """Estimates with what the compensator says of itself at each sample.
+
+    - `value`, `status`: as of `Estimate`, made before a reference was looked at.
+    - `advice`: an `Advice`; `lost`: rms error beyond that of the fit, in the input's unit; `changes`: found
+      so far; `zero` (in the output's unit), `gain` and `loop`: learnt so far, the latter two over the
+      fit's.
+    """
+
+    value: Float[Array, "*samples"]
+    status: Int[Array, "*samples"]
+    advice: Int[Array, "*samples"]
+    lost: Float[Array, "*samples"]
+    changes: Int[Array, "*samples"]
+    zero: Float[Array, "*samples"]
+    gain: Float[Array, "*samples"]
+    loop: Float[Array, "*samples"]
+
+
+@register
+class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
+    """A compensator that recalibrates itself, from occasional inputs that are known.
+
+    The model is a sum of parts, each of which rises with the input,
+
+        sign y = zero + drift t + sum_k w_k part_k[u],     w_k >= least_k > 0,
+
+    and the estimate is the input behind the reading, by bisection. A sample with a `reference`, the true
+    input, is one row of a recursive least-squares fit of zero, drift and weights: what is older is
+    forgotten only along that row (Kulhavy), so that nothing is forgotten which the references do not say
+    anew. A weight that would fall below its least one is held there, so that the inverse exists after every
+    update. The memories of the parts follow the reference, where there is one, else the estimate; they do
+    not depend on the weights, so no update is felt as a jump of the input.
+
+    Page's test watches the errors of the predicted readings: a sum of log-likelihood ratios of errors twice
+    as large. If those were normal, and independent after `correlation` samples, it would alarm by chance
+    once in exp(`threshold`) independent references, or less often. An alarm opens the covariance, and the
+    next references are learnt fast.
+
+    `adaptive` makes one from a model and a record.
+
+    **Example:**
+
+        >>> own = compensate.adaptive(fit.model, record)
+        >>> known = np.where(record.cycle == 1, record.input, np.nan)
+        >>> found = own.simulate(record.time, record.output, references=known)
+        >>> compensate.Advice(int(found.advice[-1])).name
+        'NONE'
+    """
+
+    parts: tuple[AbstractModel, ...]
+    centres: Float[Array, " parts"]
+    sign: float = eqx.field(static=True)
+    low: float = eqx.field(static=True)
+    high: float = eqx.field(static=True)
+    settings: Settings
+
+    def init(self) -> AdaptiveState:
+        states = tuple(part.init() for part in self.parts)
+        return AdaptiveState(states, jnp.asarray(self.low, float), self.settings.begin())
+
+    def step(
+        self,
+        state: AdaptiveState,
+        t: ArrayLike | None,
+        y: ArrayLike,
+        reference: ArrayLike = jnp.nan,
+        dt: ArrayLike = 0.0,
+    ) -> tuple[AdaptiveState, Recalibrated]:
+        """One reading, with the true input where it is known and the time since the last one where the
+        zero drifts."""
+        y, reference = jnp.asarray(y, float), jnp.asarray(reference, float)
+        s = state.learnt
+        s = s._replace(elapsed=s.elapsed + jnp.asarray(dt, float), idle=s.idle + 1)
+
+        def outputs(own: tuple[Any, ...], u: Array) -> tuple[tuple[Any, ...], Array]:
+            both = [part.step(one, t, u) for part, one in zip(self.parts, own, strict=True)]
+            return tuple(one for one, _ in both), jnp.stack([out for _, out in both]) - self.centres
+
+        def run(own: tuple[Any, ...], u: Array) -> tuple[tuple[Any, ...], Array]:
+            after, each = outputs(own, u)
+            return after, s.zero + s.theta[2:] @ each
+
+        before = BracketedState(state.parts, state.value)
+        after, found = bracketed(run, before, self.sign * y, self.low, self.high)
+        valid = jnp.isfinite(y)
+        known = valid & jnp.isfinite(reference)
+        at_reference, each = outputs(state.parts, jnp.where(known, reference, found.value))
+        new = _recursion.learnt(self.settings, s, self.sign * y, each, found.value - reference)
+
+        def chosen(yes: Any, no: Any) -> Any:
+            return jax.tree.map(lambda a, b: jnp.where(known, a, b), yes, no)
+
+        s = chosen(new, s)
+        # A reading that is not a number is no sample; the time still passes.
+        s = s._replace(idle=jnp.where(valid, s.idle, state.learnt.idle))
+        parts = chosen(at_reference, after.model)
+        return AdaptiveState(parts, after.value, s), self._said(found, s)
+
+    def simulate(
+        self,
+        t: ArrayLike | None,
+        y: ArrayLike,
+        state: AdaptiveState | None = None,
+        references: ArrayLike | None = None,
+    ) -> Recalibrated:
+        """`step` over all samples; `references`: (samples,) true inputs, NaN where they are not known."""
+        return self.follow(t, y, references, state)[1]
+
+    def follow(
+        self,
+        t: ArrayLike | None,
+        y: ArrayLike,
+        references: ArrayLike | None = None,
+        state: AdaptiveState | None = None,
+    ) -> tuple[AdaptiveState, Recalibrated]:
+        """As `simulate`, with the state after it, from which another log goes on.
+
+        **Example:**
+
+            >>> own = compensate.adaptive(fit.model, record)
+            >>> state, _ = own.follow(record.time, record.output, record.input)
+            >>> state.learnt.theta.shape
+            (3,)
+        """
+        y = jnp.asarray(y, float)
+        u = jnp.full_like(y, jnp.nan) if references is None else jnp.asarray(references, float)
+        if u.shape != y.shape:
+            raise InputError(
+                "length-mismatch", f"{len(u)} references for {len(y)} readings.",
+                fix="give one for each reading, NaN where it is not known.",
+            )  # fmt: skip
+        clock = np.zeros(len(y)) if t is None else np.asarray(t, float)
+        dt = np.diff(clock, prepend=clock[:1])
+        return _scan(self, jnp.asarray(clock), y, u, jnp.asarray(dt), state or self.init())
+
+    def _said(self, found: Estimate, s: Recursion) -> Recalibrated:
+        p = self.settings
+        return Recalibrated(
+            *found, _recursion.advice(p, s), _recursion.lost(p, s), s.changes,
+            self.sign * (s.zero - p.zero), _recursion.gain(p, s), _recursion.loop(p, s),
+        )  # fmt: skip
+
+
+@eqx.filter_jit
+def _scan(
+    own: AdaptiveCompensator, t: Array, y: Array, u: Array, dt: Array, state: AdaptiveState
+) -> tuple[AdaptiveState, Recalibrated]:
+    def step(state: AdaptiveState, now: Any) -> tuple[AdaptiveState, Recalibrated]:
+        return own.step(state, *now)
+
+    return jax.lax.scan(step, state, (t, y, u, dt))

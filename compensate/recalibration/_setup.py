@@ -1,0 +1,189 @@
+"""`adaptive`: a compensator that recalibrates itself, from a model and a record."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from hysteresis import AbstractModel, InputError, Record
+
+from .._contract import Status
+from .._estimate import estimate
+from ..inverses import inverse_of
+from ..inverses._bisection import BracketedCompensator
+from ..inverses._compose import range_of
+from ._adaptive import AdaptiveCompensator
+from ._parts import split
+from ._recursion import Settings
+
+LEAST = 0.05
+"""Of its fitted weight a part keeps this: the output still rises, so the inverse exists."""
+
+AFTER, ZERO_AFTER = 0.3, 0.2
+"""Standard deviations after a change, at most: of weights over the fitted ones, of the zero over the
+output's range."""
+
+PRECISE = 1e-3
+"""Part of the output's range: residuals smaller than this are taken for this, because a sensor that changes
+by less is as good as new."""
+
+MEMORY = 5.0
+"""Cycles of references whose weight is forgotten by a factor e, where others say something else."""
+
+CELLS, LOOP = 16, 2e-3
+"""Cells of the input in which branches are compared; loops narrower than this part of the rise are none."""
+
+
+def adaptive(
+    model: AbstractModel,
+    record: Record,
+    *,
+    drift: float = 0.0,
+    false_alarms: float = 1e-5,
+) -> AdaptiveCompensator:
+    """A compensator that recalibrates itself while it runs; see `AdaptiveCompensator`.
+
+    The parts are those of a `Sum`, the memoryless part and the relays of a `Preisach`, the line and the
+    plays of a `PrandtlIshlinskii`; of other models only zero and gain are learnt.
+
+    **Arguments:**
+
+    - `model`: fitted, with an inverse and without a condition.
+    - `record`: of the unchanged sensor, best one that the model was not fitted to. From it come the
+      variance of the residuals, after how many samples they are independent, the rms error of estimates,
+      and how much of the rise and of the loop each part has.
+
+    **Other arguments:**
+
+    - `drift`: standard deviation of a drift of the zero that is expected, in the output's unit per unit of
+      time. 0: the zero is learnt, but not extrapolated.
+    - `false_alarms`: the rate that is allowed, per independent reference. By 1e-5, a false alarm
+      comes once in 100,000 of them on average, or less often.
+
+    **Raises:** `InputError` where the model has no inverse or depends on a condition, `no-rows`, and
+    `bad-option` for rates that are not between 0 and 1, or a drift below 0.
+
+    Source: Kulhavy 1987 (restricted exponential forgetting), Page 1954 and Lorden 1971 (the test and its
+    rate).
+
+    **Example:**
+
+        >>> own = compensate.adaptive(fit.model, record)
+        >>> float(own.simulate(record.time, record.output).gain[-1])
+        1.0
+    """
+    if not 0 < false_alarms < 1:
+        raise InputError(
+            "bad-option", f"false_alarms={false_alarms:g} is no rate.", fix="between 0 and 1."
+        )
+    if not 0 <= drift < math.inf:
+        raise InputError(
+            "bad-option", f"drift={drift:g} is below 0 or not finite.", fix="0 or more."
+        )
+    used = record.mask & np.isfinite(record.input) & np.isfinite(record.output)
+    if used.sum() < 2:
+        raise InputError("no-rows", "The record has fewer than two rows.", place=record.source)
+    found = split(model)
+    starts = tuple(record.starts.tolist())
+    outputs = np.array(
+        [p.model.simulate(record.time, record.input, starts=starts) for p in found.parts], float
+    )
+    outputs, centres = _centred(outputs, used)
+    nominal = np.array([p.nominal for p in found.parts])
+    y = found.sign * record.output
+    whole = found.sign * np.asarray(model.simulate(record.time, record.input, starts=starts), float)
+    zero = float(np.mean((whole - nominal @ outputs)[used]))
+    residual = np.where(used, y - whole, np.nan)
+    span = float(np.ptp(y[used])) or 1.0
+    noise = max(float(np.nanmean(residual**2)), (PRECISE * span) ** 2)
+    correlation = _correlation(residual, record)
+    rises, widths = _rises(outputs, used), _widths(outputs, record, used)
+    total = float(nominal @ widths)
+    widths = widths * np.sign(total) if abs(total) > LOOP * float(nominal @ rises) else 0 * widths
+
+    free = np.array([not p.fixed for p in found.parts])
+    size = free * np.maximum(nominal, AFTER)
+    # What is open after the fit moves the output by as much as the residuals, all together.
+    known = noise / (1 + free.sum())
+    start = np.concatenate(
+        [[known, drift**2], np.minimum(known / np.maximum(rises, 1e-300) ** 2, size**2)]
+    )
+    start[2:] *= free
+    spread = np.concatenate([[(ZERO_AFTER * span) ** 2, drift**2], (AFTER * size) ** 2])
+    cycle = used.sum() / max(1, record.n_cycles) / correlation
+    low, high = _ends(model, record, used)
+    settings = Settings(
+        *(jnp.asarray(x, float) for x in (
+            zero, nominal, np.where(free, LEAST * nominal, nominal), rises, widths, start, spread, noise,
+            correlation, max(MEMORY * cycle, 2.0), max(cycle, 1.0), -math.log(false_alarms),
+            _error(model, record, used),
+        ))
+    )  # fmt: skip
+    models = tuple(p.model for p in found.parts)
+    return AdaptiveCompensator(models, jnp.asarray(centres), found.sign, low, high, settings)
+
+
+def _centred(outputs: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs of the parts from their least one on, so that a weight changes a rise and not the zero."""
+    centres = outputs[:, used].min(1)
+    return outputs - centres[:, None], centres
+
+
+def _rises(outputs: np.ndarray, used: np.ndarray) -> np.ndarray:
+    return np.ptp(outputs[:, used], axis=1)
+
+
+def _widths(outputs: np.ndarray, record: Record, used: np.ndarray) -> np.ndarray:
+    """The mean distance of falling and rising branches, with its sign, of every part."""
+    u = record.input
+    edges = np.linspace(u[used].min(), u[used].max(), CELLS + 1)
+    cell = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, CELLS - 1)
+    counts = [np.bincount(cell[w], minlength=CELLS) for w in _ways(record, used)]
+    both = (counts[0] > 0) & (counts[1] > 0)
+    if not both.any():
+        return np.zeros(len(outputs))
+    means = [
+        np.stack([np.bincount(cell[way], one[way], minlength=CELLS) for one in outputs])[:, both]
+        / count[both]
+        for way, count in zip(_ways(record, used), counts, strict=True)
+    ]
+    return (means[1] - means[0]).mean(1)
+
+
+def _ways(record: Record, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return used & (record.branch == 1), used & (record.branch == -1)
+
+
+def _correlation(residual: np.ndarray, record: Record) -> float:
+    """Samples after which residuals are independent: 1 + 2 sum of autocorrelations until one is below 0."""
+    sequences = [rows for _, rows in record.sequences()]
+    longest = max(sequences, key=lambda rows: rows.stop - rows.start)
+    r = np.nan_to_num(residual[longest] - np.nanmean(residual))
+    n = len(r)
+    power = np.abs(np.fft.rfft(r, 2 * n)) ** 2
+    rho = np.fft.irfft(power)[:n]
+    if not rho[0] > 0:
+        return 1.0
+    rho = rho / rho[0]
+    end = int(np.argmax(rho < 0)) if (rho < 0).any() else n
+    return float(np.clip(1 + 2 * rho[1:end].sum(), 1.0, max(n / 4, 1.0)))
+
+
+def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float, float]:
+    """The inputs to look for: those that the model names, else the record's and half as much more."""
+    inverse = inverse_of(model)
+    if isinstance(inverse, BracketedCompensator):
+        return inverse.low, inverse.high
+    if (ends := range_of(model)) is not None:
+        return ends
+    low, high = float(record.input[used].min()), float(record.input[used].max())
+    return low - (high - low) / 2, high + (high - low) / 2
+
+
+def _error(model: AbstractModel, record: Record, used: np.ndarray) -> float:
+    """The rms error of estimates, at least a thousandth of the input's range."""
+    found = estimate(inverse_of(model), record)
+    sound = used & (np.asarray(found.status) != Status.INVALID)
+    error = (np.asarray(found.value) - record.input)[sound]
+    least = PRECISE * float(np.ptp(record.input[used]))
+    return max(float(np.sqrt(np.mean(error**2))), least)

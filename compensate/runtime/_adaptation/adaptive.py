@@ -1,0 +1,274 @@
+"""A sum of parts whose zero and weights are learnt, while it runs, from inputs that are known at times.
+
+sign y = zero + drift t + sum of weight_k part_k + noise
+"""
+
+from math import log, sqrt
+
+from .._elements._codes import Reals
+from .._elements.sum import search as search
+
+
+class Parameters:
+    """`low` to `finest` as of a sum. Of each part: its least output (`centres`), its weight as fitted
+    (`nominal`), the least one it may have, its rise and the width of its loop.
+
+    - `zero`: as fitted. `noise`: variance of the fit's residuals. `correlation`: samples until they are
+      independent; references count as many as that once.
+    - `memory`: references of which half an e-th is kept. `settling`: references after which a change is
+      learnt. `threshold`: of the sum of log-likelihood ratios, above which something has changed.
+    - `spread`: variances of zero, drift and weights after a change, at most. `error`: rms error of
+      estimates.
+    """
+
+    low: float
+    high: float
+    rounding: float
+    flat: float
+    finest: float
+    parts: int
+    sign: float
+    zero: float
+    centres: Reals
+    nominal: Reals
+    least: Reals
+    rises: Reals
+    widths: Reals
+    noise: float
+    correlation: float
+    memory: float
+    settling: float
+    threshold: float
+    spread: Reals
+    error: float
+
+
+class State:
+    """`reference`: the input, where it is `known`. `theta`: zero, drift, weights; `covariance`: of
+    them, row by row. `elapsed`, `idle`: time and samples since the last reference. `evidence`: of a change
+    since; `excess`, `possible`: squared errors behind it, and what a change by `spread` makes. `settled`:
+    references since the last change. `loss`: mean square of the last errors. `changes`: counted. `output`,
+    `along`, `work`: of the calculation.
+    """
+
+    status: int
+    value: float
+    reference: float
+    known: int
+    elapsed: float
+    idle: float
+    theta: Reals
+    covariance: Reals
+    evidence: float
+    excess: float
+    possible: float
+    settled: float
+    loss: float
+    changes: int
+    output: Reals
+    along: Reals
+    work: Reals
+
+
+def one(p: Parameters, s: State, k: int, output: float) -> float:
+    """What a part adds to the output."""
+    return s.theta[k + 2] * (output - p.centres[k])
+
+
+def kept(p: Parameters, s: State, k: int, output: float) -> float:
+    """The same, where the memories move; its output is kept for `learn`."""
+    s.output[k + 2] = output - p.centres[k]
+    return one(p, s, k, output)
+
+
+def driving(s: State, u: float) -> float:
+    """What the memories follow: the reference where there is one, else the estimate."""
+    return s.reference if s.known else u
+
+
+def zero_now(s: State) -> float:
+    """The zero, which drifts."""
+    return s.theta[0] + s.theta[1] * s.elapsed
+
+
+def began(s: State, dt: float) -> None:
+    """Count the time, and the sample."""
+    s.elapsed = s.elapsed + dt
+    s.idle = s.idle + 1.0
+
+
+def drifted(p: Parameters, s: State) -> None:
+    """Zero and covariance from the last reference to now."""
+    t = s.elapsed
+    n = p.parts + 2
+    s.theta[0] = zero_now(s)
+    for j in range(p.parts + 2):
+        s.covariance[j] = s.covariance[j] + t * s.covariance[n + j]
+    for i in range(p.parts + 2):
+        s.covariance[i * n] = s.covariance[i * n] + t * s.covariance[i * n + 1]
+    s.elapsed = 0.0
+
+
+def bounded(p: Parameters, s: State) -> None:
+    """Weights below their least ones are put there, and the others to where they then are likeliest."""
+    n = p.parts + 2
+    for i in range((p.parts + 2) * (p.parts + 2)):
+        s.work[i] = s.covariance[i]
+    for _turn in range(p.parts):
+        worst = -1
+        most = 0.0
+        for k in range(p.parts):
+            missing = p.least[k] - s.theta[k + 2]
+            if missing > most and s.work[(k + 2) * n + k + 2] > 0.0:
+                most = missing
+                worst = k + 2
+        if worst >= 0:
+            own = s.work[worst * n + worst]
+            for j in range(p.parts + 2):
+                s.along[j] = s.work[worst * n + j]
+            for i in range(p.parts + 2):
+                s.theta[i] = s.theta[i] + s.along[i] / own * most
+            for i in range(p.parts + 2):
+                for j in range(p.parts + 2):
+                    s.work[i * n + j] = s.work[i * n + j] - s.along[i] * s.along[j] / own
+            for j in range(p.parts + 2):
+                s.work[worst * n + j] = 0.0
+                s.work[j * n + worst] = 0.0
+    for k in range(p.parts):
+        if s.theta[k + 2] < p.least[k]:
+            s.theta[k + 2] = p.least[k]
+
+
+def learn(p: Parameters, s: State, y: float) -> None:
+    """One reference: `output` holds what the parts gave at it, `value` what was estimated before."""
+    n = p.parts + 2
+    weight = s.idle / p.correlation
+    if weight > 1.0:
+        weight = 1.0
+    s.idle = 0.0
+    drifted(p, s)
+    missed = p.sign * y - s.theta[0]
+    for k in range(p.parts):
+        missed = missed - s.theta[k + 2] * s.output[k + 2]
+    s.output[0] = 1.0
+    s.output[1] = 0.0
+
+    off = s.value - s.reference
+    part = weight / p.settling
+    s.loss = s.loss + (part if part < 1.0 else 1.0) * (off * off - s.loss)
+
+    # The sum of log-likelihood ratios of twice the deviation, from 0 on: Page's test. With the threshold
+    # log N it alarms by chance once in N references, or less often.
+    variance = p.noise
+    for i in range(p.parts + 2):
+        for j in range(p.parts + 2):
+            variance = variance + s.output[i] * s.covariance[i * n + j] * s.output[j]
+    square = missed * missed / variance
+    # One reference that is wrong is no change.
+    if square > 25.0:
+        square = 25.0
+    s.evidence = s.evidence + weight * (0.375 * square - log(2.0))
+    s.excess = s.excess + weight * missed * missed
+    for i in range(p.parts + 2):
+        s.possible = s.possible + weight * p.spread[i] * s.output[i] * s.output[i]
+    if not s.evidence > 0.0:
+        s.evidence = 0.0
+        s.excess = 0.0
+        s.possible = 0.0
+    if s.evidence > p.threshold:
+        # Until it has settled, another alarm is of the same change.
+        if s.changes == 0 or s.settled >= p.settling:
+            s.changes = s.changes + 1
+        size = s.excess / s.possible
+        if size > 1.0:
+            size = 1.0
+        for i in range(p.parts + 2):
+            s.covariance[i * n + i] = s.covariance[i * n + i] + size * p.spread[i]
+        s.evidence = 0.0
+        s.excess = 0.0
+        s.possible = 0.0
+        s.settled = 0.0
+    else:
+        s.settled = s.settled + weight
+
+    # Least squares; what is older is forgotten only along this regressor, as Kulhavy does.
+    total = p.noise / weight
+    seen = 0.0
+    for i in range(p.parts + 2):
+        along = 0.0
+        for j in range(p.parts + 2):
+            along = along + s.covariance[i * n + j] * s.output[j]
+        s.along[i] = along
+        seen = seen + along * s.output[i]
+    seen = seen / total
+    if seen > 0.0:
+        for i in range(p.parts + 2):
+            s.theta[i] = s.theta[i] + s.along[i] * missed / (total * (1.0 + seen))
+        kept = 1.0 - weight / p.memory
+        less = (kept * seen - 1.0 + kept) / (kept * seen * (1.0 + seen) * total)
+        for i in range(p.parts + 2):
+            for j in range(p.parts + 2):
+                s.covariance[i * n + j] = s.covariance[i * n + j] - less * s.along[i] * s.along[j]
+    bounded(p, s)
+
+
+def gain(p: Parameters, s: State) -> float:
+    """The rise of the output, over that of the fit."""
+    now = 0.0
+    fitted = 0.0
+    for k in range(p.parts):
+        now = now + s.theta[k + 2] * p.rises[k]
+        fitted = fitted + p.nominal[k] * p.rises[k]
+    return now / fitted
+
+
+def loop(p: Parameters, s: State) -> float:
+    """The width of the loop over the rise, over that of the fit; 1 where the fit has no loop."""
+    now = 0.0
+    fitted = 0.0
+    for k in range(p.parts):
+        now = now + s.theta[k + 2] * p.widths[k]
+        fitted = fitted + p.nominal[k] * p.widths[k]
+    return now / fitted / gain(p, s) if fitted > 0.0 else 1.0
+
+
+def open_zero(p: Parameters, s: State) -> float:
+    """The variance of the zero by now."""
+    t = s.elapsed
+    n = p.parts + 2
+    return s.covariance[0] + 2.0 * t * s.covariance[1] + t * t * s.covariance[n + 1]
+
+
+def advice(p: Parameters, s: State) -> int:
+    """0, or why a calibration is needed now."""
+    if s.changes > 0 and s.settled < p.settling:
+        rise = 0.0
+        wide = 0.0
+        for k in range(p.parts):
+            rise = rise + p.nominal[k] * p.rises[k]
+            wide = wide + p.nominal[k] * p.widths[k]
+        moved = zero_now(s) - p.zero
+        by_zero = moved if moved > 0.0 else -moved
+        steeper = (gain(p, s) - 1.0) * rise / 2.0
+        by_gain = steeper if steeper > 0.0 else -steeper
+        wider = (loop(p, s) - 1.0) * wide / 2.0
+        by_loop = wider if wider > 0.0 else -wider
+        noise = sqrt(p.noise)
+        if by_zero < noise and by_gain < noise and by_loop < noise:
+            return 4
+        if by_zero >= by_gain and by_zero >= by_loop:
+            return 1
+        return 2 if by_gain >= by_loop else 3
+    if s.loss > 4.0 * p.error * p.error and p.error > 0.0:
+        return 4
+    return 5 if open_zero(p, s) > 3.0 * p.noise else 0
+
+
+def lost(p: Parameters, s: State) -> float:
+    """The rms error that estimates have beyond that of the fit, in the input's unit."""
+    before = p.error * p.error
+    more = s.loss - before
+    unknown = before * open_zero(p, s) / p.noise
+    if unknown > 3.0 * before and unknown > more:
+        more = unknown
+    return sqrt(more) if more > 0.0 else 0.0
