@@ -1,13 +1,13 @@
 """In C: the node of a compensator that recalibrates itself, and the functions by which it learns."""
 
 from collections.abc import Sequence
-from typing import Any
 
+from ..runtime._tree import Tree
 from ._operation_count import operations
 from ._python_to_c99 import Element
 
 
-def cost(home: Element, p: dict[str, Any], both: dict[str, int]) -> dict[str, int]:
+def cost(home: Element, p: Tree, both: dict[str, int]) -> dict[str, int]:
     """Operations of the functions of the node, at most."""
     look = both["look"] + 30 * p["parts"] + 30
     looked = operations(home.borrowed("search"), "search", p, {"look": look})
@@ -56,7 +56,7 @@ def find(home: Element, stem: str, k: int, done: dict[str, str]) -> list[str]:
     ]
 
 
-def called(home: Element, k: int, document: dict[str, Any]) -> str:
+def called(home: Element, k: int, document: Tree) -> str:
     """What is called from outside: a reading with its true input, and what is said of the compensator."""
     real, prefix, stem = home.real, home.prefix, home.stem
     time = f"{real} dt, " if document["rates"] else ""

@@ -1,15 +1,15 @@
 """What each node of a compensator's tree costs at most."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
+from ..runtime._tree import Tree
 from . import _c99_adaptive
 from ._operation_count import operations
 from ._python_to_c99 import Element
 
 
 def cost(
-    tree: dict[str, Any], inner: Sequence[dict[str, int]], elements: Mapping[str, Element]
+    tree: Tree, inner: Sequence[dict[str, int]], elements: Mapping[str, Element]
 ) -> dict[str, int]:
     """Operations of `look`, `move` and `find` of a node; `inner`: those of the nodes in it."""
     names = ("look", "move", "find")

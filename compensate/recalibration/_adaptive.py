@@ -1,6 +1,6 @@
 """A compensator that recalibrates itself from inputs that are known at times."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
+from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Estimate
 from ..inverses._bisection import BracketedState, bracketed
@@ -20,7 +21,7 @@ from ._recursion import Recursion, Settings
 class AdaptiveState(NamedTuple):
     """The states of the parts; the last estimate; what has been learnt."""
 
-    parts: tuple[Any, ...]
+    parts: tuple[PyTree, ...]
     value: Float[Array, ""]
     learnt: Recursion
 
@@ -100,11 +101,11 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         s = state.learnt
         s = s._replace(elapsed=s.elapsed + jnp.asarray(dt, float), idle=s.idle + 1)
 
-        def outputs(own: tuple[Any, ...], u: Array) -> tuple[tuple[Any, ...], Array]:
+        def outputs(own: tuple[PyTree, ...], u: Array) -> tuple[tuple[PyTree, ...], Array]:
             both = [part.step(one, t, u) for part, one in zip(self.parts, own, strict=True)]
             return tuple(one for one, _ in both), jnp.stack([out for _, out in both]) - self.centres
 
-        def run(own: tuple[Any, ...], u: Array) -> tuple[tuple[Any, ...], Array]:
+        def run(own: tuple[PyTree, ...], u: Array) -> tuple[tuple[PyTree, ...], Array]:
             after, each = outputs(own, u)
             return after, s.zero + s.theta[2:] @ each
 
@@ -115,7 +116,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         at_reference, each = outputs(state.parts, jnp.where(known, reference, found.value))
         new = _recursion.learnt(self.settings, s, self.sign * y, each, found.value - reference)
 
-        def chosen(yes: Any, no: Any) -> Any:
+        def chosen(yes: PyTree, no: PyTree) -> PyTree:
             return jax.tree.map(lambda a, b: jnp.where(known, a, b), yes, no)
 
         s = chosen(new, s)
@@ -173,7 +174,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
 def _scan(
     own: AdaptiveCompensator, t: Array, y: Array, u: Array, dt: Array, state: AdaptiveState
 ) -> tuple[AdaptiveState, Recalibrated]:
-    def step(state: AdaptiveState, now: Any) -> tuple[AdaptiveState, Recalibrated]:
+    def step(state: AdaptiveState, now: tuple[Array, ...]) -> tuple[AdaptiveState, Recalibrated]:
         return own.step(state, *now)
 
     return jax.lax.scan(step, state, (t, y, u, dt))

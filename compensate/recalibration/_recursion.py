@@ -1,7 +1,7 @@
 """Recursive least squares with directional forgetting, weights that stay positive, and Page's test."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -126,7 +126,7 @@ def bounded(least: Array, theta: Array, covariance: Array) -> Array:
     """Weights below their least ones are put there, and the others to where they then are likeliest."""
     indices = jnp.arange(len(theta))
 
-    def hold(_: Any, at: tuple[Array, Array]) -> tuple[Array, Array]:
+    def hold(_: Array, at: tuple[Array, Array]) -> tuple[Array, Array]:
         theta, left = at
         short = jnp.where(jnp.diagonal(left)[2:] > 0, least - theta[2:], 0.0)
         worst = 2 + jnp.argmax(short)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ._file import LONGEST, FileError, number, replayed
 from ._status import Status
-from ._tree import error_of, guard_of, node_of
+from ._tree import Tree, error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 
@@ -74,7 +74,7 @@ class Compensator:
         self._node = node_of(self._tree, self._states, self._takes)
         self._learner = self._node.learner
         self._find, self._status = self._node.find, self._node.status
-        self._error: Any = error_of(self._error_tree) if self._error_tree else lambda value: nan
+        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
         self._value, self._waited, self._begun = (
             nan if self._start is None else self._start,
@@ -154,7 +154,7 @@ class Compensator:
         """The rms error that estimates have beyond that of the fit; 0 where it does not learn."""
         return 0.0 if self._learner is None else self._learner[0].lost(*self._learner[1:])
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> Tree:
         """All that changes, as plain data for JSON: `restore` goes on from there.
 
         **Example:**
@@ -173,7 +173,7 @@ class Compensator:
             "nodes": [_copied(vars(one)) for one in self._all_states()],
         }  # fmt: skip
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Tree) -> None:
         """Go on from a `state` of this file.
 
         Raises `FileError` where it belongs to another file.
