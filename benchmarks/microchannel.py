@@ -3,9 +3,9 @@
 python -m benchmarks.microchannel [--quick] [--json] [--only TEXT]
 
 Parts: forces (of one contact: trains networks, minutes), pairs (of two contacts: minutes), training (how
-long it takes), places (which, and which several), separation (two places by independent components, beside
-ours), control (force loops at 1 kHz), real (measured sensors, need the data), runtime (force estimators
-without JAX).
+long it takes), places (which, and which several), recovery (two contacts, runs that lock up), separation
+(two places by independent components, beside ours), control (force loops at 1 kHz), real (measured sensors,
+need the data), runtime (force estimators without JAX).
 """
 
 import sys
@@ -16,6 +16,7 @@ from ._microchannel.control import control_rows
 from ._microchannel.forces import force_rows, pair_rows
 from ._microchannel.places import place_rows
 from ._microchannel.real import real_rows
+from ._microchannel.recovery import recovery_rows
 from ._microchannel.runtime import runtime_rows
 from ._microchannel.separation import separation_rows
 from ._microchannel.training import training_rows
@@ -25,6 +26,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "pairs": pair_rows,
     "training": training_rows,
     "places": place_rows,
+    "recovery": recovery_rows,
     "separation": separation_rows,
     "control": control_rows,
     "real": real_rows,

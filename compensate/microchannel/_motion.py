@@ -6,13 +6,21 @@ from typing import Any, Generic, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from hysteresis import InputError
 from hysteresis._type_variables import State
 
 ITERATIONS = 2
 """Of Gauss-Newton: a branch's slope jumps where the force turns. A third changes nothing to be seen."""
+
+
+LOST, PATIENCE = 25.0, 3
+"""Squared surprise of a channel from which on a reading is none that the hypotheses expect; how many such
+readings in turn say that all of them are lost."""
+
+SOUGHT = 128
+"""Forces that a lost filter tries at most, evenly over their range."""
 
 
 class AbstractSensor(eqx.Module, Generic[State]):
@@ -41,7 +49,7 @@ class Motion(NamedTuple):
     - `x` (ways, states): forces, then rates, then the forces of the last `delay` readings, latest first;
       `covariance` (ways, states, states).
     - `log_weight`: of each way; `sensor`: its state of the sensor.
-    - `t`: of the last reading, NaN before the first.
+    - `t`: of the last reading, NaN before the first. `lost`: how many readings in turn surprised all ways.
     """
 
     x: Float[Array, "ways states"]
@@ -49,6 +57,7 @@ class Motion(NamedTuple):
     log_weight: Float[Array, " ways"]
     sensor: Any
     t: Float[Array, ""]
+    lost: Int[Array, ""]
 
 
 class Moved(NamedTuple):
@@ -74,7 +83,8 @@ class MotionFilter(eqx.Module):
     parallel, each with its own memory of the sensor: the force turned now, one reading ago, ..., or not at
     all. With every reading a turned copy of the most likely hypothesis replaces the least likely one. Each
     is an extended Kalman filter with a Gauss-Newton update; the estimate is their mean. Forces are limited
-    to [0, high].
+    to [0, high]. If three readings in turn surprise every hypothesis, one begins anew at the forces, out of
+    some hundred over the whole range, that explain the reading best.
 
     **Arguments:**
 
@@ -121,7 +131,8 @@ class MotionFilter(eqx.Module):
         weight = jnp.full(self.ways, -jnp.inf).at[0].set(0.0)
         state = jax.tree.map(lambda leaf: jnp.stack([leaf] * self.ways), sensor.init())
         never = jnp.asarray(jnp.nan, x.dtype)
-        return Motion(x, jnp.zeros((self.ways, states, states)), weight, state, never)
+        covariance, none = jnp.zeros((self.ways, states, states)), jnp.zeros((), int)
+        return Motion(x, covariance, weight, state, never, none)
 
     def update(
         self,
@@ -132,6 +143,11 @@ class MotionFilter(eqx.Module):
         noise: Float[Array, " channels"],
     ) -> tuple[Motion, Moved]:
         """One reading z of variances `noise`, independent of one another."""
+        motion = jax.lax.cond(
+            motion.lost >= PATIENCE,
+            lambda: self._found_again(sensor, motion, t, z, noise),
+            lambda: motion,
+        )
         dt = jnp.where(jnp.isnan(motion.t), self.gap_s, jnp.maximum(t - motion.t, 0.0))
         gap, dt = dt >= self.gap_s, jnp.minimum(dt, self.gap_s)
         # The likeliest way turns, in the place of the least likely one; after a gap they all do.
@@ -153,7 +169,46 @@ class MotionFilter(eqx.Module):
 
         now, then = slice(0, contacts), slice(-contacts, None) if self.delay else slice(0, contacts)
         told = (*_mean(weight, x, P, now), *_mean(weight, x, P, then))
-        return Motion(x, P, weight, state, t), Moved(*told, surprise.min() / z.shape[0])
+        least_surprise = surprise.min() / z.shape[0]
+        lost = jnp.where(least_surprise > LOST, motion.lost + 1, 0)
+        return Motion(x, P, weight, state, t, lost), Moved(*told, least_surprise)
+
+    def _found_again(
+        self, sensor: AbstractSensor, motion: Motion, t: Array, z: Array, noise: Array
+    ) -> Motion:
+        """The least likely way begins anew, at the forces that best explain the reading.
+
+        Where a sensor's model is flat, a reading says nothing about the forces, and no Gauss-Newton step
+        leads back from there. So forces all over their range are tried, with the memory of the likeliest
+        way, and with that of a sensor that was never pressed: what the lost ways remember never happened.
+        """
+        contacts, best = sensor.contacts, jnp.argmax(motion.log_weight)
+        each = max(3, round(SOUGHT ** (1 / contacts)))
+        ends = jnp.linspace(0.0, self.high, each)
+        tried = jnp.stack(jnp.meshgrid(*[ends] * contacts, indexing="ij"), -1).reshape(-1, contacts)
+        kept = jax.tree.map(lambda leaf: leaf[best], motion.sensor)
+        memories = jax.tree.map(lambda *leaves: jnp.stack(leaves), kept, sensor.init())
+
+        def off(memory: Any, force: Array) -> Array:
+            return jnp.sum((z - sensor.look(memory, t, force)[0]) ** 2 / noise)
+
+        missed = jax.vmap(jax.vmap(off, (None, 0)), (0, None))(memories, tried)
+        which, where = jnp.unravel_index(jnp.argmin(missed), missed.shape)
+        memory = jax.tree.map(lambda leaf: leaf[which], memories)
+        force = tried[where]
+        x = jnp.tile(force, 2 + self.delay).at[contacts : 2 * contacts].set(0.0)
+        spread = jnp.full_like(x, ends[1]).at[contacts : 2 * contacts].set(self.turn)
+        least = jnp.argmin(motion.log_weight)
+        even = (
+            jnp.full_like(motion.log_weight, -jnp.log(2.0 * self.ways)).at[least].set(jnp.log(0.5))
+        )
+        return motion._replace(
+            x=motion.x.at[least].set(x),
+            covariance=motion.covariance.at[least].set(jnp.diag(spread**2)),
+            log_weight=even,
+            sensor=jax.tree.map(lambda all_, one: all_.at[least].set(one), motion.sensor, memory),
+            lost=jnp.zeros_like(motion.lost),
+        )
 
     def _one(
         self,

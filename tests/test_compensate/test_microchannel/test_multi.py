@@ -15,7 +15,8 @@ from compensate.microchannel import (
     SearchEstimator,
     windows,
 )
-from hysteresis import Burgers, InputError, PrandtlIshlinskii
+from hysteresis import Burgers, InputError, PrandtlIshlinskii, Preisach
+from hysteresis.preisach import GridDensity
 
 GAINS = np.array([[1.0, 0.5], [0.6, 1.0]])
 MODELS = (
@@ -103,6 +104,32 @@ def test_a_long_gap_leaves_the_forces_where_they_were():
     found = ESTIMATOR.simulate(later, readings(held, 9))
     off = np.asarray(found.value)[102:] - held[102:]
     assert np.sqrt(np.mean(off**2)) < 0.06
+
+
+def test_it_comes_back_from_where_the_models_are_flat():
+    """Beyond its grid a Preisach model says nothing about the force: no slope leads back from there."""
+    model = Preisach(GridDensity(0.0, 6.0, 0.02 + 0.2 * np.eye(6)))
+    filter_ = MotionFilter(high=9.0, ways=4)  # half as high again as the models know
+    estimator = MultiContactEstimator(ChannelSensor([model, model], GAINS), [0.01, 0.01], filter_)
+    begin, random = estimator.init(), np.random.default_rng(3)
+    t, force = 0.05 * np.arange(100), np.interp(np.arange(100), [0, 60, 70, 100], [0, 0, 3, 3])
+    signal = np.asarray(model.simulate(None, force))
+    base = float(signal[0])
+    clean = np.stack([signal, np.full(100, base)], 1) @ GAINS.T
+    for _ in range(3):
+        astray = begin.motion.x.at[:, :2].set(random.uniform(6.5, 9.0, (4, 2)))
+        memory = jax.vmap(lambda state, x: estimator.sensor.follow(state, jnp.array(0.0), x[:2]))(
+            begin.motion.sensor, astray
+        )
+        weight = jnp.full(4, -jnp.log(4.0))
+        lost = begin.motion._replace(x=astray, sensor=memory, log_weight=weight, t=jnp.array(-0.05))
+        read = clean + 0.01 * random.normal(size=clean.shape)
+        found = estimator.simulate(t, read, begin._replace(motion=lost))
+        assert found.status[0] == Status.EXTRAPOLATED
+        assert (found.status[-20:] == Status.OK).all()
+        # The reading rises by 0.4 V/N^2 at its foot: 0.01 V of noise are 0.16 N.
+        assert float(jnp.sqrt(jnp.mean(found.value[40:60] ** 2))) < 0.2
+        np.testing.assert_allclose(found.value[-1], [3.0, 0.0], atol=0.3)
 
 
 def test_bad_settings_are_answered():
