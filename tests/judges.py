@@ -34,6 +34,8 @@ JUDGES = {
     "g++": Judge("arduino, ros2: compiled beside stubs", ("g++",), packages="any C++ compiler"),
     "FMPy": Judge("fmu, fmu3", ("gcc",), ("fmpy",), "pip: FMPy"),
     "MuJoCo": Judge("mujoco", ("gcc",), ("mujoco",), "pip: mujoco"),
+    "scikit-learn": Judge("sklearn", (), ("sklearn",), "pip: scikit-learn"),
+    "onnxruntime": Judge("onnx", (), ("onnx", "onnxruntime"), "pip: onnx onnxruntime"),
     "simavr": Judge("arduino", ("avr-gcc", "simavr"), packages="apt: simavr gcc-avr avr-libc"),
 }
 

@@ -20,7 +20,7 @@ def export(
         tuple[str, Path] | None,
         typer.Option(
             metavar="TARGET OUT",
-            help="Write OUT for a target: c, runtime, arduino, ros2, mujoco, fmu (FMI 2.0), fmu3.",
+            help="Write OUT for a target: c, runtime, arduino, ros2, mujoco, sklearn, onnx, fmu, fmu3.",
         ),
     ] = None,
     single: Annotated[

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -348,3 +349,67 @@ def test_mujoco_runs_the_example(tmp_path: Path):
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
     assert np.isfinite(data.sensordata[2])
+
+
+MEMORY = "the estimate depends on the readings before"
+CHECKED = f"""
+import sys
+import numpy as np
+from sklearn.utils.estimator_checks import check_estimator
+from sensor import Compensator
+
+failing = dict.fromkeys(
+    ("check_methods_sample_order_invariance", "check_methods_subset_invariance"), {MEMORY!r}
+)
+made = check_estimator(Compensator(), expected_failed_checks=failing, on_skip=None)
+assert len(made) > 30
+X = np.load("given.npy")
+one = Compensator(reading=1, time=0, condition=2, output="all").fit(X)
+np.save("found.npy", one.transform(X))
+assert "jax" not in sys.modules and "compensate" not in sys.modules
+"""
+
+
+@JUDGES["scikit-learn"].needed
+@pytest.mark.parametrize("name", ["relays", "conditioned"])
+def test_an_estimator_passes_the_checks_of_sklearn(name: str, tmp_path: Path):
+    """All but those that a model with memory cannot pass; in a process without hysid. Then the header's
+    estimates bit for bit."""
+    one = case(name)
+    one.write("sklearn", tmp_path / "sensor")
+    y = with_gaps(one.y)
+    c = np.zeros(len(y)) if one.c is None else one.c
+    np.save(tmp_path / "given.npy", np.column_stack([one.t, y, c]))
+    (tmp_path / "checked.py").write_text(CHECKED)
+    command = [sys.executable, "-W", "error", "checked.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = np.load(tmp_path / "found.npy")
+    value, status, off = one.reference(tmp_path).run_with_deviation(one.dt, y, one.c)
+    np.testing.assert_array_equal(found, np.column_stack([value, off, status]))
+
+
+@JUDGES["onnxruntime"].needed
+@pytest.mark.parametrize("name", MAKERS)
+def test_an_onnx_step_gives_the_estimates_of_the_header(name: str, tmp_path: Path):
+    """Bit for bit, state and all; its metadata say where it begins, and what it was made from."""
+    import onnxruntime  # which only this test needs
+
+    one = case(name)
+    file = one.write("onnx", tmp_path / "sensor.onnx")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(file), options, ["CPUExecutionProvider"])
+    facts = session.get_modelmeta().custom_metadata_map
+    assert json.loads(facts["hysid-export.json"])["origin"]["sha256"] == ORIGIN.sha256
+    state = np.array(json.loads(facts["initial_state"]))
+    n = 60
+    y, c = with_gaps(one.y)[:n], np.zeros(n) if one.c is None else one.c[:n]
+    names, found = {i.name for i in session.get_inputs()}, []
+    for row in zip(y, one.dt[:n], c, strict=True):
+        given = dict(zip(("reading", "dt", "condition"), row, strict=True)) | {"state": state}
+        fed = {key: np.asarray(value) for key, value in given.items() if key in names}
+        *said, state = session.run(None, fed)
+        found.append([float(x) for x in said])
+    value, status, off = one.reference(tmp_path).run_with_deviation(one.dt[:n], y, c)
+    np.testing.assert_array_equal(found, np.column_stack([value, off, status]))

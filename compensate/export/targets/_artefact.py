@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from hysteresis._escape import c_comment, c_string, markup, visible
 from ...runtime._file import checksum
 from .._c99_header import header
 from .._export import Program
+
+if TYPE_CHECKING:
+    import jinja2
 
 TEMPLATES = Path(__file__).parent / "templates"
 MARK = "hysid-export.json"
@@ -75,6 +78,12 @@ class Artefact:
         """How much of the model's time passes in a second; 1 where its unit is not known."""
         return _per_second(self.program.time_unit) if self.document["rates"] else 1.0
 
+    @property
+    def usual_step(self) -> float:
+        """The median step of the golden readings, in the model's unit of time."""
+        steps = sorted(self.document["golden"]["dt"][1:])
+        return steps[len(steps) // 2] if steps else 0.0
+
     def add_header(self, path: str) -> None:
         """The C99 header, the same that `hysid export --to c` writes."""
         self.files[path] = header(self.document, self.stem, single=self.real == "float")
@@ -83,9 +92,9 @@ class Artefact:
         """The runtime's file: model, units, trained inputs, verdict, date, checksum and golden pair."""
         self.files[path] = json.dumps(self.document) + "\n"
 
-    def add_template(self, template: str, path: str, **more: Any) -> None:
+    def add_template(self, template: str, path: str) -> None:
         """A file made from templates/`template`."""
-        self.files[path] = _environment().get_template(template).render(**self.words, **more)
+        self.files[path] = _environment().get_template(template).render(**self.words)
 
     def write_folder(self, out: Path) -> Path:
         """All files below `out`, which replaces a folder that an earlier export wrote.
@@ -185,7 +194,7 @@ def _per_second(unit: str) -> float:
 
 
 @cache
-def _environment() -> Any:
+def _environment() -> "jinja2.Environment":
     import jinja2  # takes 0.1 s to load
 
     made = jinja2.Environment(

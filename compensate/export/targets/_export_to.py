@@ -12,7 +12,9 @@ from .._export import Exported, Program
 from ._arduino import arduino
 from ._fmu import fmu2, fmu3
 from ._mujoco import mujoco
+from ._onnx import onnx
 from ._ros2 import ros2
+from ._sklearn import sklearn
 
 TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ...]]] = {
     "c": (lambda program, out, real: program.write_c(out, real), ("double", "float")),
@@ -20,6 +22,8 @@ TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ..
     "arduino": (arduino, ("float",)),
     "ros2": (ros2, ("double",)),
     "mujoco": (mujoco, ("double",)),
+    "sklearn": (sklearn, ("double",)),
+    "onnx": (onnx, ("double",)),
     "fmu": (fmu2, ("double",)),
     "fmu3": (fmu3, ("double",)),
 }
@@ -40,8 +44,9 @@ def export_to(
     **Arguments:**
 
     - `target`: "c" (a header), "runtime" (a file for plain Python), "arduino" (a library for Arduino and
-      PlatformIO), "ros2" (a package of filter plugins), "mujoco" (an engine plugin), "fmu" or "fmu3" (a
-      unit of FMI 2.0 or 3.0 for co-simulation).
+      PlatformIO), "ros2" (a package of filter plugins), "mujoco" (an engine plugin), "sklearn" (a
+      package with an estimator), "onnx" (a model of one step), "fmu" or "fmu3" (a unit of FMI 2.0 or 3.0
+      for co-simulation).
     - `path`: of the file or folder. A folder that an earlier export wrote is replaced.
     - `real`: "double" or "float"; by default what the target is used with.
 

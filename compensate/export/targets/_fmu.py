@@ -29,7 +29,11 @@ def _fmu(program: Program, out: Path, real: str, version: int) -> Exported:
     token = str(
         uuid.uuid5(uuid.NAMESPACE_OID, f"{made.stem} {version} {made.document['checksum']}")
     )
-    made.words |= {"token": f"{{{token}}}", "version": version, "step": _usual_step(made)}
+    made.words |= {
+        "token": f"{{{token}}}",
+        "version": version,
+        "step": made.usual_step / made.per_second,
+    }
     made.add_template("fmu/modelDescription.xml", "modelDescription.xml")
     made.add_header(f"sources/{made.stem}.h")
     made.add_template("fmu/fmu.c", f"sources/{made.stem}_fmu.c")
@@ -45,9 +49,3 @@ def _fmu(program: Program, out: Path, real: str, version: int) -> Exported:
     if binary:
         made.files[f"binaries/{folder}/{made.stem}.so"] = binary
     return Exported(made.write_archive(out), (*program.notes, *made.notes))
-
-
-def _usual_step(made: Artefact) -> float:
-    """The median step of the golden readings in seconds; 0 where the model knows no time."""
-    steps = sorted(made.document["golden"]["dt"][1:])
-    return steps[len(steps) // 2] / made.per_second if steps else 0.0

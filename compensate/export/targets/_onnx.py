@@ -1,0 +1,324 @@
+"""One step of a compensator as an ONNX model: reading and state in, estimate and state out."""
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hysteresis import InputError
+from hysteresis._atomic_file import write_whole
+
+from ...runtime._elements._codes import EXTRAPOLATED, FLAT, OK
+from ...runtime._file import LONGEST
+from ...runtime._status import Status
+from .._export import Exported, Program
+from ._artefact import Artefact, name_in_c
+from ._onnx_graph import Graph, Value
+from ._python_to_onnx import Part, Translator, part_of
+
+if TYPE_CHECKING:
+    from onnx import ModelProto
+
+OPSET, IR = 17, 8
+"""Versions that runtimes have read since 2022."""
+
+Tree = dict[str, Any]
+Way = Callable[[Value, Value], Value]
+OWN = -1
+"""Key of what the step itself remembers."""
+
+
+def onnx(program: Program, out: Path, real: str) -> Exported:
+    """Write a model of one step, with the initial state and the facts of the fit as its metadata."""
+    try:
+        import onnx as package  # an extra
+    except ImportError:
+        raise InputError(
+            "missing-extra",
+            "The target onnx needs the package onnx, which is not installed.",
+            fix='pip install "hysid[onnx]"',
+        ) from None
+    made = Artefact(program, name_in_c(out), real)
+    step = _Step(made.document, Graph(package))
+    model = step.model(made.stem)
+    facts = {
+        "initial_state": json.dumps(step.initial),
+        "hysid-export.json": json.dumps(made.document),
+        "statuses": json.dumps({int(s): s.name for s in Status}),
+    }
+    package.helper.set_model_props(model, facts)
+    package.checker.check_model(model, full_check=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(out, model.SerializeToString(deterministic=True))
+    return Exported(out, (*program.notes, *made.notes))
+
+
+class _Node:
+    """`look`, `move` and `find` of a node of the tree, and where its status is."""
+
+    def __init__(self, look: Way, move: Way, find: Way, status: Callable[[], Value]):
+        self.look, self.move, self.find, self.status = look, move, find, status
+
+
+class _Step:
+    def __init__(self, document: Tree, graph: Graph):
+        self.document, self.graph, self.write = document, graph, Translator(graph)
+        self.initial: list[float] = []
+        self._places: list[tuple[tuple[Any, ...], str, int, int]] = []
+        self.parts: list[Part] = []
+        self.shares: list[Part] = []
+        start = document["start"]
+        self._remember(OWN, "estimate", "real", float("nan") if start is None else start)
+        self._remember(OWN, "deviation", "real", float("nan"))
+        self._remember(OWN, "waited", "real", 0.0)
+        self._remember(OWN, "begun", "int", 0)
+        self.root = self._node(document["tree"])
+        self.error = document["error"] and self._part(document["error"])
+        self.guard = document["guard"] and self._part(document["guard"])
+
+    # The model
+
+    def model(self, name: str) -> "ModelProto":
+        """The graph around the step."""
+        graph, helper = self.graph, self.graph.onnx.helper
+        given = {n: Value(n, "real") for n in ("reading", "dt", "condition")}
+        state = Value("state", "reals")
+        self._unpack(state)
+        status = self._step(given["reading"], given["dt"], given["condition"])
+        packed = self._packed()
+        outputs = [("estimate", self._own("estimate")), ("deviation", self._own("deviation"))]
+        outputs += [("status", status), ("next_state", packed)]
+        found = []
+        for label, value in outputs:
+            node = helper.make_node("Identity", [graph.name(value)], [label])
+            graph.blocks[0].append(node)
+            found.append(graph.information(Value(label, value.type)))
+        inputs = [given["reading"]]
+        inputs += [given["dt"]] if self.document["rates"] else []
+        inputs += [given["condition"]] if self.document["condition"] else []
+        constants = [
+            self.graph.onnx.numpy_helper.from_array(array, key)
+            for key, array in graph.constants.values()
+        ]
+        size = len(self.initial)
+        vector = helper.make_tensor_value_info("state", self.graph.onnx.TensorProto.DOUBLE, [size])
+        whole = helper.make_graph(
+            graph.blocks[0], name, [*map(graph.information, inputs), vector], found, constants
+        )
+        opsets = [helper.make_opsetid("", OPSET)]
+        return helper.make_model(whole, opset_imports=opsets, ir_version=IR, producer_name="hysid")
+
+    # The state
+
+    def _remember(self, part: int, name: str, kind: str, value: float | list[float]) -> None:
+        values = value if isinstance(value, list) else [value]
+        self._places.append((("state", part, name), kind, len(self.initial), len(values)))
+        self.initial += [float(v) for v in values]
+
+    def _own(self, name: str) -> Value:
+        return self.graph.variables["state", OWN, name]
+
+    def _set(self, name: str, value: Value) -> None:
+        self.graph.variables["state", OWN, name] = value
+
+    def _unpack(self, state: Value) -> None:
+        graph = self.graph
+        for key, kind, first, count in self._places:
+            if kind == "reals":
+                at = graph.constant(np.arange(first, first + count), "int")
+                graph.variables[key] = graph.node("Gather", [state, at], "reals", axis=0)
+                continue
+            one = graph.node("Gather", [state, graph.constant(first, "int")], "real", axis=0)
+            graph.variables[key] = graph.cast(one, kind)
+
+    def _packed(self) -> Value:
+        graph = self.graph
+        row = graph.constant(np.array([-1]), "int")
+        values = [(graph.variables[key], kind) for key, kind, _, _ in self._places]
+        flat = [
+            v if kind == "reals" else graph.node("Reshape", [graph.cast(v, "real"), row], "reals")
+            for v, kind in values
+        ]
+        return graph.node("Concat", flat, "reals", axis=0)
+
+    # The nodes of the tree, as in runtime/_tree.py
+
+    def _part(self, tree: Tree) -> Part:
+        part = part_of(tree["kind"], tree["parameters"], len(self.parts))
+        self.parts.append(part)
+        kinds = {"Reals": "reals", "int": "int", "real": "real"}
+        for name, kind in part.home.structures["State"].items():
+            value = tree["state"][name]
+            self._remember(
+                part.key, name, kinds[kind], (value or [0.0]) if kind == "Reals" else value
+            )
+        return part
+
+    def _status_of(self, part: Part) -> Value:
+        return self.graph.variables["state", part.key, "status"]
+
+    def _node(self, tree: Tree) -> _Node:
+        inner = [self._node(one) for one in tree.get("parts", ())]
+        if tree["kind"] == "series":
+            return self._series(inner)
+        part = self._part(tree)
+        status = partial(self._status_of, part)
+        kind, plain = tree["kind"], partial(self._plain, part)
+        if kind == "sum":
+            return self._sum(part, inner, status)
+        if not inner:
+            look, move, find = (partial(self._bound, part, n) for n in ("look", "move", "find"))
+            return _Node(look, move, find, status)
+        (one,) = inner
+        if kind == "share":
+            self.shares.append(part)
+            return _Node(
+                lambda dt, u: plain("weighted", one.look(dt, u)),
+                lambda dt, u: plain("weighted", one.move(dt, u)),
+                one.find,
+                lambda: self.graph.constant(OK, "int"),
+            )
+        if kind == "scaled":
+            return _Node(
+                lambda dt, u: plain("onward", one.look(dt, u)),
+                lambda dt, u: plain("onward", one.move(dt, u)),
+                lambda dt, y: one.find(dt, plain("back", y)),
+                one.status,
+            )
+        assert kind == "moving", kind
+
+        def less_feedback(dt: Value, y: Value) -> Value:
+            seen = one.find(dt, y)
+            return plain("less_feedback", seen, y, one.status())
+
+        return _Node(one.look, one.move, less_feedback, one.status)
+
+    def _plain(self, part: Part, name: str, *given: Value) -> Value:
+        """A function that takes either the parameters or the state, not both."""
+        return self.write.run(part, part.home, name, [part, *given])
+
+    def _bound(self, part: Part, name: str, dt: Value, value: Value) -> Value:
+        given = [dt, value] if part.home.takes_time(name) else [value]
+        return self.write.call(part, name, *given)
+
+    def _series(self, parts: list[_Node]) -> _Node:
+        said = ("state", "series", len(self.parts), "status")
+
+        def way(name: str, dt: Value, u: Value) -> Value:
+            for part in parts:
+                u = getattr(part, name)(dt, u)
+            return u
+
+        def find(dt: Value, y: Value) -> Value:
+            status = self.graph.constant(OK, "int")
+            for part in reversed(parts):
+                y = part.find(dt, y)
+                status = self._first_bad(status, part.status())
+            self.graph.variables[said] = status
+            return y
+
+        return _Node(
+            partial(way, "look"), partial(way, "move"), find, lambda: self.graph.variables[said]
+        )
+
+    def _first_bad(self, status: Value, other: Value) -> Value:
+        if status.known is not None:
+            return other if status.known == OK else status
+        graph = self.graph
+        fine = graph.node("Equal", [status, graph.constant(OK, "int")], "bool")
+        return graph.node("Where", [fine, other, status], "int")
+
+    def _sum(self, part: Part, parts: list[_Node], status: Callable[[], Value]) -> _Node:
+        def way(name: str, dt: Value, u: Value) -> Value:
+            total = getattr(parts[0], name)(dt, u)
+            for other in parts[1:]:
+                total = self.graph.node("Add", [total, getattr(other, name)(dt, u)], "real")
+            return total
+
+        def look(whole: None, dt: Value, u: Value) -> Value:
+            return way("look", dt, u)
+
+        def find(dt: Value, y: Value) -> Value:
+            u = self.write.run(part, part.home, "search", [look, part, part, None, dt, y])
+            way("move", dt, u)
+            return u
+
+        return _Node(partial(way, "look"), partial(way, "move"), find, status)
+
+    # The step, as in runtime/_compensator.py
+
+    def _finite(self, value: Value) -> Value:
+        graph = self.graph
+        bad = [graph.node(name, [value], "bool") for name in ("IsNaN", "IsInf")]
+        return graph.node("Not", [graph.node("Or", bad, "bool")], "bool")
+
+    def _step(self, reading: Value, dt: Value, condition: Value) -> Value:
+        graph, document = self.graph, self.document
+        real = partial(graph.constant, kind="real")
+        longest = real(document.get("longest") or LONGEST)
+        if document["rates"]:
+            passing = graph.node("Greater", [dt, real(0.0)], "bool")
+
+            def wait() -> None:
+                waited = graph.node("Add", [self._own("waited"), dt], "real")
+                self._set("waited", graph.node("Min", [waited, longest], "real"))
+
+            graph.branch(passing, wait, lambda: None)
+        usable = self._finite(reading)
+        if document["condition"]:
+            usable = graph.node("And", [usable, self._finite(condition)], "bool")
+        said = ("state", OWN, "said")
+        graph.variables[said] = graph.constant(int(Status.INVALID), "int")
+
+        def take() -> None:
+            low, high = document["limits"]
+            seen = graph.node("Max", [reading, real(low)], "real")
+            seen = graph.node("Min", [seen, real(high)], "real")
+            clipped = graph.node("Not", [graph.node("Equal", [seen, reading], "bool")], "bool")
+            passed = real(0.0)
+            if document["rates"]:
+                begun = graph.cast(self._own("begun"), "bool")
+                passed = graph.node("Where", [begun, self._own("waited"), passed], "real")
+            for share in self.shares:
+                self.write.call(share, "take", condition)
+            value = self.root.find(passed, seen)
+            status = self.root.status()
+            if document["rates"]:
+                late = graph.node("GreaterOrEqual", [passed, longest], "bool")
+                status = self._extrapolated(status, late, (OK, FLAT))
+            if known := document["condition"]:
+                ends = (("Less", "low"), ("Greater", "high"))
+                outside = [graph.node(o, [condition, real(known[end])], "bool") for o, end in ends]
+                status = self._extrapolated(status, graph.node("Or", outside, "bool"), (OK, FLAT))
+            self._set("waited", real(0.0))
+            self._set("begun", graph.constant(1, "int"))
+            if self.error:
+                self._set("deviation", self.write.call(self.error, "deviation", value))
+            if self.guard:
+                value = self.write.call(
+                    self.guard, "limited", passed, value, status, graph.cast(clipped, "int")
+                )
+                status = self._status_of(self.guard)
+                if document["guard"]["beyond"] == "nan":
+                    beyond = graph.cast(graph.variables["state", self.guard.key, "beyond"], "bool")
+                    value = graph.node("Where", [beyond, real(float("nan")), value], "real")
+            else:
+                status = self._extrapolated(status, clipped, (OK,))
+            self._set("estimate", value)
+            graph.variables[said] = status
+
+        graph.branch(usable, take, lambda: None)
+        return graph.variables.pop(said)
+
+    def _extrapolated(self, status: Value, test: Value, codes: tuple[int, ...]) -> Value:
+        """EXTRAPOLATED where the test holds and the status is one of some."""
+        graph = self.graph
+        for code in codes:
+            same = graph.node("Equal", [status, graph.constant(code, "int")], "bool")
+            both = graph.node("And", [test, same], "bool")
+            beyond = graph.constant(EXTRAPOLATED, "int")
+            status = graph.node("Where", [both, beyond, status], "int")
+        return status

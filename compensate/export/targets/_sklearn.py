@@ -1,0 +1,26 @@
+"""A Python package with an estimator for scikit-learn, and the runtime in plain Python that it runs."""
+
+from pathlib import Path
+
+from ...runtime import _file
+from .._export import Exported, Program
+from ._artefact import Artefact, name_in_c
+
+RUNTIME = Path(_file.__file__).parent
+MODULES = ("_compensator.py", "_file.py", "_status.py", "_tree.py", "_elements/*.py")
+
+
+def sklearn(program: Program, out: Path, real: str) -> Exported:
+    """Write a package that imports scikit-learn and NumPy, and nothing of hysid."""
+    made = Artefact(program, name_in_c(out), real)
+    made.words["step"] = made.usual_step
+    made.add_template("sklearn/__init__.py.txt", "__init__.py")
+    made.add_template("sklearn/README.md", "README.md")
+    made.files["runtime/__init__.py"] = (
+        '"""As much of compensate.runtime as a compensator needs."""\n'
+    )
+    for pattern in MODULES:
+        for file in sorted(RUNTIME.glob(pattern)):
+            made.files[f"runtime/{file.relative_to(RUNTIME)}"] = file.read_text("utf-8")
+    made.add_runtime()
+    return Exported(made.write_folder(out), (*program.notes, *made.notes))
