@@ -10,29 +10,16 @@ import importlib.util
 import math
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import (
-    AbstractModel,
-    InputError,
-    ParameterInfo,
-    Record,
-    parameter_at,
-    parameters,
-)
+from hysteresis import AbstractModel, InputError, Record, parameter_at
 from identify import predict
 
 from .figures import _base as f
 from .figures import _format as words
 from .figures._notebook import MOST_POINTS, _image
 from .figures._plot import axes_of, path
-
-MOST = 12
-"""Sliders, at most."""
-NEAR = 1e-3
-"""How near to a bound a slider goes, as a part of the distance between both bounds."""
+from .figures._sliders import Slider, moved, sliders_of
 
 
 class Sliders:
@@ -45,12 +32,10 @@ class Sliders:
         widgets = _ipywidgets()
         self._record, self._start = record, model
         self.model: AbstractModel = model
-        chosen = list(_scalars(model))[:MOST]
-        self.names: tuple[str, ...] = tuple(name for name, _, _ in chosen)
         units = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-        self._sliders = {
-            name: _slider(widgets, name, info, value, units) for name, info, value in chosen
-        }
+        chosen = sliders_of(model, units)
+        self.names: tuple[str, ...] = tuple(one.name for one in chosen)
+        self._sliders = {one.name: _slider(widgets, one) for one in chosen}
         self._page = widgets.HTML()
         back = widgets.Button(description="as it was")
         back.on_click(lambda _: self.reset())
@@ -75,12 +60,7 @@ class Sliders:
             slider.value = float(parameter_at(self._start, name))
 
     def _draw(self) -> None:
-        model = self._start
-        for name, slider in self._sliders.items():
-            old = parameter_at(self._start, name)
-            if slider.value != float(old):
-                value = jnp.asarray(slider.value, old.dtype)
-                model = eqx.tree_at(lambda m, name=name: parameter_at(m, name), model, value)
+        model = moved(self._start, {name: one.value for name, one in self._sliders.items()})
         self.model, record = model, self._record
         modelled = np.asarray(predict(model, record))
         counted = record.mask & np.isfinite(record.output)
@@ -122,31 +102,17 @@ def _ipywidgets() -> Any:
     return ipywidgets
 
 
-def _scalars(model: AbstractModel) -> Any:
-    for name, info, value in parameters(model):
-        if value is not None and value.ndim == 0 and not info.fixed:
-            yield name, info, float(value)
-
-
-def _slider(
-    widgets: Any, name: str, info: ParameterInfo, value: float, units: dict[str, str]
-) -> Any:
-    unit = words.pretty(info.in_units(units))
+def _slider(widgets: Any, one: Slider) -> Any:
+    unit = words.pretty(one.unit)
     shown = {
-        "description": f"{name} ({unit})" if unit else name,
+        "description": f"{one.name} ({unit})" if unit else one.name,
         "style": {"description_width": "14em"},
         "layout": {"width": "36em"},
         "continuous_update": False,
         "readout_format": ".4g",
     }
-    low, high = info.bounds
-    inside = NEAR * (high - low) if math.isfinite(high - low) else 0.0  # a bound itself is no value
-    if value > 0 and low >= 0:
-        low = min(max(value / 10, low + inside), value)
-        high = max(min(value * 10, high - inside), value)
-        ends = {"min": math.log10(low), "max": math.log10(high)}
-        return widgets.FloatLogSlider(value=value, **ends, step=0.001, **shown)
-    size = 2 * abs(value) or 1.0
-    low = min(max(value - size, low + inside), value)
-    high = max(min(value + size, high - inside), value)
-    return widgets.FloatSlider(value=value, min=low, max=high, step=(high - low) / 500, **shown)
+    if one.logarithmic:
+        ends = {"min": math.log10(one.low), "max": math.log10(one.high)}
+        return widgets.FloatLogSlider(value=one.value, **ends, step=0.001, **shown)
+    ends = {"min": one.low, "max": one.high, "step": (one.high - one.low) / 500}
+    return widgets.FloatSlider(value=one.value, **ends, **shown)

@@ -66,6 +66,7 @@ class ProgressNote(Note):
     def __new__(cls, code: str, text: str, done: int, total: int) -> "ProgressNote":
         """A note of this code and text, at this place of a run."""
         note = super().__new__(cls, code, text)
+        assert isinstance(note, ProgressNote)  # for type checkers
         note.done, note.total = done, total
         return note
 

@@ -25,6 +25,7 @@ from ._remedies import options_here
 from ._report import report
 from ._reproduce import reproduce
 from ._sample import sample
+from ._studio import studio
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 
@@ -46,6 +47,7 @@ for _command, _example in {
     compare: "hysid compare sponge foam",
     report: "hysid report sponge",
     batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",
+    studio: "hysid studio run.csv",
     reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
     bench: "hysid bench preisach --quick",
 }.items():

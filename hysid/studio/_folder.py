@@ -1,0 +1,128 @@
+"""The folder of a studio: its measurements, and names that lead out of it refused."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import identify
+from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
+
+MEASUREMENTS = (
+    ".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm", ".tdms", ".xls", ".xlsx", ".xlsb", ".ods",
+    ".mat", ".h5", ".hdf5", ".parquet", ".bag", ".db3", ".mcap",
+)  # fmt: skip
+"""Ends of names that are offered for choosing; any other file can be named on the command line."""
+LONGEST_NAME = 120
+
+
+class Folder:
+    """A folder of measurements: each has its configuration and the folder of its fit beside it.
+
+    **Arguments:**
+
+    - `root`: the folder. Nothing outside of it is read or written.
+    - `named`: further files in it that are offered, whatever their names end in.
+    """
+
+    def __init__(self, root: Path, named: Iterable[Path] = ()):
+        self.root = root.resolve()
+        self._named = {
+            self.inside(path.resolve().relative_to(self.root).as_posix()) for path in named
+        }
+
+    def inside(self, name: str) -> Path:
+        """The path of a name in the folder.
+
+        Raises `InputError` `outside-folder`, also for a link that leads out of it.
+        """
+        path = self.root / name
+        odd = not name or "\0" in name or any(part.startswith(".") for part in Path(name).parts)
+        if odd or not path.resolve().is_relative_to(self.root) or path.resolve() == self.root:
+            raise InputError(
+                "outside-folder",
+                f"{name!r} is not a file of this folder.",
+                place=str(self.root),
+                fix="Copy the file into the folder, or start hysid studio there.",
+            )
+        return path
+
+    def file(self, name: str) -> Path:
+        """A file of the folder. Raises `InputError` `file-not-found`, `outside-folder`."""
+        path = self.inside(name)
+        if not path.is_file():
+            raise InputError(
+                "file-not-found", "The file is not there any more.", place=name,
+                fix="Choose another one.",
+            )  # fmt: skip
+        return path
+
+    def measurements(self) -> list[Path]:
+        """The files that can be fitted, by name."""
+        found = {
+            path
+            for path in self.root.iterdir()
+            if path.suffix.lower() in MEASUREMENTS and not path.name.startswith(".") and path.is_file()
+            and path.resolve().is_relative_to(self.root)
+        }  # fmt: skip
+        return sorted(found | {path for path in self._named if path.is_file()})
+
+    def fit_of(self, file: Path) -> Path:
+        """The folder of a measurement's fit, as `hysid fit` names it."""
+        return file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit")
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Every measurement with what there is of it: configuration, and the verdict of its fit."""
+        return [
+            {
+                "name": file.relative_to(self.root).as_posix(),
+                "size": file.stat().st_size,
+                "configured": file.with_suffix(".toml").is_file(),
+                "fit": short_verdict(self.fit_of(file)),
+            }
+            for file in self.measurements()
+        ]
+
+    def new_file(self, name: str) -> Path:
+        """A free path for an upload of this name, which may come from anywhere."""
+        stem, dot, suffix = Path(name.replace("\\", "/")).name.rpartition(".")
+        stem, suffix = (stem, f".{suffix}") if dot else (suffix, "")
+        stem = re.sub(r"[^\w .()+=-]", "_", stem).strip(" .")[:LONGEST_NAME] or "measurement"
+        suffix = re.sub(r"[^\w.]", "_", suffix)[:12]
+        path, number = self.root / f"{stem}{suffix}", 1
+        while path.exists() or path.with_suffix(".toml").exists() or self.fit_of(path).exists():
+            number += 1
+            path = self.root / f"{stem}-{number}{suffix}"
+        return path
+
+    def twin(self, name: str, content: Path) -> Path | None:
+        """The measurement of this name that holds the same bytes as an uploaded file."""
+        try:
+            path = self.inside(Path(name.replace("\\", "/")).name)
+        except InputError:
+            return None
+        same = path.is_file() and path.stat().st_size == content.stat().st_size
+        return path if same and path.read_bytes() == content.read_bytes() else None
+
+
+def upload_to(path: Path) -> Any:
+    """The context of a file that is being uploaded: whole in the end, or not there."""
+    return atomic_file(path)
+
+
+def short_verdict(folder: Path) -> dict[str, Any] | None:
+    """Model and verdict of the fit in a folder, None where there is none that can be read."""
+    if not (folder / "fit.json").is_file():
+        return None
+    try:
+        document = identify.internal.read_document(folder)
+        test, train = document["metrics"]["test"], document["metrics"]["train"]
+        return {
+            "model": document["model"],
+            "level": document["verdict"]["level"],
+            "nrmse_percent": (test or train)["nrmse_percent"],
+            "held_out": test is not None,
+        }
+    except (InputError, KeyError, TypeError):
+        return {"model": "", "level": "damaged", "nrmse_percent": None, "held_out": False}

@@ -1,0 +1,241 @@
+"""A fit as the page shows it: verdict, candidates, curves, residuals, sliders, posterior."""
+
+import csv
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis import InputError, Record
+
+from ..figures._sliders import moved, sliders_of
+from ..intake._folders import folders_of
+from ..intake._selection import Selection
+from ..operations._columns import selection_of_fit
+from ..reporting._fit_page import HEADLINES
+from ._views import ALL, GAP, peaks
+
+BINS = 24
+"""Bars of a parameter's marginal distribution."""
+EXPORTS = (".h", "compensator.json")
+"""Ends of names of files that `hysid export` has written for the page."""
+SHOWN = 6
+"""Parameters whose marginal distribution is drawn."""
+
+
+class Fits:
+    """The fits of a folder, each read again when its files have changed. JAX works for one at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._kept: dict[Path, tuple[Any, identify.FitResult]] = {}
+
+    def summary(self, folder: Path, selection: Selection | None, value: str = "") -> dict[str, Any]:
+        """What the page says of the fit in a folder; of several fits (`each`), of the one of a value.
+
+        Raises `InputError` where there is none.
+        """
+        whole = identify.internal.read_document(folder)
+        places = folders_of(folder, whole)
+        value = value if value in places else next(iter(places))
+        document = (
+            whole if "" in places else identify.internal.read_document(folder / places[value])
+        )
+        asked = selection_of_fit(whole)
+        level = document["verdict"]["level"]
+        posterior = folder / places[value] / "posterior.json"
+        at = "" if places[value] == "." else f"{places[value]}/"
+        there = sorted(file.name for file in (folder / places[value]).iterdir() if file.is_file())
+        return {
+            "values": list(places) if "" not in places else [],
+            "value": value,
+            "model": document["model"],
+            "headline": HEADLINES[level],
+            "level": level,
+            "reasons": [reason["text"] for reason in document["verdict"]["reasons"]],
+            "purpose": document["purpose"],
+            "parameters": document["parameters"],
+            "metrics": document["metrics"],
+            "candidates": [
+                {
+                    "model": one["model"], "score_percent": one["score_percent"],
+                    "test": one["metrics"]["test"], "train": one["metrics"]["train"],
+                    "level": one["verdict"]["level"], "seconds": one["seconds"],
+                }
+                for one in document["candidates"]
+            ],
+            "baselines": [
+                {"model": one["name"], "score_percent": one["score_percent"], **one["metrics"]}
+                for one in document.get("baselines", [])
+            ],
+            "skipped": document["skipped"],
+            "notes": document["notes"],
+            "seconds": document["seconds"],
+            "data": document["data"],
+            # A fit that was saved from Python says nothing of the rows that it was made from.
+            "stale": selection is not None and "selection" in whole and _differs(selection, asked),
+            "invertible": not asked.is_step and not isinstance(asked.input, tuple),
+            "posterior": _posterior(posterior),
+            "report": f"{folder.name}/{at}report.html" if "report.html" in there else None,
+            "exports": [f"{folder.name}/{at}{name}" for name in there if name.endswith(EXPORTS)],
+            "folder": places[value],
+        }  # fmt: skip
+
+    def curves(self, folder: Path) -> dict[str, Any]:
+        """Measured and modelled loops, residuals, sliders, of at most so many rows as a plot shows."""
+        with self._lock:
+            fit = self._loaded(folder)
+            found: dict[str, Any] = {"records": []}
+            modelled = fit.predict(fit.train)
+            dropped = fit.train.mask & ~fit.used
+            found["records"].append(_curve("training", fit.train, modelled, fit.used))
+            found["excluded"] = None
+            if dropped.any():
+                found["excluded"] = _curve("excluded", fit.train, modelled, dropped)
+            if fit.test is not None:
+                found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
+            record = fit.train
+            units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+            try:
+                sliders = sliders_of(fit.model, units)
+            except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+                sliders = []
+            found["sliders"] = [one._asdict() for one in sliders]
+            found["axes"] = {
+                "x": f"time ({record.time_unit})" if record.time is not None else "row",
+                "u": record.input_name, "y": record.output_name,
+                "u_unit": record.input_unit, "y_unit": record.output_unit,
+            }  # fmt: skip
+            return found
+
+    def redrawn(self, folder: Path, values: Mapping[str, float]) -> dict[str, Any]:
+        """The model's output with parameters at other values, and its error; nothing is written.
+
+        Raises `InputError` as the model does where a value is out of its bounds.
+        """
+        with self._lock:
+            fit = self._loaded(folder)
+            model = moved(fit.model, values)
+            record = fit.train if fit.test is None else fit.test
+            return _curve("moved", record, replace(fit, model=model).predict(record))
+
+    def _loaded(self, folder: Path) -> identify.FitResult:
+        about = (folder / "fit.json").stat()
+        stamp = about.st_mtime_ns, about.st_size
+        if folder not in self._kept or self._kept[folder][0] != stamp:
+            self._kept[folder] = (stamp, identify.load(folder))
+            while len(self._kept) > 4:
+                del self._kept[next(iter(self._kept))]
+        return self._kept[folder][1]
+
+    def posterior_marginals(self, folder: Path) -> list[dict[str, Any]]:
+        """A histogram of each parameter's draws."""
+        with self._lock:
+            posterior = identify.load_posterior(folder)
+        if posterior is None:
+            return []
+        draws = posterior.draws.reshape(-1, len(posterior.names))
+        found = []
+        for k, name in enumerate(posterior.names[:SHOWN]):
+            count, edges = np.histogram(draws[:, k], BINS)
+            found.append({"name": name, "count": count.tolist(), "edges": edges.tolist()})
+        return found
+
+
+def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
+    """What `hysid predict` has written, thinned for a plot: the line, measured and estimated values."""
+    with file.open(encoding="utf-8", newline="") as opened:
+        rows = csv.reader(opened)
+        header = next(rows)
+        table = list(rows)
+    at = header.index("status")
+    estimated = at - 1
+    # Before the estimate stand line, input and output; the one that was wanted may be missing.
+    before = header[header.index("line") + 1 : estimated]
+
+    def column(k: int) -> np.ndarray:
+        return np.array([_number(row[k]) for row in table])
+
+    found = {"line": column(header.index("line")), "estimated": column(estimated)}
+    for k, name in enumerate(before, header.index("line") + 1):
+        found[f"column {name}"] = column(k)
+    n = len(table)
+    chosen = peaks(tuple(found.values())[1:], slice(0, n)) if n else np.zeros(0, int)
+    flagged = np.array([row[at] != "OK" for row in table], bool)
+    measured = before[0] if inverse else (before[1] if len(before) > 1 else None)
+    reading = (before[1] if len(before) > 1 else None) if inverse else before[0]
+    series = {
+        "line": found["line"][chosen], "estimated": found["estimated"][chosen],
+        "flagged": flagged[chosen],
+        "measured": None if measured is None else found[f"column {measured}"][chosen],
+        "reading": None if reading is None else found[f"column {reading}"][chosen],
+    }  # fmt: skip
+    return {
+        "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
+        **series,
+    }  # fmt: skip
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _differs(selection: Selection, asked: Selection) -> bool:
+    """Whether the configuration asks for other rows or columns than a fit was made from."""
+    now, then = selection.as_json(), asked.as_json()
+    keys = now.keys() & then.keys()
+    if isinstance(now["input"], tuple) != isinstance(then["input"], tuple):
+        keys -= {"input", "condition"}  # one of two inputs was taken as a condition
+    return any(_listed(now[key]) != _listed(then[key]) for key in keys)
+
+
+def _listed(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple | list) else value
+
+
+def _posterior(file: Path) -> dict[str, Any] | None:
+    if not file.is_file():
+        return None
+    try:
+        document = identify.internal.read_json(file)
+        return {key: document[key] for key in ("parameters", "draws", "converged", "notes")}
+    except (InputError, KeyError):
+        return None
+
+
+def _curve(
+    word: str, record: Record, modelled: np.ndarray, counted: np.ndarray | None = None
+) -> dict[str, Any]:
+    """A record and a model's output on it, thinned to the rows that a plot shows."""
+    modelled, n = np.asarray(modelled, float), len(record)
+    keep = (record.mask if counted is None else counted) & np.isfinite(record.output)
+    error = modelled - record.output
+    rms = float(np.sqrt(np.mean(error[keep] ** 2))) if keep.any() else float("nan")
+    rows = np.flatnonzero(keep)
+    begins = np.isin(rows, record.starts) | (np.diff(rows, prepend=-2) > 1)
+    if len(rows) > ALL:
+        columns = record.input[rows], record.output[rows], error[rows]
+        shown = peaks(columns, slice(0, len(rows)))
+        # A gap between two rows that are shown is one wherever there is one between them.
+        gaps = np.cumsum(begins)[shown]
+        rows, begins = rows[shown], np.diff(gaps, prepend=0) > 0
+    clock = record.time if record.time is not None else np.arange(1, n + 1, dtype=float)
+    if np.any(np.diff(clock) < 0):
+        clock = np.arange(1, n + 1, dtype=float)
+    return {
+        "word": word,
+        "rms": rms,
+        "x": clock[rows],
+        "u": record.input[rows],
+        "y": record.output[rows],
+        "model": modelled[rows],
+        "residual": error[rows],
+        "gap": (begins * GAP),
+    }

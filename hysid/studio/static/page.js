@@ -1,0 +1,110 @@
+// Elements, requests and numbers, as every part of the page needs them.
+
+/** An element with attributes and children; text is always text, whatever a file may hold. */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name in element && typeof value !== "string") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+/** Put children into an element in place of what was there; what is not there is left out. */
+export function fill(element, ...children) {
+  element.replaceChildren(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false && child !== ""));
+}
+
+export class Refused extends Error {
+  constructor(fault) {
+    super(fault.message);
+    this.fault = fault;
+  }
+}
+
+async function answered(request) {
+  const answer = await request;
+  if (answer.ok) return answer;
+  let fault = { code: "http", message: `The studio answered with status ${answer.status}.` };
+  try {
+    fault = (await answer.json()).error ?? fault;
+  } catch {
+    fault.message = answer.status === 403 ? "This page has lost its token. Open the address that hysid studio printed." : fault.message;
+  }
+  throw new Refused(fault);
+}
+
+export async function get(path, query = {}, signal = undefined) {
+  const given = Object.fromEntries(Object.entries(query).filter(([, value]) => value !== null && value !== undefined));
+  return answered(fetch(`${path}?${new URLSearchParams(given)}`, { signal }));
+}
+
+export async function getJson(path, query, signal) {
+  return (await get(path, query, signal)).json();
+}
+
+export async function post(path, body) {
+  const headers = { "Content-Type": "application/json", "X-Hysid": "1" };
+  return (await answered(fetch(path, { method: "POST", headers, body: JSON.stringify(body) }))).json();
+}
+
+export async function upload(file) {
+  const path = `api/upload?${new URLSearchParams({ name: file.name })}`;
+  return (await answered(fetch(path, { method: "POST", headers: { "X-Hysid": "1" }, body: file }))).json();
+}
+
+export function number(x, digits = 3) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+  const size = Math.abs(x);
+  if (size !== 0 && (size < 1e-4 || size >= 1e6)) return x.toExponential(digits - 1).replace("-", "−");
+  return Number(x.toPrecision(digits)).toLocaleString("en", { maximumFractionDigits: 12 }).replace("-", "−");
+}
+
+export const quantity = (x, unit, digits) => `${number(x, digits)}${unit && unit !== "1" ? ` ${unit}` : ""}`;
+
+export function duration(seconds) {
+  if (seconds < 60) return `${Math.max(1, Math.round(seconds))} s`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+  return `${Math.floor(seconds / 3600)} h ${Math.round((seconds % 3600) / 60)} min`;
+}
+
+export function faultBox(fault) {
+  return h("div", { class: "fault", role: "alert" }, h("p", {}, h("strong", {}, fault.message)),
+    fault.where && h("p", { class: "soft" }, fault.where),
+    fault.cause && h("p", {}, `Likely cause: ${fault.cause}`), fault.fix && h("p", {}, fault.fix));
+}
+
+export function say(text) {
+  document.getElementById("live").textContent = text;
+}
+
+/** "The same as a command, and in Python", each with a button that copies it. */
+export function sameLines(lines) {
+  const part = (title, text) => text && [
+    h("div", { class: "code" }, h("span", {}, title), h("button", {
+      type: "button", class: "quiet small", onclick: async (event) => {
+        const button = event.currentTarget;
+        await navigator.clipboard.writeText(text);
+        button.textContent = "Copied";
+        say("Copied.");
+        setTimeout(() => { button.textContent = "Copy"; }, 1500);
+      },
+    }, "Copy", h("span", { class: "unseen" }, ` ${title}`))),
+    h("pre", { tabIndex: 0, role: "region", "aria-label": title }, text),
+  ];
+  return h("details", { class: "same" }, h("summary", {}, "The same as a command, and in Python"),
+    part("Command", lines.command), part("Python", lines.python));
+}
+
+export function table(caption, columns, rows) {
+  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": caption },
+    h("table", { class: "tight" }, h("caption", {}, caption),
+      h("thead", {}, h("tr", {}, columns.map((name, k) => h("th", { scope: "col", class: k ? "figure" : "" }, name)))),
+      h("tbody", {}, rows.map(({ cells, ...attributes }) => h("tr", attributes, cells.map((cell, k) =>
+        k ? h("td", { class: "figure" }, cell) : h("th", { scope: "row" }, cell)))))));
+}
+
+export const word = (level) => h("span", { class: `word ${level}` }, level);

@@ -1,0 +1,158 @@
+"""The page in a browser: from a dropped file to a downloaded header, and what must not happen on the way.
+
+Skipped without Playwright or Chromium, which CHROMIUM names where it is not on the path.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.test_hysid.test_studio.served import serving
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+
+SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
+PATIENCE = 60_000
+"""Milliseconds: a busy machine starts a fit slowly."""
+DROP = """([name, text]) => {
+  const data = new DataTransfer();
+  data.items.add(new File([text], name));
+  dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    chromium = (
+        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+    )
+    if chromium is None:
+        pytest.skip("there is no chromium; install it, or name it in CHROMIUM")
+    with playwright.sync_playwright() as started:
+        found = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+def opened(browser: Any, address: str, faults: list[str]) -> Any:
+    """A page of a new visitor; what it complains of, or asks of another host, is added to `faults`."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
+    context.set_default_timeout(PATIENCE)
+    page = context.new_page()
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda asked: faults.append(asked.url) if foreign(asked.url) else None)
+    page.goto(address)
+    return page
+
+
+def foreign(url: str) -> bool:
+    return not url.startswith(("http://127.0.0.1:", "data:", "blob:"))
+
+
+def serious(page: Any) -> list[tuple[str, str]]:
+    """Faults of accessibility, each with an element that has it."""
+    found = axe.Axe().run(page).response["violations"]
+    return [
+        (one["id"], one["nodes"][0]["html"])
+        for one in found
+        if one["impact"] in ("serious", "critical")
+    ]
+
+
+def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
+    faults: list[str] = []
+    with serving([tmp_path]) as ready:
+        page = opened(browser, ready.address, faults)
+        page.evaluate(DROP, ["run.csv", SPONGE.read_text()])
+        page.get_by_role("heading", name="run.csv").wait_for()
+        page.get_by_label("LinearSponge").check()
+        page.get_by_role("button", name="Fit", exact=True).click()
+        page.get_by_role("progressbar").wait_for()
+        assert 'model = "LinearSponge"' in (tmp_path / "run.toml").read_text()
+        # In the middle of the fit: the page is loaded again, and another one is opened.
+        page.reload()
+        page.get_by_role("button", name="Cancel").wait_for()
+        other = page.context.new_page()
+        other.goto(f"{ready.address}#run.csv")
+        for one in (page, other):
+            one.locator("#verdict").wait_for()
+            assert "LinearSponge" in one.locator("#verdict").inner_text()
+        assert len(ready.studio.jobs.listed()) == 1
+        other.close()
+        slider = page.get_by_label(re.compile("^K"))
+        slider.focus()
+        page.keyboard.press("ArrowRight")
+        page.get_by_text("With these values the rms error is").wait_for()
+        page.get_by_role("button", name="Export the compensator").click()
+        with page.expect_download() as download:
+            page.get_by_role("link", name="run.h").click()
+        assert download.value.path().read_text() == (tmp_path / "run" / "run.h").read_text()
+        assert serious(page) == []
+        page.get_by_role("button", name="Use dark colours").click()
+        assert serious(page) == []
+        page.set_viewport_size({"width": 390, "height": 844})
+        page.wait_for_timeout(300)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        page.context.close()
+    assert faults == []
+
+
+def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
+    faults: list[str] = []
+    shutil.copy(SPONGE, tmp_path / "run.csv")
+    with serving([tmp_path / "run.csv"]) as ready:
+        page = opened(browser, ready.address, faults)
+        plot = page.locator(".plot .u-over").first
+        plot.wait_for()
+        box = plot.bounding_box()
+        page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 40)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 60)
+        page.mouse.up()
+        page.get_by_role("button", name="Exclude").click()
+        page.get_by_text("Excluded lines: ").wait_for()
+        told = re.search(r'exclude_lines = \["(\d+)-(\d+)"', (tmp_path / "run.toml").read_text())
+        first, last = map(int, told.groups())
+        assert (abs(first - 12) <= 1, abs(last - 31) <= 1) == (
+            True,
+            True,
+        )  # of 101 rows over the width
+        page.get_by_role("button", name="Choose rows by their times").press("Enter")
+        page.keyboard.type("480")
+        page.keyboard.press("Tab")
+        page.get_by_role("button", name="Hold out").press("Enter")
+        page.get_by_text("rows chosen in the plot").first.wait_for(state="attached")
+        assert 'test_lines = ["82-102"]' in (tmp_path / "run.toml").read_text()
+        page.get_by_role("button", name="Exchange input and output").click()
+        page.get_by_text("displacement (mm) → force (N)").wait_for()
+        page.context.close()
+    assert faults == []
+
+
+def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
+    faults: list[str] = []
+    evil = '<img src=x onerror="window.hacked=1">'
+    rows = "".join(f"{k},{abs(k % 20 - 10)},{abs(k % 20 - 10) * 2 + k % 3}\n" for k in range(100))
+    header = f'time (s),"{evil.replace(chr(34), chr(34) * 2)} (N)",</script><b>x (mm)\n'
+    (tmp_path / "<svg onload=hacked=1>.csv").write_text(header + rows)
+    (tmp_path / "noise.csv").write_bytes(bytes(range(256)) * 40)
+    with serving([tmp_path]) as ready:
+        page = opened(browser, ready.address, faults)
+        page.get_by_role("button", name="<svg onload").click()
+        page.get_by_role("cell", name=evil).or_(
+            page.get_by_role("rowheader", name=evil)
+        ).first.wait_for()
+        page.locator(".plot .u-over").first.wait_for()
+        assert page.evaluate("window.hacked") is None
+        assert page.locator("main img").count() == 0
+        page.get_by_role("button", name="noise.csv").click()
+        page.get_by_role("alert").first.wait_for()
+        page.context.close()
+    assert [fault for fault in faults if "422" not in fault] == []

@@ -1,0 +1,236 @@
+"""The studio without a browser: names, configuration, brushing, commands, lines of code."""
+
+import contextlib
+import json
+import shutil
+import time
+import urllib.error
+import urllib.request
+from http.cookiejar import CookieJar
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysid.cli._fit import MODELS
+from hysid.operations import _check, _fit, _init
+from hysid.studio import _configuration, _processes
+from hysid.studio._app import Studio
+from hysid.studio._folder import Folder
+from hysid.studio._processes import Job, Jobs
+from hysid.studio._server import prepared
+from hysteresis import InputError
+from tests.test_hysid.test_studio.served import serving
+
+SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
+COLUMNS = ("--input", "force (N)", "--output", "displacement (mm)", "--time", "time (s)")
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Studio:
+    shutil.copy(SPONGE, tmp_path / "run.csv")
+    return Studio(Folder(tmp_path), MODELS)
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "/etc/passwd", "a/../../x", "", ".", ".hidden", "a\0b", "link"]
+)
+def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link").symlink_to(tmp_path)
+    with pytest.raises(InputError) as caught:
+        Folder(inner).inside(name)
+    assert caught.value.code == "outside-folder"
+
+
+@pytest.mark.parametrize(
+    "name", ["../../up.csv", "C:\\x\\up.csv", "a\nb.csv", "-o.csv", "", "...", 500 * "x"]
+)
+def test_uploads_get_a_free_name_in_the_folder(tmp_path: Path, name: str):
+    folder = Folder(tmp_path)
+    first = folder.new_file(name)
+    first.write_text("1")
+    second = folder.new_file(name)
+    assert first.parent == second.parent == tmp_path
+    assert first != second
+    assert not first.name.startswith(".")
+
+
+def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(studio, tmp_path):
+    look = studio.look("run.csv")
+    config = tmp_path / "run.toml"
+    other = tmp_path / "other.toml"
+    _init.init(tmp_path / "run.csv", other, {})
+    assert config.read_text() == other.read_text()
+    assert look["selection"]["input"] == "force (N)"
+    config.write_text(config.read_text() + "# mine\n[parameters]\nE1 = {start = 2.0}\n")
+    studio.change(
+        "run.csv", {"selection": {"test_cycles": 2, "time": None}, "fit": {"purpose": "constants"}}
+    )
+    text = config.read_text()
+    assert "# mine" in text
+    assert "E1 = {start = 2.0}" in text
+    tables = _configuration.read(config)
+    assert tables["selection"] == {
+        "input": "force (N)",
+        "output": "displacement (mm)",
+        "test_cycles": 2,
+    }
+    assert tables["fit"]["purpose"] == "constants"
+
+
+def test_a_broken_configuration_is_told_and_kept(studio, tmp_path):
+    (tmp_path / "run.toml").write_text("[selection\n")
+    assert studio.look("run.csv")["fault"]["code"] == "bad-config"
+    assert (tmp_path / "run.toml").read_text() == "[selection\n"
+    (tmp_path / "run.toml").write_text(
+        '[selection]\ninput = "nope"\noutput = "displacement (mm)"\n'
+    )
+    assert studio.look("run.csv")["columns"]
+    assert studio.measurement("run.csv").judged()["fault"]["code"] == "no-column"
+
+
+def test_brushing_writes_lines_that_the_command_line_reads(studio, tmp_path):
+    one = studio.measurement("run.csv")
+    one.configured()
+    studio.change("run.csv", {"selection": one.brush("exclude", 60.0, 120.0, None)})
+    studio.change(
+        "run.csv", {"selection": one.brush("hold-out", 400.0, None, [5.0, 30.0, -1.0, 99.0])}
+    )
+    selection = _configuration.selection(one.config)
+    ((train, test),) = selection.records(selection.read(one.file))[0].values()
+    t, u = train.time, train.input
+    left_out, held = (t >= 60) & (t <= 120), (t >= 400) & (u >= 5)
+    np.testing.assert_array_equal(test.mask, held)
+    np.testing.assert_array_equal(train.mask, ~left_out & ~held)
+    assert selection.test_cycles is None
+    shown = one.series()[0].state % 8
+    np.testing.assert_array_equal(shown, np.where(left_out, 1, np.where(held, 2, 0)))
+    studio.change("run.csv", {"selection": one.brush("include", None, None, None)})
+    again = _configuration.selection(one.config)
+    assert (again.exclude_lines, again.test_lines) == ((), ())
+
+
+def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = studio.measurement("run.csv")
+    one.configured()
+    changes = {"fit": {"model": "LinearSponge", "noise": "gaussian"}}
+    studio.change("run.csv", {"selection": {"exclude_lines": ["2-9"]}, **changes})
+    told = studio.look("run.csv")["equivalents"]
+    space: dict = {}
+    exec(told["fit"]["python"], space)
+    selection = _configuration.selection(one.config)
+    document = _fit.fit(one.file, selection, tmp_path / "by-command", **changes["fit"], seed=0)
+    made = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert made["parameters"] == document["parameters"]
+    assert made["metrics"] == document["metrics"]
+    record, cycle = space["record"], space["record"].cycle
+    counted = record.mask & (cycle > 0) & (cycle <= 4)
+    np.testing.assert_array_equal(space["train"].mask, counted)
+    for step in ("compensator", "export"):
+        exec(told[step]["python"], {})
+    assert studio.look("run.csv")["result"]["exports"] == ["run/run.h"]
+    shutil.copytree(tmp_path / "by-command", tmp_path / "run", dirs_exist_ok=True)
+    assert not studio.look("run.csv")["result"]["stale"]
+    studio.change("run.csv", {"selection": {"test_cycles": 2}})
+    assert studio.look("run.csv")["result"]["stale"]
+    curves = studio.fits.curves(tmp_path / "run")
+    slopes = {one["name"]: one["value"] for one in curves["sliders"]}
+    same, moved = (
+        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}) for k in (1.0, 1.5)
+    )
+    assert same["rms"] == pytest.approx(curves["records"][-1]["rms"])
+    assert moved["rms"] > same["rms"]
+
+
+def test_warnings_name_the_lines_that_they_mean(tmp_path):
+    t = np.arange(400) / 10
+    force = 10 * np.abs(np.sin(t))
+    shown = np.minimum(2 * force + 0.3 * np.sin(3 * t), 15.0)
+    rows = zip(t, force, shown, strict=True)
+    text = "time (s),force (N),x (mm)\n" + "".join(f"{a:.2f},{b:.4f},{c:.4f}\n" for a, b, c in rows)
+    (tmp_path / "clipped.csv").write_text(text)
+    one = Studio(Folder(tmp_path), MODELS).measurement("clipped.csv")
+    one.configured()
+    found = {warning["code"]: warning for warning in one.judged()["warnings"]}
+    first, last = map(int, found["saturation"]["lines"][0].split("-"))
+    assert (shown[first - 2 : last - 1] == 15.0).all()
+    assert "saturation" in str(
+        _check.check(one.file, _configuration.selection(one.config))["warnings"]
+    )
+
+
+def test_a_log_tells_how_far_a_run_is():
+    job = Job(1, "fit", "run.csv", ["fit"])
+    job.hear('{"said": "81 rows"}')
+    assert job.left is None
+    job.since = time.monotonic() - 3.0
+    job.hear('{"said": "Burgers", "code": "candidate", "done": 3, "total": 4}')
+    job.hear("no JSON at all")
+    assert job.left == pytest.approx(1.0, rel=0.1)
+    assert job.document["said"] == ["81 rows", "Burgers", "no JSON at all"]
+
+
+def test_a_command_is_cancelled_and_another_one_about_the_file_waits(tmp_path, monkeypatch):
+    monkeypatch.setattr(_processes, "PATIENCE", 0.2)
+    (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")
+    shutil.copy(SPONGE, tmp_path / "run.csv")
+    jobs = Jobs(tmp_path)
+    job = jobs.start("fit", "run.csv", ["fit", "run.csv", *COLUMNS])
+    with pytest.raises(InputError) as caught:
+        jobs.start("fit", "run.csv", ["fit", "run.csv"])
+    assert caught.value.code == "would-overwrite"
+    jobs.cancel(job.number)
+    for _ in range(100):
+        if job.state != "running":
+            break
+        time.sleep(0.1)
+    assert job.state == "cancelled"
+    assert not (tmp_path / "run").exists()
+    assert "code of the folder" not in str(job.document)
+
+
+def test_only_the_page_is_answered(tmp_path):
+    with serving([tmp_path]) as ready:
+        base, _, token = ready.address.partition("/?token=")
+
+        def status(path: str, **headers: str) -> int:
+            body = headers.pop("body", None)
+            request = urllib.request.Request(base + path, body and body.encode(), headers)
+            with contextlib.suppress(urllib.error.HTTPError):
+                return opener.open(request).status
+            try:
+                opener.open(request)
+            except urllib.error.HTTPError as error:
+                return error.code
+            return 0
+
+        opener = urllib.request.build_opener()
+        assert status("/") == status("/api/state") == status("/?token=wrong") == 403
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
+        entered = opener.open(ready.address)
+        assert token not in entered.url
+        assert "script-src 'self'" in entered.headers["content-security-policy"]
+        assert status("/api/state") == 200
+        assert status("/api/state", Host="evil.example") == 403
+        assert status("/api/state", Origin="http://evil.example") == 403
+        assert status("/api/cancel", body='{"number": 1}') == 403
+        assert status("/api/cancel", body='{"number": 1}', **{"X-Hysid": "1"}) == 200
+        assert status("/files/..%2f..%2fetc%2fpasswd") == 422
+        assert status("/static/..%2f_app.py") == 404
+        assert (
+            status("/api/start", body='{"kind": "fit", "name": "no.csv"}', **{"X-Hysid": "1"})
+            == 422
+        )
+        assert status("/api/change", body='{"name": 5}', **{"X-Hysid": "1"}) == 400
+
+
+def test_files_of_several_folders_are_refused(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.csv").write_text("x")
+    with pytest.raises(InputError) as caught:
+        prepared([tmp_path / "a" / "run.csv", tmp_path / "b" / "run.csv"], 0, MODELS)
+    assert caught.value.code == "outside-folder"
