@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from .uncertainty._filtered import FilteredCompensator as FilteredCompensator
     from .uncertainty._flat_intervals import FlatInterval as FlatInterval
     from .uncertainty._flat_intervals import flat_intervals as flat_intervals
+    from .uncertainty._guaranteed import BandedEstimate as BandedEstimate
+    from .uncertainty._guaranteed import GuaranteedCompensator as GuaranteedCompensator
+    from .uncertainty._guaranteed import guaranteed as guaranteed
+    from .uncertainty._guaranteed import runs_needed as runs_needed
 
 _HOME = {
     "_contract": ("AbstractCompensator", "Estimate"),
@@ -54,6 +58,12 @@ _HOME = {
     "uncertainty._calibrated": ("CalibratedCompensator", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),
     "uncertainty._filtered": ("FilteredCompensator",),
+    "uncertainty._guaranteed": (
+        "BandedEstimate",
+        "GuaranteedCompensator",
+        "guaranteed",
+        "runs_needed",
+    ),
     "uncertainty._flat_intervals": ("FlatInterval", "flat_intervals"),
     "recalibration._adaptive": ("AdaptiveCompensator", "Recalibrated"),
     "recalibration._recursion": ("Advice",),

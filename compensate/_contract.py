@@ -1,6 +1,7 @@
 """The contract that every compensator keeps."""
 
 import abc
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 
 import equinox as eqx
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import Units, html_of, plot_of
+from hysteresis import Record, Units, html_of, plot_of
 from hysteresis._quantities import as_units
 from hysteresis._show import one_line, table
 from hysteresis._type_variables import PyTree, State
@@ -59,6 +60,23 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
     @abc.abstractmethod
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
+
+    def calibrated(
+        self, record: Record, guarantee: float = 0.9, runs: str = "auto"
+    ) -> "AbstractCompensator":
+        """This compensator with a band that holds a whole new run; see `guaranteed`.
+
+        **Returns:** a `GuaranteedCompensator`, whose `statement` says what is guaranteed.
+
+        **Raises:** `InputError` `too-few-runs` where the record's runs cannot guarantee it.
+
+        **Example:**
+
+            >>> compensate.invert(fit.model).calibrated(record, 0.75).runs
+            5
+        """
+        # By name, because the band is built on this contract.
+        return import_module("compensate").guaranteed(self, record, guarantee, runs)
 
     def plot(self) -> Any:
         """Estimates while the reading goes up, down and half way up again, as a matplotlib `Figure`.

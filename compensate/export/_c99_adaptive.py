@@ -10,7 +10,7 @@ from ._python_to_c99 import Element
 def cost(home: Element, p: Tree, both: dict[str, int]) -> dict[str, int]:
     """Operations of the functions of the node, at most."""
     look = both["look"] + 30 * p["parts"] + 30
-    looked = operations(home.borrowed("search"), "search", p, {"look": look})
+    looked = operations(home, "nearest", p, {"look": look})
     learnt = operations(home, "learn", p)
     return {
         "look": look,
@@ -31,7 +31,7 @@ def bodies(home: Element, stem: str, k: int, parts: Sequence[str]) -> dict[str, 
             f"{home.prefix}_{adds}({p}, {s}, {i}, {call.replace('_look(', f'_{name}(')})"
             for i, call in enumerate(parts)
         ]
-        return " + ".join([f"{home.prefix}_zero_now({s})", *terms])
+        return f"{home.prefix}_zero_now({s}) + {home.prefix}_raised({p}, {' + '.join(terms)})"
 
     return {
         "inner": [f"    return {total('look', 'one')};"],
@@ -44,7 +44,7 @@ def find(home: Element, stem: str, k: int, done: dict[str, str]) -> list[str]:
     """The body of `find`; the search that it calls is added to `done`."""
     p, s = f"&{stem}_{k}", f"&s->n{k}"
     given = {"look": f"{stem}_{k}_inner", "whole": f"{stem}_state"}
-    search = home.borrowed("search").specialised("search", given, done)
+    search = home.specialised("nearest", given, done)
     return [
         f"    {home.prefix}_began({s}, dt);",
         f"    {home.real} found = {search}({p}, {s}, s, dt, {stem}_{k}.sign * value);",

@@ -8,6 +8,7 @@ from hysteresis._escape import visible
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
 from . import _c99_adaptive
+from ._band import band_in_c
 from ._cost import cost
 from ._header_facts import (
     HEAD,
@@ -51,6 +52,7 @@ class _Header:
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
+        self._half: float = (document.get("band") or {"factor": 0.0})["factor"]
         self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
 
     def text(self) -> str:
@@ -67,6 +69,7 @@ class _Header:
             self._state(),
             *(self._functions(part) for part in self.parts),
             self._step(),
+            band_in_c(self.document, stem, self.real, self._number(self._half, "real")),
             self._learns and _c99_adaptive.called(self._learns, self.root.number, self.document),
             self._self_test(),
             f"#endif /* {upper}_H */\n",

@@ -22,7 +22,9 @@ from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, LONGEST, number
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
+from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
+from ._band import banded
 from ._c99_header import header
 from ._document import write
 from ._element_tree import Tree, error_tree, guard_tree, tree_of
@@ -107,6 +109,8 @@ def export_runtime(
       as of `invert`. The file gives the values and statuses of
       `GuardedCompensator(invert(model), low, high, beyond, run_in, readings=limits)`. None: no guard.
     - `adaptive`: `adaptive(model, record)`, for a compensator that recalibrates itself.
+    - `band`: `guaranteed(...)` of this compensator, for the band beside every estimate. Its shape is
+      constant, or the deviation of the same `error`.
     - `origin`: the verdict on the fit, the date and the checksum of its data, for the file's readers.
     - `time_unit`: of `times`; targets that have a clock convert its seconds.
 
@@ -169,6 +173,7 @@ class Program:
         origin: Origin | None = None,
         time_unit: str = "s",
         adaptive: AdaptiveCompensator | None = None,
+        band: GuaranteedCompensator | None = None,
     ):
         require_double()
         if model.units is not None:
@@ -229,6 +234,7 @@ class Program:
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
+            "band": band and banded(band, error),
             "golden": {
                 "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),
                 **({} if known is None else {"condition": c[:n].tolist()}),

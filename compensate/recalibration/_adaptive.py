@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._type_variables import PyTree
 
-from .._contract import AbstractCompensator, Estimate
-from ..inverses._bisection import BracketedState, bracketed
+from .._contract import AbstractCompensator, Estimate, Status
+from ..inverses._bisection import ROUNDING, BracketedState, bracketed
 from . import _recursion
 from ._recursion import Recursion, Settings
 
@@ -65,6 +65,10 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
     once in exp(`threshold`) independent references, or less often. An alarm opens the covariance, and the
     next references are learnt fast.
 
+    What is learnt is used from an alarm on until it has settled. Before and after the weights stay, so that
+    a sensor that has not changed is not made worse by what references happen to say. Where a drift of the
+    zero is expected, all is used at once.
+
     `adaptive` makes one from a model and a record.
 
     **Example:**
@@ -81,6 +85,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
     sign: float = eqx.field(static=True)
     low: float = eqx.field(static=True)
     high: float = eqx.field(static=True)
+    floored: bool = eqx.field(static=True)
     settings: Settings
 
     def init(self) -> AdaptiveState:
@@ -107,13 +112,23 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
 
         def run(own: tuple[PyTree, ...], u: Array) -> tuple[tuple[PyTree, ...], Array]:
             after, each = outputs(own, u)
-            return after, s.zero + s.theta[2:] @ each
+            total = s.used[2:] @ each
+            return after, s.zero + (jnp.maximum(total, 0.0) if self.floored else total)
 
+        # A reading beyond those the parts can have is taken for the nearest of them: on a floor the last
+        # estimate is then held, and not the end of the range.
+        reading = self.sign * y
+        ends = [run(state.parts, jnp.asarray(end, float))[1] for end in (self.low, self.high)]
+        margin = ROUNDING * jnp.finfo(y.dtype).eps * jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
+        beyond = (reading + margin < ends[0]) | (reading - margin > ends[1])
         before = BracketedState(state.parts, state.value)
-        after, found = bracketed(run, before, self.sign * y, self.low, self.high)
+        after, found = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high)
+        found = found._replace(status=jnp.where(beyond, Status.SATURATED, found.status))
         valid = jnp.isfinite(y)
         known = valid & jnp.isfinite(reference)
         at_reference, each = outputs(state.parts, jnp.where(known, reference, found.value))
+        if self.floored:  # there the reading says nothing of the parts
+            each = jnp.where(s.used[2:] @ each > 0, each, 0.0)
         new = _recursion.learnt(self.settings, s, self.sign * y, each, found.value - reference)
 
         def chosen(yes: PyTree, no: PyTree) -> PyTree:

@@ -18,6 +18,7 @@ from hysteresis import (
     Series,
     Sum,
 )
+from hysteresis.curves import Clip
 from hysteresis.preisach import AbstractGridDensity
 
 from ..inverses import inverse_of
@@ -35,10 +36,11 @@ class Part(NamedTuple):
 
 
 class Split(NamedTuple):
-    """sign y = constant + sum of nominal_k part_k."""
+    """sign y = constant + sum of nominal_k part_k, but not below the `floor`, where there is one."""
 
     sign: float
     parts: tuple[Part, ...]
+    floor: float | None = None
 
 
 def split(model: AbstractModel) -> Split:
@@ -63,18 +65,23 @@ def _split(model: AbstractModel) -> Split:
 
 @_split.register
 def _(model: Scaled) -> Split:
-    sign, parts = _split(model.inner)
+    sign, parts, floor = _split(model.inner)
     factor = float(model.factor)
+    floor = None if floor is None else abs(factor) * floor
     scaled = tuple(part._replace(model=Scaled(part.model, abs(factor))) for part in parts)
-    return Split(sign * float(np.sign(factor)), scaled)
+    return Split(sign * float(np.sign(factor)), scaled, floor)
 
 
 @_split.register
 def _(model: Series) -> Split:
-    """Stages before the last one are in front of each of its parts."""
+    """Stages before the last one are in front of each of its parts; a clip at the end is a floor."""
     *before, last = model.parts
-    sign, parts = _split(last)
-    return Split(sign, tuple(p._replace(model=Series(*before, p.model)) for p in parts))
+    if isinstance(last, Clip) and before and np.isneginf(-float(last.high)):
+        found = _split(Series(*before) if len(before) > 1 else before[0])
+        whole = found.sign < 0 or found.floor is not None
+        return Split(1.0, (Part(model),)) if whole else found._replace(floor=float(last.low))
+    sign, parts, floor = _split(last)
+    return Split(sign, tuple(p._replace(model=Series(*before, p.model)) for p in parts), floor)
 
 
 @_split.register
@@ -88,8 +95,8 @@ def _(model: Sum) -> Split:
             inverse_of(one)
         except InputError:
             return Split(1.0, (Part(model),))  # a summand that falls is held by the others
-        sign, inner = _split(one)
-        parts += inner if sign > 0 else [Part(one)]
+        sign, inner, floor = _split(one)
+        parts += inner if sign > 0 and floor is None else [Part(one)]
     return Split(1.0, tuple(parts))
 
 

@@ -34,7 +34,8 @@ class Advice(IntEnum):
 class Recursion(NamedTuple):
     """What has been learnt.
 
-    - `theta`: zero, drift (per time) and weights; `covariance`: of them, at the last reference.
+    - `used`: zero, drift (per time) and weights behind the estimates; `theta`: the same as learnt;
+      `covariance`: of them, at the last reference.
     - `elapsed`, `idle`: time and samples since the last reference.
     - `evidence`: of a change since; `excess`, `possible`: the errors that make it, squared, and what a
       change of all unknowns by `spread` would make. `settled`: independent references after the last one;
@@ -42,6 +43,7 @@ class Recursion(NamedTuple):
     - `loss`: mean square of the errors of the last estimates at references.
     """
 
+    used: Float[Array, " unknowns"]
     theta: Float[Array, " unknowns"]
     covariance: Float[Array, "unknowns unknowns"]
     elapsed: Float[Array, ""]
@@ -56,7 +58,7 @@ class Recursion(NamedTuple):
     @property
     def zero(self) -> Float[Array, ""]:
         """The zero by now."""
-        return self.theta[0] + self.theta[1] * self.elapsed
+        return self.used[0] + self.used[1] * self.elapsed
 
 
 class Settings(eqx.Module):
@@ -75,12 +77,24 @@ class Settings(eqx.Module):
     settling: Float[Array, ""]
     threshold: Float[Array, ""]
     error: Float[Array, ""]
+    follows: Float[Array, ""]
 
     def begin(self) -> Recursion:
         """As fitted."""
         none = jnp.zeros_like(self.zero)
         theta = jnp.concatenate([jnp.stack([self.zero, none]), self.nominal])
-        of_start = (theta, jnp.diag(self.start), none, none, none, none, none, none, self.error**2)
+        of_start = (
+            theta,
+            theta,
+            jnp.diag(self.start),
+            none,
+            none,
+            none,
+            none,
+            none,
+            none,
+            self.error**2,
+        )
         return Recursion(*of_start, jnp.asarray(0))
 
 
@@ -88,15 +102,15 @@ def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Re
     """After one reference: `output` of the parts at it, the reading y, and how far the estimate was off."""
     weight = jnp.minimum(s.idle / p.correlation, 1.0)
     move = jnp.eye(len(s.theta)).at[0, 1].set(s.elapsed)
-    theta, covariance = move @ s.theta, move @ s.covariance @ move.T
+    used, theta, covariance = move @ s.used, move @ s.theta, move @ s.covariance @ move.T
     h = jnp.concatenate([jnp.array([1.0, 0.0]), output])
-    missed = y - h @ theta
+    missed, wrong = y - h @ theta, y - h @ used
     part = jnp.minimum(weight / p.settling, 1.0)
     loss = s.loss + part * (off**2 - s.loss)
 
-    square = jnp.minimum(missed**2 / (p.noise + h @ covariance @ h), MOST)
+    square = jnp.minimum(wrong**2 / (p.noise + h @ covariance @ h), MOST)
     evidence = jnp.maximum(s.evidence + weight * (TWICE * square - jnp.log(2.0)), 0.0)
-    excess = jnp.where(evidence > 0, s.excess + weight * missed**2, 0.0)
+    excess = jnp.where(evidence > 0, s.excess + weight * wrong**2, 0.0)
     possible = jnp.where(evidence > 0, s.possible + weight * (p.spread @ h**2), 0.0)
     changed = evidence > p.threshold
     size = jnp.minimum(excess / possible, 1.0)
@@ -112,13 +126,15 @@ def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Re
     informed = seen > 0
     theta = theta + jnp.where(informed, along * missed / (total * (1 + seen)), 0.0)
     covariance = covariance - jnp.where(informed, less * jnp.outer(along, along), 0.0)
+    theta = bounded(p.least, theta, covariance)
+    settled, changes = jnp.where(changed, 0.0, s.settled + weight), s.changes + new.astype(int)
+    learning = (p.follows > 0) | ((changes > 0) & (settled < p.settling))
     return Recursion(
-        theta=bounded(p.least, theta, covariance), covariance=covariance,
+        used=jnp.where(learning, theta, used), theta=theta, covariance=covariance,
         elapsed=jnp.zeros_like(s.elapsed), idle=jnp.zeros_like(s.idle),
         evidence=jnp.where(changed, 0.0, evidence), excess=jnp.where(changed, 0.0, excess),
         possible=jnp.where(changed, 0.0, possible),
-        settled=jnp.where(changed, 0.0, s.settled + weight), loss=loss,
-        changes=s.changes + new.astype(int),
+        settled=settled, loss=loss, changes=changes,
     )  # fmt: skip
 
 
@@ -143,14 +159,14 @@ def bounded(least: Array, theta: Array, covariance: Array) -> Array:
 
 def gain(p: Settings, s: Recursion) -> Array:
     """The rise of the output, over that of the fit."""
-    return s.theta[2:] @ p.rises / (p.nominal @ p.rises)
+    return s.used[2:] @ p.rises / (p.nominal @ p.rises)
 
 
 def loop(p: Settings, s: Recursion) -> Array:
     """The width of the loop over the rise, over that of the fit; 1 where the fit has no loop."""
     fitted = p.nominal @ p.widths
     there = fitted > 0
-    now = s.theta[2:] @ p.widths / jnp.where(there, fitted, 1.0) / gain(p, s)
+    now = s.used[2:] @ p.widths / jnp.where(there, fitted, 1.0) / gain(p, s)
     return jnp.where(there, now, 1.0)
 
 

@@ -88,11 +88,10 @@ def adaptive(
     outputs = np.array(
         [p.model.simulate(record.time, record.input, starts=starts) for p in found.parts], float
     )
-    outputs, centres = _centred(outputs, used)
     nominal = np.array([p.nominal for p in found.parts])
     y = found.sign * record.output
     whole = found.sign * np.asarray(model.simulate(record.time, record.input, starts=starts), float)
-    zero = float(np.mean((whole - nominal @ outputs)[used]))
+    outputs, centres, zero = _centred(outputs, whole, nominal, found.floor, used)
     residual = np.where(used, y - whole, np.nan)
     span = float(np.ptp(y[used])) or 1.0
     noise = max(float(np.nanmean(residual**2)), (PRECISE * span) ** 2)
@@ -116,17 +115,33 @@ def adaptive(
         *(jnp.asarray(x, float) for x in (
             zero, nominal, np.where(free, LEAST * nominal, nominal), rises, widths, start, spread, noise,
             correlation, max(MEMORY * cycle, 2.0), max(cycle, 1.0), -math.log(false_alarms),
-            _error(model, record, used),
+            _error(model, record, used), drift > 0,
         ))
     )  # fmt: skip
     models = tuple(p.model for p in found.parts)
-    return AdaptiveCompensator(models, jnp.asarray(centres), found.sign, low, high, settings)
+    floored = found.floor is not None
+    return AdaptiveCompensator(
+        models, jnp.asarray(centres), found.sign, low, high, floored, settings
+    )
 
 
-def _centred(outputs: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs of the parts from their least one on, so that a weight changes a rise and not the zero."""
+def _centred(
+    outputs: np.ndarray,
+    whole: np.ndarray,
+    nominal: np.ndarray,
+    floor: float | None,
+    used: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Outputs of the parts from their least one on, so that a weight changes a rise and not the zero; where
+    there is a floor, from it on, so that it stays where the parts add up to 0. And the zero."""
     centres = outputs[:, used].min(1)
-    return outputs - centres[:, None], centres
+    above = used if floor is None else used & (whole > floor)
+    constant = float(np.mean((whole - nominal @ outputs)[above])) if above.any() else 0.0
+    if floor is None:
+        return outputs - centres[:, None], centres, constant + float(nominal @ centres)
+    largest = int(np.argmax(nominal * np.ptp(outputs[:, used], axis=1)))
+    centres[largest] += (floor - constant - nominal @ centres) / nominal[largest]
+    return outputs - centres[:, None], centres, floor
 
 
 def _rises(outputs: np.ndarray, used: np.ndarray) -> np.ndarray:

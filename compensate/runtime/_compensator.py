@@ -35,6 +35,7 @@ class Compensator:
       {"name", "unit", "low", "high"}; None where the model depends on none.
     - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
       "nan" or "free", what becomes of estimates beyond. Their status is EXTRAPOLATED.
+    - `band`: of the last estimate; it holds whole runs with a guaranteed probability.
     - `advice` and `lost`: of a compensator that recalibrates itself.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
       of the data, ISO 8601; None where they are not known.
@@ -56,6 +57,7 @@ class Compensator:
         self.rates: bool = document["rates"]
         self.longest: float = document.get("longest") or LONGEST
         self._tree, self._start = document["tree"], document["start"]
+        self._band: Tree | None = document.get("band")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
@@ -153,6 +155,14 @@ class Compensator:
     def lost(self) -> float:
         """The rms error that estimates have beyond that of the fit; 0 where it does not learn."""
         return 0.0 if self._learner is None else self._learner[0].lost(*self._learner[1:])
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The ends of the guaranteed band of the last estimate; None where the file has none."""
+        if self._band is None:
+            return None
+        half = self._band["factor"] * (self._deviation if self._band["by_deviation"] else 1.0)
+        return self._value - half, self._value + half
 
     def state(self) -> Tree:
         """All that changes, as plain data for JSON: `restore` goes on from there.

@@ -180,20 +180,20 @@ def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
     numbered = list(enumerate(parts))
 
     def look(whole: Any, dt: float, u: float) -> float:
-        total = element.zero_now(s)
+        total = 0.0
         for k, part in numbered:
             total += element.one(p, s, k, part.look(dt, u))
-        return total
+        return element.zero_now(s) + element.raised(p, total)
 
     def move(dt: float, u: float) -> float:
-        total = element.zero_now(s)
+        total = 0.0
         for k, part in numbered:
             total += element.kept(p, s, k, part.move(dt, u))
-        return total
+        return element.zero_now(s) + element.raised(p, total)
 
     def find(dt: float, y: float) -> float:
         element.began(s, dt)
-        u = element.search(look, p, s, None, dt, p.sign * y)
+        u = element.nearest(look, p, s, None, dt, p.sign * y)
         move(dt, element.driving(s, u))
         if s.known:
             element.learn(p, s, y)

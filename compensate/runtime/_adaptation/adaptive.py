@@ -1,11 +1,13 @@
 """A sum of parts whose zero and weights are learnt, while it runs, from inputs that are known at times.
 
-sign y = zero + drift t + sum of weight_k part_k + noise
+sign y = zero + drift t + sum of weight_k part_k + noise, where it is `floored` the sum not below 0
 """
 
+from collections.abc import Callable
 from math import log, sqrt
+from typing import Any
 
-from .._elements._codes import Reals
+from .._elements._codes import SATURATED, Reals
 from .._elements.sum import search as search
 
 
@@ -15,6 +17,7 @@ class Parameters:
 
     - `zero`: as fitted. `noise`: variance of the fit's residuals. `correlation`: samples until they are
       independent; references count as many as that once.
+    - `follows`: whether all that is learnt is used at once, and not only after a change.
     - `memory`: references of which half an e-th is kept. `settling`: references after which a change is
       learnt. `threshold`: of the sum of log-likelihood ratios, above which something has changed.
     - `spread`: variances of zero, drift and weights after a change, at most. `error`: rms error of
@@ -28,6 +31,8 @@ class Parameters:
     finest: float
     parts: int
     sign: float
+    floored: int
+    follows: int
     zero: float
     centres: Reals
     nominal: Reals
@@ -44,11 +49,11 @@ class Parameters:
 
 
 class State:
-    """`reference`: the input, where it is `known`. `theta`: zero, drift, weights; `covariance`: of
-    them, row by row. `elapsed`, `idle`: time and samples since the last reference. `evidence`: of a change
-    since; `excess`, `possible`: squared errors behind it, and what a change by `spread` makes. `settled`:
-    references since the last change. `loss`: mean square of the last errors. `changes`: counted. `output`,
-    `along`, `work`: of the calculation.
+    """`reference`: the input, where it is `known`. `used`: zero, drift and weights behind the estimates;
+    `theta`: as learnt; `covariance`: of them, row by row. `elapsed`, `idle`: time and samples since the
+    last reference. `evidence`: of a change since; `excess`, `possible`: squared errors behind it, and what
+    a change by `spread` makes. `settled`: references since the last change. `loss`: mean square of the last
+    errors. `changes`: counted. `output`, `along`, `work`: of the calculation.
     """
 
     status: int
@@ -57,6 +62,7 @@ class State:
     known: int
     elapsed: float
     idle: float
+    used: Reals
     theta: Reals
     covariance: Reals
     evidence: float
@@ -72,13 +78,40 @@ class State:
 
 def one(p: Parameters, s: State, k: int, output: float) -> float:
     """What a part adds to the output."""
-    return s.theta[k + 2] * (output - p.centres[k])
+    return s.used[k + 2] * (output - p.centres[k])
 
 
 def kept(p: Parameters, s: State, k: int, output: float) -> float:
     """The same, where the memories move; its output is kept for `learn`."""
     s.output[k + 2] = output - p.centres[k]
     return one(p, s, k, output)
+
+
+def raised(p: Parameters, total: float) -> float:
+    """What the parts add up to, on the floor or above."""
+    return 0.0 if p.floored and total < 0.0 else total
+
+
+def nearest(
+    look: Callable[[Any, float, float], float],
+    p: Parameters, s: State, whole: Any, dt: float, y: float,
+) -> float:  # fmt: skip
+    """The input behind y. A reading beyond those that can be is taken for the nearest of them."""
+    least = look(whole, dt, p.low)
+    most = look(whole, dt, p.high)
+    largest = -least if -least > most else most
+    if least > largest:
+        largest = least
+    if -most > largest:
+        largest = -most
+    margin = p.rounding * largest
+    wanted = y if y > least else least
+    if wanted > most:
+        wanted = most
+    u = search(look, p, s, whole, dt, wanted)  # type: ignore[arg-type]
+    if y + margin < least or y - margin > most:
+        s.status = SATURATED
+    return u
 
 
 def driving(s: State, u: float) -> float:
@@ -88,7 +121,7 @@ def driving(s: State, u: float) -> float:
 
 def zero_now(s: State) -> float:
     """The zero, which drifts."""
-    return s.theta[0] + s.theta[1] * s.elapsed
+    return s.used[0] + s.used[1] * s.elapsed
 
 
 def began(s: State, dt: float) -> None:
@@ -101,7 +134,8 @@ def drifted(p: Parameters, s: State) -> None:
     """Zero and covariance from the last reference to now."""
     t = s.elapsed
     n = p.parts + 2
-    s.theta[0] = zero_now(s)
+    s.used[0] = zero_now(s)
+    s.theta[0] = s.theta[0] + s.theta[1] * t
     for j in range(p.parts + 2):
         s.covariance[j] = s.covariance[j] + t * s.covariance[n + j]
     for i in range(p.parts + 2):
@@ -147,15 +181,25 @@ def learn(p: Parameters, s: State, y: float) -> None:
         weight = 1.0
     s.idle = 0.0
     drifted(p, s)
+    if p.floored:
+        # There the reading says nothing of the parts.
+        total = 0.0
+        for k in range(p.parts):
+            total = total + s.used[k + 2] * s.output[k + 2]
+        if total <= 0.0:
+            for k in range(p.parts):
+                s.output[k + 2] = 0.0
     missed = p.sign * y - s.theta[0]
+    off = p.sign * y - s.used[0]
     for k in range(p.parts):
         missed = missed - s.theta[k + 2] * s.output[k + 2]
+        off = off - s.used[k + 2] * s.output[k + 2]
     s.output[0] = 1.0
     s.output[1] = 0.0
 
-    off = s.value - s.reference
+    error = s.value - s.reference
     part = weight / p.settling
-    s.loss = s.loss + (part if part < 1.0 else 1.0) * (off * off - s.loss)
+    s.loss = s.loss + (part if part < 1.0 else 1.0) * (error * error - s.loss)
 
     # The sum of log-likelihood ratios of twice the deviation, from 0 on: Page's test. With the threshold
     # log N it alarms by chance once in N references, or less often.
@@ -163,12 +207,12 @@ def learn(p: Parameters, s: State, y: float) -> None:
     for i in range(p.parts + 2):
         for j in range(p.parts + 2):
             variance = variance + s.output[i] * s.covariance[i * n + j] * s.output[j]
-    square = missed * missed / variance
+    square = off * off / variance
     # One reference that is wrong is no change.
     if square > 25.0:
         square = 25.0
     s.evidence = s.evidence + weight * (0.375 * square - log(2.0))
-    s.excess = s.excess + weight * missed * missed
+    s.excess = s.excess + weight * off * off
     for i in range(p.parts + 2):
         s.possible = s.possible + weight * p.spread[i] * s.output[i] * s.output[i]
     if not s.evidence > 0.0:
@@ -210,6 +254,9 @@ def learn(p: Parameters, s: State, y: float) -> None:
             for j in range(p.parts + 2):
                 s.covariance[i * n + j] = s.covariance[i * n + j] - less * s.along[i] * s.along[j]
     bounded(p, s)
+    if p.follows or (s.changes > 0 and s.settled < p.settling):
+        for i in range(p.parts + 2):
+            s.used[i] = s.theta[i]
 
 
 def gain(p: Parameters, s: State) -> float:
@@ -217,7 +264,7 @@ def gain(p: Parameters, s: State) -> float:
     now = 0.0
     fitted = 0.0
     for k in range(p.parts):
-        now = now + s.theta[k + 2] * p.rises[k]
+        now = now + s.used[k + 2] * p.rises[k]
         fitted = fitted + p.nominal[k] * p.rises[k]
     return now / fitted
 
@@ -227,7 +274,7 @@ def loop(p: Parameters, s: State) -> float:
     now = 0.0
     fitted = 0.0
     for k in range(p.parts):
-        now = now + s.theta[k + 2] * p.widths[k]
+        now = now + s.used[k + 2] * p.widths[k]
         fitted = fitted + p.nominal[k] * p.widths[k]
     return now / fitted / gain(p, s) if fitted > 0.0 else 1.0
 

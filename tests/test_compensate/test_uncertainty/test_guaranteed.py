@@ -1,0 +1,136 @@
+"""Bands that hold whole runs: the finite-sample law, the statement, and the exported band."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compensate import (
+    GuaranteedCompensator,
+    calibrated,
+    estimate,
+    export_c,
+    export_runtime,
+    guaranteed,
+    invert,
+    runs_needed,
+)
+from compensate.runtime import load
+from compensate.runtime._compensator import Compensator
+from compensate.uncertainty._guaranteed import rank, run_scores, tracked
+from hysteresis import InputError, MonotoneCurve, Record
+
+MODEL = MonotoneCurve(np.array([0.0, 10.0]), np.array([20.0]))
+
+
+def runs(count: int, seed: int, spread: float = 0.2) -> Record:
+    """Runs of a line whose slope and noise differ from run to run."""
+    random = np.random.default_rng(seed)
+    u = np.tile(np.append(np.linspace(0, 5, 8), np.linspace(4, 1, 4)), (count, 1))
+    slope = 2.0 + spread * random.normal(size=(count, 1))
+    y = slope * u + 0.05 * random.normal(size=u.shape)
+    return Record.from_arrays(u.ravel(), y.ravel(), groups=np.repeat(np.arange(count), u.shape[1]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 200), st.floats(0.01, 0.99))
+def test_the_rank_is_there_from_the_runs_needed_on(n: int, p: float):
+    """k = ceil((n + 1) p) is at most n where, and only where, n runs are enough; then k / (n + 1) >= p."""
+    assert (rank(n, p) <= n) == (n >= runs_needed(p))
+    assert rank(n, p) / (n + 1) >= p - 1e-9
+
+
+def test_coverage_of_new_runs_is_that_of_the_statement():
+    """Over 4,000 calibrations by 19 runs each: 90 %, within four standard errors; heavy tails."""
+    scores = np.abs(np.random.default_rng(0).standard_t(2, size=(4000, 20)))
+    held = scores[:, -1] <= np.sort(scores[:, :19])[:, rank(19, 0.9) - 1]
+    assert abs(held.mean() - 0.9) < 4 * np.sqrt(0.09 / 4000)
+
+
+def test_a_run_is_held_where_all_its_rows_are():
+    record = runs(30, 1)
+    band = invert(MODEL).calibrated(record, 0.9)
+    assert isinstance(band, GuaranteedCompensator)
+    found = estimate(band, record)
+    inside = (np.asarray(found.low) <= record.input) & (record.input <= np.asarray(found.high))
+    whole = [inside[rows].all() for _, rows in record.sequences()]
+    assert sum(whole) == rank(30, 0.9)
+    assert "exchangeable with the 30 runs" in band.statement
+    assert np.isnan(np.asarray(found.deviation)).all()
+
+
+def test_too_few_runs_cannot_guarantee():
+    with pytest.raises(InputError) as error:
+        guaranteed(invert(MODEL), runs(8, 0), 0.9)
+    assert error.value.code == "too-few-runs"
+    assert guaranteed(invert(MODEL), runs(9, 0), 0.9).runs == 9
+    for guarantee, kind in ((1.0, "auto"), (0.5, "row")):
+        with pytest.raises(InputError) as error:
+            guaranteed(invert(MODEL), runs(9, 0), guarantee, kind)
+        assert error.value.code == "bad-option"
+
+
+def test_cycles_are_runs_of_one_sequence():
+    record = runs(12, 0)
+    one = Record.from_arrays(record.input, record.output)
+    assert guaranteed(invert(MODEL), one, 0.9).runs == one.n_cycles
+    with pytest.raises(InputError):
+        guaranteed(invert(MODEL), one, 0.9, runs="sequence")
+
+
+def test_rows_outside_the_mask_do_not_count():
+    record = runs(12, 0)
+    mask = np.ones(len(record), bool)
+    mask[:12] = False
+    assert len(run_scores(invert(MODEL), replace(record, mask=mask))) == 11
+
+
+def test_a_followed_band_keeps_its_share_as_the_sensor_drifts():
+    """Errors grow tenfold over 1,000 runs: one in ten leaves the followed band, most leave the other.
+
+    The bound is that of the docstring: largest score over the step, plus 1, over the runs."""
+    random = np.random.default_rng(0)
+    scores = np.linspace(1, 10, 1000) * random.uniform(0, 1, 1000)
+    factors = tracked(0.9, scores, 0.9, 0.18)
+    missed = (scores > factors[:-1]).mean()
+    assert abs(missed - 0.1) <= (scores.max() / 0.18 + 1) / 1000
+    assert abs(missed - 0.1) < 0.05
+    assert (scores > 0.9).mean() > 0.5
+
+
+def test_a_band_follows_runs_that_become_known():
+    band, later = guaranteed(invert(MODEL), runs(12, 0), 0.9), runs(12, 1, 1.0)
+    after = band.follow(later)
+    wanted = tracked(float(band.factor), run_scores(invert(MODEL), later), 0.9, float(band.gain))[
+        -1
+    ]
+    assert float(after.factor) == wanted
+    assert after.followed == 12
+    assert "long run" in after.statement
+
+
+@pytest.mark.parametrize("shaped", [False, True])
+def test_files_give_the_band(shaped: bool, tmp_path: Path):
+    """Python and C give the ends that JAX gives, of constant width and by the deviation."""
+    record, later = runs(30, 1), runs(20, 2)
+    inner = invert(MODEL)
+    error = calibrated(inner, later)
+    band = guaranteed(error if shaped else inner, record, 0.9)
+    y = record.output[:12]
+    wanted = band.simulate(None, y)
+    options = {"error": error, "band": band}
+    sensor = load(export_runtime(MODEL, tmp_path / "it.json", y, **options).path)
+    assert isinstance(sensor, Compensator)
+    assert sensor.band is not None
+    for k, reading in enumerate(y.tolist()):
+        sensor.step(reading)
+        np.testing.assert_allclose(sensor.band, (wanted.low[k], wanted.high[k]), atol=1e-9)
+    text = export_c(MODEL, tmp_path / "it.h", y, **options).path.read_text("utf-8")
+    assert "it_band(const it_state *s, it_real *low, it_real *high)" in text
+    if shaped:
+        with pytest.raises(InputError) as refused:
+            export_runtime(MODEL, tmp_path / "no.json", y, band=band)
+        assert refused.value.code == "not-exportable"
