@@ -15,7 +15,9 @@ ON_AVR = """\
 
 #include "{stem}.h"
 
-static const {stem}_real readings[{n}] PROGMEM = {{{readings}}};
+typedef {real} real;
+
+static const real readings[{n}] PROGMEM = {{{readings}}};
 static {stem}_state state;
 static volatile uint16_t over;
 
@@ -47,11 +49,11 @@ int main(void)
     sei();
     {stem}_reset(&state);
     for (int k = 0; k < {n}; ++k) {{
-        {stem}_real reading, estimate, deviation;
+        real reading, estimate;
         memcpy_P(&reading, &readings[k], sizeof reading);
         over = 0;
         TCNT1 = 0;
-        int status = {stem}_step(&state, {dt}reading, &estimate, &deviation);
+        int status = {stem}_step(&state, {dt}reading, &estimate{deviation});
         uint16_t ticks = TCNT1;
         uint32_t cycles = ((uint32_t)over << 16) + ticks;
         uint32_t bits;
@@ -84,12 +86,17 @@ class OnBoard(NamedTuple):
 
 
 def on_avr(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoard:
-    """An ATmega328 at 16 MHz: what it gives for some readings, floats or words of Q16.16."""
+    """An ATmega328 at 16 MHz: what it gives for some readings, floats or integers of fixed point."""
     stem = header.stem
     words = ", ".join(f"{y!r}" for y in readings.tolist())
     source = header.with_name(f"{stem}_avr.c")
-    step = "" if dt is None else f"({stem}_real){dt!r}, "
-    source.write_text(ON_AVR.format(stem=stem, n=len(readings), readings=words, dt=step))
+    fixed = readings.dtype.kind == "i"
+    source.write_text(
+        ON_AVR.format(
+            stem=stem, n=len(readings), readings=words, real="int32_t" if fixed else f"{stem}_real",
+            dt="" if dt is None else f"({stem}_real){dt!r}, ", deviation="" if fixed else ", 0",
+        )
+    )  # fmt: skip
     program = source.with_suffix(".elf")
     command = ["avr-gcc", "-mmcu=atmega328p", "-O2", "-std=gnu99", "-Wall", "-Werror", str(source)]
     subprocess.run([*command, "-o", str(program), "-lm"], check=True)

@@ -26,6 +26,12 @@ def export(
     single: Annotated[
         bool, typer.Option("--float", help="Use float instead of double in C.")
     ] = False,
+    fixed: Annotated[
+        bool,
+        typer.Option(
+            "--fixed", help="Use integers (fixed point): Preisach grids with --to arduino."
+        ),
+    ] = False,
     depth: Annotated[
         int, typer.Option(min=3, help="Number of reversals that a Preisach model stores.")
     ] = 64,
@@ -65,12 +71,14 @@ def export(
         raise typer.BadParameter(
             "nothing to write; give --c FILE.h, --runtime FILE.json or --to TARGET OUT"
         )
+    if fixed and single:
+        raise typer.BadParameter("give --float or --fixed, not both")
     start_jax()
     from ..operations import _export  # after JAX is set up
 
+    real = "fixed" if fixed else "float" if single else None
     found = _export.export(
-        folder, targets, real="float" if single else None, limits=limits, depth=depth, beyond=beyond,
-        start=start, date=date,
+        folder, targets, real=real, limits=limits, depth=depth, beyond=beyond, start=start, date=date,
     )  # fmt: skip
     for line in warnings(found["notes"]):
         log(line)

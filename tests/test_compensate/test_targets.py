@@ -1,9 +1,12 @@
 """Targets of `hysid export --to`: what each is made for runs it, and the estimates are those of the C99."""
 
+import ctypes
 import json
+import re
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,21 +14,24 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compensate import export_to
+from compensate import Status, export_to
 from compensate.runtime import load
 from hysteresis import InputError
 from tests.boards import on_avr
+from tests.c_harness import STRICT
 from tests.judges import JUDGES
-from tests.targets import MAKERS, ORIGIN, case, with_gaps
+from tests.problems import random_histories
+from tests.targets import MAKERS, ORIGIN, case, grid, with_gaps
 
 ROOT = Path(__file__).parents[2]
-every = pytest.mark.parametrize("name", MAKERS)
 
 
-@every
+@pytest.mark.parametrize(
+    ("name", "real"), [("relays", "fixed"), *((name, "float") for name in MAKERS)]
+)
 @JUDGES["g++"].needed
-def test_the_example_compiles(name: str, tmp_path: Path):
-    out = case(name).write("arduino", tmp_path / "sensor")
+def test_the_example_compiles(name: str, real: str, tmp_path: Path):
+    out = case(name).write("arduino", tmp_path / "sensor", real)
     example = out / "examples" / "Compensate" / "Compensate.ino"
     stub = ROOT / "tests" / "stubs"
     command = ["g++", "-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
@@ -87,6 +93,84 @@ def test_an_atmega328_gives_the_estimates_of_float(tmp_path: Path):
 
 def fmu(name: str, target: str, folder: Path) -> Path:
     return case(name).write(target, folder / "sensor.fmu")
+
+
+def integers(
+    header: Path, readings: np.ndarray
+) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """Readings as a header in fixed point takes them, and its estimates as numbers."""
+    facts = dict(re.findall(r"#define SENSOR_(\w+) (\S+)$", header.read_text(), re.MULTILINE))
+    zero, step, first, size = (
+        float(facts[f"{role}_{what}"])
+        for role in ("READING", "ESTIMATE")
+        for what in ("ZERO", "STEP")
+    )
+    return np.round((readings - zero) / step).astype(np.int32), lambda found: first + found * size
+
+
+FIXED = """
+#include "sensor.h"
+int run(long n, const int *y, int *u, int *status);
+int run(long n, const int *y, int *u, int *status)
+{
+    sensor_state s;
+    sensor_reset(&s);
+    for (long k = 0; k < n; ++k) {
+        status[k] = sensor_step(&s, y[k], &u[k]);
+    }
+    return sensor_self_test(&s);
+}
+"""
+
+
+def run_fixed(header: Path, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Estimates as integers, and statuses; the self test counts none."""
+    source = header.with_name("run.c")
+    source.write_text(FIXED)
+    command = ["gcc", *STRICT, "-O2", "-shared", "-fPIC", str(source), "-o", f"{source}.so"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    u, status = np.empty_like(y), np.empty_like(y)
+    given = [a.ctypes.data_as(ctypes.c_void_p) for a in (y, u, status)]
+    assert ctypes.CDLL(f"{source}.so").run(ctypes.c_long(len(y)), *given) == 0
+    return u, status
+
+
+@JUDGES["gcc"].needed
+def test_fixed_point_is_the_header_to_2e_4_of_the_range(tmp_path: Path):
+    """Statuses of the guard too. Where a reading is beyond all outputs, the end is held."""
+    one = case("relays")
+    header = one.write("arduino", tmp_path / "sensor", "fixed") / "src" / "sensor.h"
+    y = np.concatenate([one.y, [one.y.min() - 0.3, one.y.max() + 0.3, one.y.mean()]])
+    given, number = integers(header, y)
+    found, status = run_fixed(header, given)
+    value, wanted = one.reference(tmp_path).run(np.zeros(len(y)), y)
+    assert np.abs(number(found) - value).max() <= 2e-4 * np.ptp(one.u)
+    np.testing.assert_array_equal(status == Status.RUN_IN, wanted == Status.RUN_IN)
+    assert (status[-3:-1] == Status.EXTRAPOLATED).all()
+    for name, real in (("creep", "fixed"), ("conditioned", "fixed")):
+        with pytest.raises(InputError, match="Preisach grid") as error:
+            case(name).write("arduino", tmp_path / name, real)
+        assert error.value.code == "not-exportable"
+
+
+@JUDGES["simavr"].needed
+def test_an_atmega328_takes_3000_cycles_for_a_step_in_fixed_point(tmp_path: Path):
+    """Of a 20x20 grid, in 1.2 kB of RAM; with the integers of a PC."""
+    model = grid(20)
+    u = random_histories(np.random.default_rng(3), 0.0, 1.0, (1, 240))[0]
+    readings = np.asarray(model.simulate(None, u))
+    out = export_to(
+        "arduino", model, tmp_path / "sensor", readings, trained=(0.0, 1.0), real="fixed"
+    )
+    given, number = integers(out.path / "src" / "sensor.h", readings)
+    board = on_avr(out.path / "src" / "sensor.h", given)
+    found, status = run_fixed(out.path / "src" / "sensor.h", given)
+    np.testing.assert_array_equal(board.words.astype(np.uint32).view(np.int32), found)
+    np.testing.assert_array_equal(board.status, status)
+    assert np.abs(number(found) - u).max() <= 2e-4
+    assert board.cycles.max() <= 3000
+    assert board.ram <= 1200
 
 
 def slave(file: Path, folder: Path) -> Any:

@@ -44,7 +44,7 @@ class Artefact:
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        document = self.program.document(np.float64 if self.real == "double" else np.float32)
+        document = self.program.document(np.float32 if self.real == "float" else np.float64)
         document = {**document, "checksum": checksum(document)}
         self.document = document
         self.words |= {

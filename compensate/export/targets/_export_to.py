@@ -19,7 +19,7 @@ from ._sklearn import sklearn
 TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ...]]] = {
     "c": (lambda program, out, real: program.write_c(out, real), ("double", "float")),
     "runtime": (lambda program, out, real: program.write_runtime(out), ("double",)),
-    "arduino": (arduino, ("float",)),
+    "arduino": (arduino, ("float", "fixed")),
     "ros2": (ros2, ("double",)),
     "mujoco": (mujoco, ("double",)),
     "sklearn": (sklearn, ("double",)),
@@ -48,7 +48,8 @@ def export_to(
       package with an estimator), "onnx" (a model of one step), "fmu" or "fmu3" (a unit of FMI 2.0 or 3.0
       for co-simulation).
     - `path`: of the file or folder. A folder that an earlier export wrote is replaced.
-    - `real`: "double" or "float"; by default what the target is used with.
+    - `real`: "double", "float", or "fixed" for integers (arduino only); by default what the target is used
+      with.
 
     Raises `InputError` as `export_runtime` does, `bad-option` for a target or numbers that are unknown, and
     `would-overwrite` where the folder holds something else.

@@ -1,0 +1,114 @@
+"""A Preisach grid's inverse in integers, for processors without floating point."""
+
+from typing import Any
+
+import numpy as np
+
+from hysteresis import InputError
+
+from ...runtime._status import Status
+from .._header_facts import STATUSES, facts
+from ._artefact import Artefact
+
+ONE = 1 << 16
+"""A cell of the grid, in parts of which inputs are counted: Q16.16."""
+LARGEST = 1 << 28
+"""Of the numbers of the tables; sums of a few of them stay below 2^31."""
+TOLERANCE = 2e-4
+"""Of the range: what an estimate of the golden pair may be off."""
+ROUNDING = 8
+"""How far a sum of table entries can be off, in units of the last place: one for each product."""
+
+
+def add_fixed_point(made: Artefact, path: str) -> None:
+    """Add the header. Raises `InputError` `not-exportable` for other models than a grid of even cells."""
+    tree, guard = made.document["tree"], made.document["guard"]
+    p = tree.get("parameters", {})
+    if tree["kind"] != "preisach" or not p["scale"] or p["cells"] > 120:
+        raise InputError(
+            "not-exportable",
+            "Fixed point is for a Preisach grid of at most 120 even cells.",
+            fix='Use float, or fit a GridDensity (model="Preisach").',
+        )
+    if guard and guard["beyond"] != "limit":
+        raise InputError(
+            "not-exportable",
+            f"Fixed point cannot be exported with beyond={guard['beyond']!r}.",
+            cause="its estimates end with the grid, and integers have no NaN.",
+            fix='Use float, or beyond="limit".',
+        )
+    made.words |= _tables(made, p, tree["state"])
+    made.add_template("arduino/fixed.h", path)
+
+
+def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:
+    cells, low = p["cells"], p["edges"][0]
+    width = 1 / p["scale"]
+    everett = 2 * p["orientation"] * np.array(p["everett"])
+    reversible = np.array(p["reversible"])
+    sizes = [np.abs(everett).max(), np.abs(reversible).max(), abs(p["floor"]), abs(p["ceiling"])]
+    # A power of two, so that every number is scaled without rounding.
+    factor = 2.0 ** np.floor(np.log2(LARGEST / max(sizes)))
+    limits = (np.array(made.document["limits"]) - p["offset"]) * factor
+
+    def integer(value: Any) -> Any:
+        return (
+            np.clip(np.round(np.asarray(value, float)), -(2**31) + 1, 2**31 - 1)
+            .astype(int)
+            .tolist()
+        )
+
+    def output(value: Any) -> Any:
+        return integer(np.asarray(value, float) * factor)
+
+    def at(value: Any) -> Any:
+        found = integer((np.asarray(value, float) - low) / width * ONE)
+        return np.clip(found, 0, cells * ONE - 1).tolist()
+
+    def edge(value: float) -> int:
+        return int(integer((value - low) / width * ONE))
+
+    golden, depth = made.document["golden"], state["depth"]
+    guarded = made.document["guard"] and made.document["guard"]["parameters"]
+    found = [v for v in golden["value"] if v is not None]
+    span = max(found) - min(found)
+    told = (
+        max(guarded["rounding"], TOLERANCE * (guarded["high"] - guarded["low"])) if guarded else 0.0
+    )
+    seen = [k for k, v in enumerate(golden["value"]) if v is not None]
+    readings = (np.array(golden["reading"])[seen] - p["offset"]) * factor
+    steps = np.diff(reversible)
+    tables = [everett, 2 * p["orientation"] * np.array(p["diagonal"]), reversible]
+    origin = made.words["origin"]
+    return {
+        "macros": facts(made.document, made.stem, repr),
+        "facts_line": (
+            f"Verdict on the fit: {origin['verdict'] or 'not known'}. Date of the data:"
+            f" {origin['date'] or 'not known'}. SHA-256 of the data: {origin['sha256'] or 'not known'}."
+        ),
+        "statuses": [(s.name, s.value, STATUSES[s]) for s in Status],
+        "reading_zero": repr(float(p["offset"])), "reading_step": repr(float(1 / factor)),
+        "estimate_zero": repr(float(low)), "estimate_step": repr(float(width / ONE)),
+        "cells": cells, "depth": p["capacity"], "table_bytes": 4 * sum(map(len, tables)),
+        "everett": _rows(output(everett)), "diagonal": _rows(output(tables[1])),
+        "reversible": _rows(output(reversible)),
+        "first": list(zip(at(state["extremum"][:depth]), output(state["level"][:depth]), strict=True)),
+        "rising": state["rising"], "u": at(state["u"]), "z": output(state["z"]),
+        "floor": output(p["floor"]), "ceiling": output(p["ceiling"]),
+        "low_limit": integer(limits[0]), "high_limit": integer(limits[1]),
+        "margin": ROUNDING, "flat": max(output(p["flat"]), ROUNDING),
+        "goes_on": bool(min(steps[0], steps[-1]) > p["flat"]),
+        "guard": guarded and {
+            "low": edge(guarded["low"]), "high": edge(guarded["high"]), "unknown": guarded["unknown"],
+            "bottom": edge(guarded["bottom"]), "top": edge(guarded["top"]),
+            "rounding": edge(low + told),
+        },
+        "golden": len(seen), "golden_readings": _rows(integer(readings)),
+        "golden_values": _rows([edge(golden["value"][k]) for k in seen]),
+        "tolerance": edge(low + TOLERANCE * span) + 1,
+    }  # fmt: skip
+
+
+def _rows(values: list[int]) -> str:
+    rows = [", ".join(map(str, values[k : k + 8])) for k in range(0, len(values), 8)]
+    return ",\n    ".join(rows)
