@@ -19,6 +19,7 @@ from .diagnostics._residual_breakdown import Breakdown, breakdown
 from .diagnostics._sensitivity import Sensitivity, sensitivity
 from .diagnostics._sloppiness import Sloppiness, sloppiness
 from .diagnostics._whiteness import Whiteness, whiteness
+from .dynamics._recorded_motion import RecordedMotion
 from .files._fit_folder import load, save
 from .files._posterior import load_posterior, save_posterior
 from .fitting._creep import fit_step
@@ -56,6 +57,7 @@ from .results._detail import (
 from .results._extrapolation import Extrapolation, RowsBeyond
 from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
+from .results._motion_detail import Motion
 from .results._trained_condition import TrainedCondition
 from .spectra._spectrum import Spectrum, spectrum
 from .training._gaussian_process import fit_kernel
@@ -91,6 +93,7 @@ __all__ = [
     "Interval",
     "Loo",
     "Metrics",
+    "Motion",
     "Noise",
     "Pair",
     "Parameter",
@@ -101,6 +104,7 @@ __all__ = [
     "PooledParameter",
     "Posterior",
     "Profile",
+    "RecordedMotion",
     "ReversalCurves",
     "RowsBeyond",
     "Sensitivity",

@@ -13,17 +13,22 @@ from hysteresis import (
     AbstractModel,
     AbstractViscoelastic,
     BoucWen,
+    BoucWenForce,
     Burgers,
+    Duhem,
     FoamCurve,
     GeneralizedKelvinVoigt,
     GeneralizedMaxwell,
+    GeneralizedPlays,
     LinearSponge,
     MonotoneCurve,
     MovingPreisach,
+    Oscillator,
     OutputDependentPreisach,
     PrandtlIshlinskii,
     Preisach,
     StandardLinearSolid,
+    Sum,
     parameters,
 )
 from hysteresis.preisach import GridDensity
@@ -378,6 +383,71 @@ def _bouc_wen_known(model: AbstractModel) -> Known:
     return u, u, y + offset
 
 
+def _rate_forms(rng: np.random.Generator) -> Sum:
+    """Bouc-Wen of mixed sign, a Duhem operator, and plays whose curves fall and rise."""
+    return Sum(
+        BoucWenForce(rng.uniform(0.5, 1), rng.uniform(0.2, 0.4), -rng.uniform(0.1, 0.2)),
+        Duhem(rng.uniform(0.2, 1, 5), rng.uniform(0.2, 1, 5), 2.0),
+        GeneralizedPlays([0.0, 0.4], [1.0, 1.5], rng.normal(size=7) - 4 * np.arange(7), (3, 4)),
+    )
+
+
+def _rate_forms_known(model: AbstractModel) -> Known:
+    """Up so little that f is straight and one play alone moves: exponentials."""
+    assert isinstance(model, Sum)
+    force, duhem, plays = model.parts
+    assert isinstance(force, BoucWenForce)
+    assert isinstance(duhem, Duhem)
+    assert isinstance(plays, GeneralizedPlays)
+    u = np.linspace(0.0, 0.01, 21)
+    loss = float(force.beta_gamma + force.beta_delta)
+    f = np.asarray(duhem.rising)
+    steep = f[3] - f[2]  # by one: the knots are one apart
+    g = np.asarray(plays.values)
+    lag = 0.5 * (g[4] + g[5])  # the play that rests is in the middle of the second of three cells
+    z = -float(force.alpha) * np.expm1(-loss * u) / loss + f[2] * np.expm1(steep * u) / steep
+    return u, u, z + g[1] + (g[2] - g[1]) * u + lag
+
+
+def _oscillator(rng: np.random.Generator) -> Oscillator:
+    """Slower than the clocks of the histories, whose steps are up to ten long."""
+    spring = Sum(
+        BoucWenForce(rng.uniform(0.5, 1), rng.uniform(0.02, 0.04), -rng.uniform(0.01, 0.02)),
+        GeneralizedPlays([0.3], [2.0], [rng.uniform(-1, -0.5), rng.uniform(0.5, 1)], (2,)),
+    )
+    return Oscillator(rng.uniform(300, 500), rng.uniform(5, 10), rng.uniform(1, 2), spring, 2)
+
+
+def _oscillator_known(model: AbstractModel) -> Known:
+    """One step of Newmark's method from rest, by bisection: the play rests."""
+    assert isinstance(model, Oscillator)
+    assert isinstance(model.hysteresis, Sum)
+    force, plays = model.hysteresis.parts
+    assert isinstance(force, BoucWenForce)
+    assert isinstance(plays, GeneralizedPlays)
+    m, c, k = (float(x) for x in (model.mass, model.damping, model.stiffness))
+    alpha, gamma, delta = (float(x) for x in (force.alpha, force.beta_gamma, force.beta_delta))
+    t, u, h = np.array([0.0, 0.2]), np.array([0.0, 1.0]), 0.1
+    rest = float(np.asarray(plays.values).mean())
+    y = v = z = y1 = v1 = a1 = z1 = 0.0
+    a = -rest / m
+    for push in (0.5, 1.0):
+        low, high = -1.0, 1.0
+        for _ in range(200):  # bisection of the acceleration
+            a1 = 0.5 * (low + high)
+            y1, v1 = y + h * v + h * h / 4 * (a + a1), v + h / 2 * (a + a1)
+            side = 1.0 if v1 >= 0 else -1.0
+            f0 = alpha - (np.sign(z) * (-1.0 if v < 0 else 1.0) * gamma + delta) * abs(z)
+            z1 = z
+            for _ in range(60):
+                f1 = alpha - (np.sign(z1) * side * gamma + delta) * abs(z1)
+                z1 = z + h / 2 * (v * f0 + v1 * f1)
+            off = m * a1 + c * v1 + k * y1 + z1 + rest - push
+            low, high = (a1, high) if off < 0 else (low, a1)
+        y, v, a, z = y1, v1, a1, z1
+    return t, u, np.array([0.0, y])
+
+
 def _density_problem(name: str, make_density: Make, *tags: Tag) -> Problem:
     make = _with_density(make_density)
     return Problem(name, make, LOW, HIGH, frozenset({"lagging", *tags}), _density_known)
@@ -469,6 +539,12 @@ PROBLEMS: tuple[Problem, ...] = (
     _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
     _preisach_problem("leading", _preisach("negative", leading=True), "leading"),
     _preisach_problem("signed", _signed, "no-inverse"),
+    Problem(
+        "rate-forms", _rate_forms, LOW, HIGH, frozenset[Tag]({"no-inverse"}), _rate_forms_known
+    ),
+    Problem(
+        "oscillator", _oscillator, LOW, HIGH, frozenset[Tag]({"rates", "no-inverse"}), _oscillator_known
+    ),
 )  # fmt: skip
 
 INVERTIBLE = tuple(problem for problem in PROBLEMS if "no-inverse" not in problem.tags)

@@ -8,6 +8,7 @@ from . import _default as _default
 from . import _degrading_bouc_wen as _degrading_bouc_wen
 from . import _linear_sponge as _linear_sponge
 from . import _moving_preisach as _moving_preisach
+from . import _oscillator as _oscillator
 from . import _output_dependent as _output_dependent
 from . import _prandtl_ishlinskii as _prandtl_ishlinskii
 from . import _preisach as _preisach

@@ -22,6 +22,7 @@ from ._selection import takes_selection
 
 MODELS = (
     "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "FoamCurve", "BoucWen",
+    "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
 
@@ -90,6 +91,17 @@ def fit(
             " constants, which needs a standard error for every parameter.",
         ),
     ] = "predict",
+    period: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Oscillator: rows in a period of the force, in steady state; 0: it does not repeat"
+            " (default: looked for).",
+        ),
+    ] = None,
+    oversampling: Annotated[
+        int, typer.Option(min=1, help="Oscillator: steps of integration to a sample.")
+    ] = 20,
     allow_float32: Annotated[
         bool,
         typer.Option("--allow-float32", help="Fit in single precision; standard errors are rough."),
@@ -111,6 +123,7 @@ def fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
         conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
         purpose=purpose, allow_float32=allow_float32, parameters=parameters_said(config, parameter),
+        period=period, oversampling=oversampling,
     )  # fmt: skip
     lines = verdict_lines(document)
     if "each" not in document:

@@ -18,6 +18,13 @@ def predict(
         bool,
         typer.Option("--inverse", help="Run the compensator: estimate the input from the output."),
     ] = False,
+    steady: Annotated[
+        bool,
+        typer.Option(
+            "--steady",
+            help="Oscillator: the force has run so often that the motion repeats itself.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a fitted model, or its compensator, over a file.
@@ -28,7 +35,7 @@ def predict(
     start_jax()
     from ..operations import _predict  # after JAX is set up
 
-    found = _predict.predict(folder, file, inverse=inverse, changes=selection)
+    found = _predict.predict(folder, file, inverse=inverse, steady=steady, changes=selection)
     compared = "The file has no measured values to compare with"
     if found["rmse"] is not None:
         compared = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"

@@ -24,13 +24,19 @@ CONDITION_BEYOND = "beyond the trained conditions"
 
 
 def predict(
-    folder: Path, file: Path, *, inverse: bool = False, changes: dict[str, Any] | None = None
+    folder: Path,
+    file: Path,
+    *,
+    inverse: bool = False,
+    steady: bool = False,
+    changes: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Run a fitted model, or its compensator, over a file; write the result beside the fit.
 
     Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
     the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK.
-    Beside a step's prediction stands the range that the fitted record leaves open.
+    Beside a step's prediction stands the range that the fitted record leaves open. `steady`: an oscillator
+    has run through the force so often that its motion repeats itself.
     """
     document = identify.internal.read_document(folder)
     asked = selection_of_fit(document)
@@ -54,12 +60,17 @@ def predict(
         if value not in folders:
             continue
         fitted = identify.load(folder / folders[value])
+        motion = _motion(fitted, inverse, steady)
         if asked.is_step:
             record = on_the_clock_of(fitted, record)
         wanted = record.input if inverse else record.output
         if inverse:
             values, status = _run_backwards(fitted, record)
             words = [Status(int(s)).name for s in status]
+        elif motion is not None:
+            values = motion.steady(record) if steady else motion.from_rest(record)
+            words = _outside(fitted, record)
+            said += _of_motion(fitted, steady)
         else:
             values = fitted.predict(record)
             words = (later if asked.is_step else _outside)(fitted, record)
@@ -91,6 +102,41 @@ def predict(
     with atomic_file(target) as new, open_csv(new) as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
     return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
+
+
+def _motion(
+    fitted: identify.FitResult, inverse: bool, steady: bool
+) -> identify.RecordedMotion | None:
+    """What moves the mass of an oscillator; None for other models, which have no steady state."""
+    if isinstance(fitted.detail, identify.Motion):
+        if not inverse:
+            return fitted.detail.recorded
+        raise InputError(
+            "not-invertible",
+            "The force of an oscillator is not recovered sample by sample from a noisy displacement.",
+            fix="Use hysteresis.input_force on a displacement that is known far better than its noise.",
+        )
+    if steady:
+        raise InputError(
+            "bad-option",
+            f"{fitted.name} has no mass, so it has no steady state.",
+            fix="Leave out --steady; it is for fits of an oscillator.",
+        )
+    return None
+
+
+def _of_motion(fitted: identify.FitResult, steady: bool) -> list[str]:
+    """How the motion was run and recorded."""
+    assert isinstance(fitted.detail, identify.Motion)
+    recorded = fitted.detail.recorded
+    begin = "in steady state" if steady else "from rest"
+    stages = recorded.stages if steady else (recorded.substeps,)
+    if not recorded.stages:
+        return [f"The motion is predicted {begin}, sampled without a filter as in the fit."]
+    kept = " x ".join(map(str, stages))
+    return [
+        f"The motion is predicted {begin}, low-passed and decimated by {kept} as a recorder does."
+    ]
 
 
 def _outside(fitted: identify.FitResult, record: Record) -> list[str]:

@@ -19,6 +19,7 @@ from ..records._folds import as_good
 from ..results._fit_result import FitResult
 from ._candidates import SURFACE, Asked, Candidate, candidates
 from ._linear import fit_composition, fit_grid
+from ._oscillator import fit_oscillator, oscillator_asked
 from ._parametric import LeastSquares, explained, least_squares
 from ._reversal_curves import consists_of_curves, fit_surface
 from ._training_data import TrainingData, training_data
@@ -45,6 +46,8 @@ def fit(
     starts: int = 32,
     seed: int = 0,
     purpose: str = "predict",
+    period: int | None = None,
+    oversampling: int = 20,
     allow_float32: bool = False,
     progress: Report | None = None,
 ) -> FitResult:
@@ -59,7 +62,7 @@ def fit(
 
     - `record`: the measurements; its mask says which rows count.
     - `model`: `"auto"`; a name, whatever its case, out of Composition, EverettSurface and
-      `hysteresis.model_names()`; a
+      `hysteresis.model_names()`; Oscillator, or Oscillator(BoucWen) and others, which are fitted alone; a
       registered class; or a model to start from: its fixed parameters stay, the others are fitted. A list
       holds several of them.
     - `test`: a record to judge on; or `test_cycles`, the last so many of each sequence; or
@@ -86,6 +89,8 @@ def fit(
     - `purpose`: what the verdict is for: "predict"; "compensate", which also needs a compensator that is
       better than a straight line (`hysid.fit` tries it); or "constants", which also needs a standard error
       for every parameter.
+    - `period`, `oversampling`: of an oscillator: rows in a period of the force (None looks for one, 0 means
+      that it does not repeat), and steps of integration to a sample.
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
 
@@ -109,6 +114,17 @@ def fit(
     _check_choices(initial, conditioning, clocks, starts, seed)
     kinds(noise)
     check_purpose(purpose)
+    if (oscillator := oscillator_asked(model)) is not None:
+        return fit_oscillator(
+            oscillator, record, test, period=period, oversampling=oversampling, starts=starts,
+            seed=seed, purpose=purpose, say=say,
+        )  # fmt: skip
+    if period is not None:
+        raise InputError(
+            "bad-option",
+            "period is of oscillators.",
+            fix="fit model='Oscillator', or leave it out.",
+        )
     asked = candidates(model)
     if parameters and (
         len(asked) > 1 or any(one.has_weights and one.template is None for one in asked)

@@ -19,6 +19,7 @@ from ..linear._preisach_unknowns import GridUnknowns
 from ..noise._residual_statistics import Noise
 from ..spectra._extrapolation import Allowed
 from ..spectra._spectrum import Order, Spectrum
+from ._motion_detail import Motion
 
 Words: TypeAlias = dict[str, Any]
 Arrays: TypeAlias = Mapping[str, np.ndarray]
@@ -207,12 +208,14 @@ class DiscreteSpectrum:
         return cls(Spectrum(**words | changed))
 
 
-Detail: TypeAlias = Parametric | GridWeights | Composition | ReversalCurves | DiscreteSpectrum
+Detail: TypeAlias = (
+    Parametric | GridWeights | Composition | ReversalCurves | DiscreteSpectrum | Motion
+)
 
 
 def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel) -> Detail:
     """The kind of a saved fit, from its fit.json and fit.npz."""
-    for kind in (GridWeights, Composition, ReversalCurves, DiscreteSpectrum):
+    for kind in (GridWeights, Composition, ReversalCurves, DiscreteSpectrum, Motion):
         if kind.key in document:
             return kind.rebuilt(document[kind.key], arrays, model)
     return Parametric()

@@ -84,7 +84,7 @@ def reachable(problem: Problem) -> Reachable:
 
 @pytest.mark.parametrize("problem", tagged("no-inverse"), ids=lambda p: p.name)
 def test_a_model_without_an_inverse_is_refused(problem: Problem):
-    with pytest.raises(InputError, match=r"can fall while the input rises.*\[not-invertible\]"):
+    with pytest.raises(InputError, match=r"\[not-invertible\]"):
         invert(problem.model())
 
 

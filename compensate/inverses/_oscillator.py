@@ -1,0 +1,19 @@
+"""An oscillator has no inverse sample by sample."""
+
+from hysteresis import InputError, Oscillator
+
+from .._contract import AbstractCompensator
+from ._inverse_of import inverse_of
+
+
+@inverse_of.register
+def _(model: Oscillator) -> AbstractCompensator:
+    """Raises `InputError`: the mass answers to a force only in its second derivative."""
+    raise InputError(
+        "not-invertible",
+        "the force of an oscillator cannot be recovered sample by sample.",
+        cause="its mass answers with an acceleration, and the second derivative of a noisy displacement is"
+        " noise.",
+        fix="hysteresis.input_force(model, t, displacement, band=...) estimates the force in a band of"
+        " frequencies from a whole record; invert(model.hysteresis) is the inverse without the mass.",
+    )

@@ -1,0 +1,157 @@
+"""Between the samples of a record and the fine steps of an integration: interpolation and decimation."""
+
+import numpy as np
+from jaxtyping import Float
+
+from .._errors import InputError
+
+TAPS = 31
+"""Of the low-pass filter of each stage, as of MATLAB's decimate(x, r, 'fir')."""
+
+REACH, KAISER = 32, 14.0
+"""Half width, in samples, and shape of the window of the interpolating sinc: -136 dB beyond its band."""
+
+LAGS, LEARNT = 48, 2000
+"""A record is continued by so many lags of linear prediction, learnt from so many rows at its end."""
+
+
+def stages_of(factor: int) -> tuple[int, ...]:
+    """A decimation factor in stages of prime factors, the smallest first: 20 is (2, 2, 5).
+
+    **Example:**
+
+        >>> hysteresis.stages_of(20)
+        (2, 2, 5)
+    """
+    found, rest, prime = [], factor, 2
+    while rest > 1:
+        while rest % prime == 0:
+            found.append(prime)
+            rest //= prime
+        prime += 1
+    return tuple(found)
+
+
+def low_pass(factor: int) -> Float[np.ndarray, " taps"]:
+    """A windowed sinc of 31 taps (Hamming) with its cutoff at the Nyquist frequency after decimation."""
+    n = np.arange(TAPS) - TAPS // 2
+    taps = np.sinc(n / factor) * np.hamming(TAPS)
+    return taps / taps.sum()
+
+
+def decimated(
+    fine: Float[np.ndarray, " fine"], stages: tuple[int, ...], periodic: bool = False
+) -> Float[np.ndarray, " samples"]:
+    """The samples that a recorder keeps of a fine signal: low-passed and thinned, stage by stage.
+
+    The delay of the filter is taken out. A signal that is not `periodic` is continued beyond its ends by
+    mirroring it through them. Without stages it comes back as it is.
+
+    Source: MATLAB's decimate(x, r, 'fir'), a Hamming window of order 30; Crochiere and Rabiner 1983.
+
+    **Example:**
+
+        >>> hysteresis.decimated(np.arange(41.0), (20,)).round(6).tolist()
+        [0.0, 20.0, 40.0]
+    """
+    x, half = np.asarray(fine, float), TAPS // 2
+    for factor in stages:
+        if len(x) <= half:
+            raise InputError(
+                "too-few-samples",
+                f"{len(x)} steps cannot be low-passed by a filter of {TAPS} taps.",
+                fix="give a longer record.",
+            )
+        if periodic:
+            wide = np.concatenate([x[-half:], x, x[:half]])
+        else:
+            wide = np.concatenate([2 * x[0] - x[half:0:-1], x, 2 * x[-1] - x[-2 : -half - 2 : -1]])
+        taps = low_pass(factor)
+        count = -(-len(x) // factor)
+        # Only the rows that are kept are computed: one strided product a tap.
+        kept = np.zeros(count)
+        for k in range(TAPS):
+            kept += taps[k] * wide[k : k + (count - 1) * factor + 1 : factor]
+        x = kept
+    return x
+
+
+def interpolated(
+    samples: Float[np.ndarray, " samples"],
+    factor: int,
+    between: str = "band-limited",
+    periodic: bool = False,
+) -> Float[np.ndarray, " fine"]:
+    """The force at `factor` fine steps a sample; a periodic one ends a step before its first sample comes
+    again, another one with its last sample.
+
+    Band-limited: exact for a periodic force (a longer spectrum); otherwise a sinc in a Kaiser window of 32
+    samples to both sides, after the record was continued by linear prediction. Below 0.8 of the Nyquist
+    frequency and away from the ends it errs by 1e-7.
+
+    **Example:**
+
+        >>> hysteresis.interpolated(np.array([0.0, 2.0, 4.0]), 2, "linear").tolist()
+        [0.0, 1.0, 2.0, 3.0, 4.0]
+    """
+    u = np.asarray(samples, float)
+    n = len(u)
+    if factor == 1:
+        return u.copy()
+    if between == "held":
+        fine = np.repeat(u, factor)
+        return fine if periodic else fine[: (n - 1) * factor + 1]
+    if between == "linear":
+        ends = np.append(u, u[0]) if periodic else u
+        fine = np.interp(
+            np.arange((len(ends) - 1) * factor + 1) / factor, np.arange(len(ends)), ends
+        )
+        return fine[:-1] if periodic else fine
+    if periodic:
+        spectrum = np.fft.rfft(u) * factor
+        if n % 2 == 0:
+            spectrum[-1] *= 0.5  # the Nyquist line is one of two in the longer spectrum
+        return np.fft.irfft(spectrum, n * factor)
+    wide = _continued(u)
+    reach = np.arange(-REACH + 1, REACH + 1)
+    fine = np.empty((n - 1) * factor + 1)
+    fine[::factor] = u
+    for k in range(1, factor):
+        distance = reach - k / factor
+        window = np.i0(KAISER * np.sqrt(np.maximum(1 - (distance / REACH) ** 2, 0))) / np.i0(KAISER)
+        taps = np.sinc(distance) * window
+        part = np.convolve(wide, taps[::-1], "valid")
+        fine[k::factor] = part[1:n]
+    return fine
+
+
+def continued(y: Float[np.ndarray, " samples"]) -> tuple[Float[np.ndarray, " more"], int]:
+    """A record continued so that its ends meet smoothly, and how many samples were put before it."""
+    count = min(len(y), 512)
+    fade = 0.5 * (1 + np.cos(np.pi * (np.arange(count) + 1) / (count + 1)))
+    head, tail = y[0] - (y[1 : count + 1] - y[0]), y[-1] - (y[-2 : -count - 2 : -1] - y[-1])
+    head = (head * fade[: len(head)])[::-1]
+    tail = tail * fade[: len(tail)]
+    return np.concatenate([head, y, tail]), len(head)
+
+
+def _continued(u: np.ndarray) -> np.ndarray:
+    """A record with `REACH` more samples before and after it, by linear prediction from either end."""
+    return np.concatenate([_predicted(u[::-1])[::-1], u, _predicted(u)])
+
+
+def _predicted(u: np.ndarray) -> np.ndarray:
+    """The next `REACH` samples: each the linear combination of the last `LAGS` that fits the last rows."""
+    u = u[-LEARNT:]
+    lags = min(LAGS, len(u) // 4)
+    scale = float(np.abs(u).max())
+    if lags < 2 or scale == 0:
+        return np.full(REACH, u[-1])
+    rows = np.lib.stride_tricks.sliding_window_view(u / scale, lags + 1)
+    gram = rows[:, :-1].T @ rows[:, :-1]
+    gram += 1e-12 * np.trace(gram) * np.eye(lags)
+    weights = np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1])
+    last = list(u[-lags:] / scale)
+    for _ in range(REACH):
+        last.append(float(np.clip(weights @ last[-lags:], -2, 2)))
+    return scale * np.array(last[lags:])

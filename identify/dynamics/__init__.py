@@ -1,0 +1,1 @@
+"""Identification of oscillators: a mass on a spring, a damper and a hysteretic force."""

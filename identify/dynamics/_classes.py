@@ -1,0 +1,161 @@
+"""Which hysteresis an oscillator has: classes fitted one after the other, ranked by their evidence."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hysteresis import InputError, stages_of
+
+from ._duhem_search import EXPLAINED, SIZES, random_starts, refined, started
+from ._linear_approximation import LinearApproximation
+from ._measured_motion import MeasuredMotion
+from ._output_error import Optimum, Setting, with_evidence
+from ._plays_search import candidates, fitted
+
+CLASSES = ("BoucWen", "Duhem", "GeneralizedPlays")
+
+COARSER = 4
+"""The search for a start takes so many times fewer steps of integration."""
+
+LEFT = 1.1
+"""chi2 per row below which more knots are tried only as long as the evidence rises."""
+
+TELLS = 20.0
+"""Difference of chi2 by which one recorder explains a record better than another."""
+
+STEADY, MOST_WARM = 12.0, 20
+"""Time constants of the decay, of a quarter of the linear damping, before steady state."""
+
+
+class Tried(NamedTuple):
+    """A class and its best fit."""
+
+    name: str
+    found: Optimum
+
+    @property
+    def words(self) -> dict[str, object]:
+        """Plain data for a file."""
+        own = self.found
+        return {
+            "class": self.name,
+            "chi2": own.chi,
+            "effective_parameters": own.effective,
+            "bic": own.bic,
+            **{k: v for k, v in own.family.words.items() if k != "first"},
+        }
+
+
+class Search(NamedTuple):
+    """What a search ended with.
+
+    - `tried`: every class, the best one first; of it the final fit. `chi2`: of every start.
+    - `setting`: of the final fit.
+    """
+
+    tried: tuple[Tried, ...]
+    setting: Setting
+    chi2: tuple[float, ...]
+
+
+def search(
+    motion: MeasuredMotion,
+    linear: LinearApproximation,
+    hysteresis: str | None,
+    *,
+    oversampling: int = 20,
+    starts: int = 32,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda _: None,
+) -> Search:
+    """Fit the class `hysteresis`, or all of them where it is None, and take the one of greatest evidence.
+
+    Raises `InputError` `did-not-converge` where no start led to a motion that stays finite.
+    """
+    warm = _periods_to_steady_state(motion, linear)
+    coarse = Setting.of(motion, max(1, oversampling // COARSER), (), warm)
+    tried: list[Tried] = []
+    chi2: list[float] = []
+
+    def note(name: str, found: Optimum) -> None:
+        tried.append(Tried(name, found))
+        say(f"Oscillator({name}): chi2 per row {found.chi:.4g}, {found.effective:.0f} parameters")
+
+    if hysteresis != "GeneralizedPlays":
+        best, chi2 = started(coarse, linear)
+        if hysteresis == "BoucWen" and best.chi > EXPLAINED:
+            more, others = random_starts(coarse, linear, max(starts - len(chi2), 0), seed)
+            chi2 += others
+            best = min((best, *more), key=lambda one: one.chi)
+        if np.isfinite(best.chi):
+            note("BoucWen", best)
+        if hysteresis != "BoucWen" and np.isfinite(best.chi):
+            _more_knots(coarse, best, note)
+    explained = bool(tried) and min(one.found.chi for one in tried) < EXPLAINED
+    if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
+        for start in candidates(motion, linear):
+            found = fitted(coarse, start)
+            if np.isfinite(found.chi):
+                note("GeneralizedPlays", found)
+                break
+    if not tried:
+        raise InputError(
+            "did-not-converge",
+            "no oscillator with hysteresis follows this motion from any start.",
+            cause="the record is too short, too noisy, or not that of a mass on a spring.",
+            fix="measure a longer record about the resonance.",
+        )
+    order = sorted(tried, key=lambda one: one.found.bic)
+    best = order[0]
+    setting = _recorder(motion, best.found, oversampling, warm)
+    final = _final(setting, best.found)
+    say(f"Oscillator({best.name}): chi2 per row {final.chi:.4g} at {oversampling} steps a sample")
+    return Search((Tried(best.name, final), *order[1:]), setting, tuple(chi2))
+
+
+def _more_knots(coarse: Setting, best: Optimum, note: Callable[[str, Optimum], None]) -> None:
+    """Duhem operators with more knots, equal for both directions and not, while the evidence rises."""
+    for knots in SIZES:
+        both = [refined(coarse, best, knots, symmetric) for symmetric in (True, False)]
+        finite = [one for one in both if np.isfinite(one.chi)]
+        if not finite:
+            return
+        new = min(finite, key=lambda one: one.bic)
+        note("Duhem", new)
+        if new.bic > best.bic:
+            return
+        best = new
+
+
+def _final(setting: Setting, found: Optimum) -> Optimum:
+    """The same fit in steps as fine as those of the model, its priors once more by the evidence."""
+    if not found.family.groups:
+        return with_evidence(
+            setting, found.family, found.q, rounds=1, steps=15, tolerance=1e-7, damping=1e-6
+        )
+    return with_evidence(
+        setting, found.family, found.q, deviations=found.deviations, rounds=2, steps=4,
+        tolerance=1e-4, damping=1e-6,
+    )  # fmt: skip
+
+
+def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: int) -> Setting:
+    """The setting whose recorder explains the record best; decimation in stages unless the data tell."""
+    stages = stages_of(oversampling)
+    settings = [
+        Setting.of(motion, oversampling, kept, warm)
+        for kept in dict.fromkeys((stages, (), (oversampling,) if oversampling > 1 else ()))
+    ]
+    left = []
+    for setting in settings:
+        y, _ = setting.simulated(found.family, found.q, jacobian=False)
+        left.append(float(np.sum((motion.displacement - y) ** 2)) / motion.sigma**2)
+    best = int(np.argmin(left))
+    return settings[best] if left[best] < left[0] - TELLS * max(1.0, found.chi) else settings[0]
+
+
+def _periods_to_steady_state(motion: MeasuredMotion, linear: LinearApproximation) -> int:
+    rate = max(linear.damping, 0.0) / (8 * linear.mass)
+    time = len(motion.force) * motion.dt
+    return int(np.clip(np.ceil(STEADY / max(rate * time, 1e-9)), 1, MOST_WARM))

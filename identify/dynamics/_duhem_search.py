@@ -1,0 +1,144 @@
+"""Duhem oscillators: starts from the linear approximation, then as many knots as the evidence has."""
+
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis.dynamics._layout import Layout
+
+from ._linear_approximation import LinearApproximation
+from ._measured_motion import MeasuredMotion
+from ._output_error import (
+    PLANT,
+    STATE,
+    Family,
+    Optimum,
+    Setting,
+    levenberg_marquardt,
+    with_evidence,
+)
+
+EXPLAINED = 1.3
+"""chi2 per row up to which a search for starts goes on no further."""
+
+SIZES = (5, 9, 17, 33)
+SHARES, LOSSES, SKEWS = (0.5, 0.25, 0.75), (0.5, 0.15), (-0.5, 0.5)
+"""Starts: the part of the stiffness that is hysteretic; how much of it the rms force takes away; how
+unlike loading and unloading are."""
+
+
+def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) -> Family:
+    """Unknowns: m, c, k; with a free state y, v, z at first; f at 0, its slope, and hinges at inner knots.
+
+    Where symmetric f-(z) = f+(-z); otherwise f- has unknowns of its own.
+    """
+    at = np.linspace(-limit, limit, knots)
+    inner = at[1:-1]
+    hinges = [
+        np.maximum(at - x, 0) if x > 0 else np.maximum(x - at, 0) if x < 0 else np.abs(at)
+        for x in inner
+    ]
+    basis = np.column_stack([np.ones(knots), at, *hinges])
+    count = PLANT + STATE + 2 * knots
+    plain = [np.eye(count)[k] for k in (0, 1, 2, *((4, 5, 6) if free_state else ()))]
+    first, middle = len(plain), PLANT + STATE + knots
+    columns, of_hinges = list(plain), []
+    for side in (None,) if symmetric else (0, 1):
+        for k in range(basis.shape[1]):
+            column = np.zeros(count)
+            if side in (None, 0):
+                column[PLANT + STATE : middle] = basis[:, k]
+            if side is None:
+                column[middle:] = basis[::-1, k]
+            elif side == 1:
+                column[middle:] = basis[:, k]
+            # The hinge at 0 belongs to the least of these models: it is drawn to nothing by no prior.
+            if k >= 2 and inner[k - 2] != 0:
+                of_hinges.append(len(columns))
+            columns.append(column)
+    layout = Layout(rate=np.zeros((2, knots)), limit=limit)
+    groups = ((np.array(of_hinges), 1.0),) if of_hinges else ()
+    words = {"knots": knots, "symmetric": symmetric, "first": first}
+    return Family("duhem", layout, np.column_stack(columns), groups, words)
+
+
+def _start(
+    motion: MeasuredMotion,
+    linear: LinearApproximation,
+    family: Family,
+    share: float,
+    loss: float,
+    skew: float,
+) -> Float[np.ndarray, " unknowns"]:
+    """Unknowns of three knots: from stiffness, damping and the size of the motion alone."""
+    alpha = share * linear.stiffness
+    per_force = loss / float(motion.displacement.std())  # at the rms motion z loses `loss` of alpha
+    q = np.zeros(family.T.shape[1])
+    q[:3] = linear.mass, 0.5 * max(linear.damping, 0.0), linear.stiffness - alpha
+    first = family.words["first"]
+    q[first : first + 3] = alpha, -per_force, -skew * per_force
+    if first > 3:
+        q[3] = motion.displacement[0]
+    return q
+
+
+def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, list[float]]:
+    """The best fit of three knots, and chi2 of every start that was tried."""
+    motion = setting.motion
+    limit = float(np.std(motion.force))
+    family = duhem_family(3, limit, True, not motion.periodic)
+    best, tried = None, []
+    for share, loss, skew in product(SHARES, LOSSES, SKEWS):
+        q = _start(motion, linear, family, share, loss, skew)
+        found = levenberg_marquardt(setting, family, q)
+        tried.append(found.chi)
+        if best is None or found.chi < best.chi:
+            best = found
+        if found.chi < EXPLAINED:
+            break
+    assert best is not None
+    return best, tried
+
+
+def random_starts(
+    setting: Setting, linear: LinearApproximation, count: int, seed: int
+) -> tuple[list[Optimum], list[float]]:
+    """Fits of three knots from starts farther away, until one explains the record; chi2 of each."""
+    random = np.random.default_rng(seed)
+    family = duhem_family(3, float(np.std(setting.motion.force)), True, not setting.motion.periodic)
+    found = []
+    for _ in range(count):
+        share, skew = random.uniform(0.05, 1.0), random.uniform(-1.5, 1.5)
+        loss = float(np.exp(random.uniform(np.log(0.03), np.log(3.0))))
+        q = _start(setting.motion, linear, family, share, loss, skew)
+        q[:3] *= np.exp(random.normal(0, 0.2, 3))
+        found.append(levenberg_marquardt(setting, family, q))
+        if found[-1].chi < EXPLAINED:
+            break
+    return found, [one.chi for one in found]
+
+
+def refined(setting: Setting, found: Optimum, knots: int, symmetric: bool) -> Optimum:
+    """The same f on more knots, as far as the present motion goes, fitted with evidence."""
+    family = found.family
+    z = setting.hysteretic_force(family, found.q)
+    limit = 1.05 * float(np.abs(z).max())
+    new = duhem_family(knots, limit, symmetric, not setting.motion.periodic)
+    theta = family.T @ found.q
+    old = len(theta) - PLANT - STATE
+    sides = theta[PLANT + STATE :].reshape(2, old // 2)
+    at = np.linspace(-limit, limit, knots)
+    own = np.linspace(-family.layout.limit, family.layout.limit, old // 2)
+    values = np.concatenate([_beyond(at, own, side) for side in sides])
+    q = new.unknowns_of(np.concatenate([theta[: PLANT + STATE], values]))
+    scale = float(np.abs(values).max()) / limit
+    new = Family(new.kind, new.layout, new.T, tuple((g, scale) for g, _ in new.groups), new.words)
+    return with_evidence(setting, new, q)
+
+
+def _beyond(x: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Straight between nodes, and on beyond the outer ones."""
+    cell = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
+    share = (x - nodes[cell]) / (nodes[cell + 1] - nodes[cell])
+    return values[cell] + (values[cell + 1] - values[cell]) * share

@@ -1,0 +1,129 @@
+"""The best linear approximation: mass, damping and stiffness, and how far from linear a record is."""
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from hysteresis import InputError
+
+from ._measured_motion import MeasuredMotion
+
+Lines: TypeAlias = Complex[np.ndarray, " lines"] | Any
+"""A complex number of each line."""
+
+EXCITED = 1e-3
+"""Lines in which the force has at least this part of its greatest amplitude."""
+
+PASSES = 12
+NEIGHBOURS = 12
+"""Lines to each side through which a parabola is laid to see how smooth a frequency response is."""
+
+
+class LinearApproximation(NamedTuple):
+    """The best linear approximation of an oscillator.
+
+    - `mass`, `damping`, `stiffness`: of m y'' + c y' + k y = u, the error of y least.
+    - `frequencies`, `response`: (lines,) the frequency response y / u in the excited lines.
+    - `noise`, `distortion`: (lines,) standard deviations of the response by noise, from the scatter of the
+      periods, and by all that is not smooth in frequency: nonlinear distortion and noise together. NaN
+      where the record has not two periods.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+    frequencies: Float[np.ndarray, " lines"]
+    response: Lines
+    noise: Float[np.ndarray, " lines"]
+    distortion: Float[np.ndarray, " lines"]
+
+    def model(self, frequencies: Float[np.ndarray, " lines"]) -> Lines:
+        """y / u of the three parameters."""
+        w = 2 * np.pi * frequencies
+        return 1 / (-self.mass * w**2 + 1j * self.damping * w + self.stiffness)
+
+    @property
+    def resonance(self) -> float:
+        """Frequency of the undamped resonance; 0 where mass or stiffness is not positive."""
+        ratio = self.stiffness / self.mass if self.mass else 0.0
+        return float(np.sqrt(ratio) / (2 * np.pi)) if ratio > 0 else 0.0
+
+
+def excited(motion: MeasuredMotion) -> Bool[np.ndarray, " lines"]:
+    """Which lines the force excites, the constant one left out."""
+    amplitude = np.abs(np.fft.rfft(motion.force))
+    amplitude[0] = 0.0
+    least = EXCITED if motion.periodic else 0.03
+    return amplitude > least * amplitude.max()
+
+
+def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
+    """Least squares over the excited lines, each weighted by the response of the last pass.
+
+    A record without a period gets two more unknowns: what its ends add to the spectrum of a derivative.
+
+    Raises `InputError` `resonance-not-excited` where the record does not show a mass on a spring.
+    """
+    U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
+    w = 2 * np.pi * motion.frequencies
+    lines = excited(motion)
+    if lines.sum() < 4:
+        raise InputError(
+            "resonance-not-excited",
+            f"the force has {int(lines.sum())} frequencies; mass, damping and stiffness need more.",
+            fix="excite with a multisine, a sweep or noise about the resonance.",
+        )
+    columns = [-(w**2) * Y, 1j * w * Y, Y]
+    if not motion.periodic:
+        columns += [np.ones_like(Y), 1j * w]
+    A, weight = np.column_stack(columns)[lines], np.ones(int(lines.sum()))
+    found = np.zeros(len(columns))
+    for _ in range(PASSES):
+        scaled, right = A * weight[:, None], U[lines] * weight
+        size = np.sqrt((np.abs(scaled) ** 2).sum(0))
+        both = np.vstack([scaled.real, scaled.imag]) / size
+        found = (
+            np.linalg.lstsq(both, np.concatenate([right.real, right.imag]), rcond=None)[0] / size
+        )
+        weight = 1 / np.abs(-found[0] * w[lines] ** 2 + 1j * found[1] * w[lines] + found[2])
+    f, response = motion.frequencies[lines], Y[lines] / U[lines]
+    noise = np.full(len(f), np.nan)
+    if motion.scatter is not None:
+        noise = np.sqrt(motion.scatter[lines]) / np.abs(U[lines])
+    distortion = _roughness(response) if motion.periodic else np.full(len(f), np.nan)
+    m, c, k = (float(x) for x in found[:3])
+    linear = LinearApproximation(m, c, k, f, response, noise, distortion)
+    _check(linear)
+    return linear
+
+
+def _check(linear: LinearApproximation) -> None:
+    f, at = linear.frequencies, linear.resonance
+    if linear.mass > 0 and linear.stiffness > 0 and f[0] <= at <= f[-1]:
+        return
+    seen = f"the force excites {f[0]:.4g} to {f[-1]:.4g} cycles per unit of time"
+    if linear.mass <= 0 or linear.stiffness <= 0:
+        said = f"{seen}, and the best linear fit there has the mass {linear.mass:.3g} and the stiffness"
+        said += f" {linear.stiffness:.3g}: no mass on a spring."
+    else:
+        said = f"{seen}, and the resonance seems to be at {at:.4g}."
+    raise InputError(
+        "resonance-not-excited",
+        said,
+        cause="the force never excites the resonance, the columns are exchanged, or another unit.",
+        fix="excite a band about the resonance; --input is the force, --output the displacement.",
+    )
+
+
+def _roughness(response: Lines) -> Float[np.ndarray, " lines"]:
+    """Rms distance of each line from parabolas through its neighbours."""
+    n, reach = len(response), min(NEIGHBOURS, (len(response) - 1) // 2)
+    if reach < 3:
+        return np.full(n, np.nan)
+    x = np.arange(-reach, reach + 1) / reach
+    basis, _ = np.linalg.qr(np.vander(x, 3))
+    windows = np.lib.stride_tricks.sliding_window_view(response, 2 * reach + 1)
+    left = windows - windows @ basis @ basis.T
+    rms = np.sqrt((np.abs(left) ** 2).sum(1) / (2 * reach + 1 - 3))
+    return np.concatenate([np.full(reach, rms[0]), rms, np.full(n - len(rms) - reach, rms[-1])])

@@ -1,0 +1,220 @@
+"""A dynamic record made ready: its clock, its period, the mean period and how well it is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import InputError, Note, Record
+from hysteresis._format import quantity
+
+EVEN = 1e-3
+"""Relative difference of a time step from the median up to which a clock is even."""
+
+REPEATED = 0.02
+"""A force repeats itself where the rms difference one period apart is below this part of its own."""
+
+LEAST_PERIOD, LEAST_ROWS = 16, 64
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """Force and displacement on an even clock, one period of each where the force repeats itself.
+
+    - `dt`: time between samples. `force`, `displacement`: (samples,).
+    - `sigma`: standard deviation of the noise of each of these displacements.
+    - `period`: rows in a period, 0 where there is none. `rows`: (first, end) of what was averaged.
+    - `scatter`: variance of the mean period's spectrum in each line, by the scatter of the periods; None of
+      a single one.
+    """
+
+    dt: float
+    force: Float[np.ndarray, " samples"]
+    displacement: Float[np.ndarray, " samples"]
+    sigma: float
+    period: int
+    rows: tuple[int, int]
+    scatter: Float[np.ndarray, " lines"] | None
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def periodic(self) -> bool:
+        return self.period > 0
+
+    @property
+    def frequencies(self) -> Float[np.ndarray, " lines"]:
+        """Of the discrete Fourier transform, in cycles a unit of time."""
+        return np.fft.rfftfreq(len(self.force), self.dt)
+
+
+def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion:
+    """The record of one sequence as a motion, averaged over its periods.
+
+    **Arguments:** `period`: rows of a period; None to look for one, 0 for a force that does not repeat.
+
+    Raises `InputError`: `no-time`, `several-sequences`, `uneven-clock`, `too-few-samples`, `not-periodic`,
+    `constant-input`.
+    """
+    dt = even_clock(record)
+    u, y = np.asarray(record.input, float), np.asarray(record.output, float)
+    u, y = _uninterrupted(record, u, y)
+    if len(u) < LEAST_ROWS:
+        raise InputError(
+            "too-few-samples",
+            f"{len(u)} rows do not show an oscillation.",
+            fix=f"measure at least {LEAST_ROWS} rows.",
+        )
+    if not np.ptp(u) > 0:
+        raise InputError(
+            "constant-input",
+            "the force does not change.",
+            fix="excite the oscillator with a multisine, a sweep or noise.",
+        )
+    rows = period_of(u) if period is None else period
+    notes: list[Note] = []
+    if rows:
+        _check_period(u, rows)
+    if not rows:
+        return MeasuredMotion(dt, u, y, noise_level(y, u), 0, (0, len(u)), None)
+    count = len(u) // rows
+    parts = y[: count * rows].reshape(count, rows)
+    first = 0
+    if count >= 3 and _is_transient(parts):
+        first = 1
+        text = "The first period is still settling, so it is left out."
+        notes.append(Note("transient-period", text))
+    parts = parts[first:]
+    used = u[first * rows : count * rows].reshape(-1, rows).mean(0)
+    mean, scatter = parts.mean(0), None
+    if len(parts) > 1:
+        sigma = float(np.sqrt(parts.var(0, ddof=1).mean() / len(parts)))
+        scatter = np.var(np.fft.rfft(parts, axis=1), axis=0, ddof=1) / len(parts)
+    else:
+        sigma = noise_level(mean, used, periodic=True)
+    text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
+    notes.insert(0, Note("periods", text))
+    return MeasuredMotion(
+        dt, used, mean, sigma, rows, (first * rows, count * rows), scatter, tuple(notes)
+    )
+
+
+def _uninterrupted(record: Record, u: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that count: from the first row on, without a gap."""
+    count = int(record.mask.sum())
+    if record.mask[:count].all():
+        return u[:count], y[:count]
+    gap = int(np.argmin(record.mask))
+    raise InputError(
+        "masked-rows",
+        f"{len(u) - count} of {len(u)} rows are excluded, and a motion cannot be cut.",
+        place=f"line {int(record.line[gap])}",
+        fix="fit one uninterrupted run of rows from the beginning of the record (--where, --test-tail).",
+    )
+
+
+def even_clock(record: Record) -> float:
+    """The time between the samples of one sequence on an even clock.
+
+    Raises `InputError` `no-time`, `several-sequences` or `uneven-clock`.
+    """
+    if record.time is None:
+        raise InputError(
+            "no-time",
+            "an oscillator needs the times of its samples.",
+            fix="name the column of times (--time), or the time between samples (--dt).",
+        )
+    if len(record.starts) > 1:
+        raise InputError(
+            "several-sequences",
+            f"{len(record.starts)} sequences; a fit of an oscillator takes one.",
+            fix="choose one of them with --where, or fit each with --each.",
+        )
+    t = np.asarray(record.time, float)
+    steps = np.diff(t)
+    dt = float(t[-1] - t[0]) / max(len(steps), 1)
+    median = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - median)))
+    # Printed times may be coarse: a whole step is compared, and the drift from an even clock.
+    gap = steps[worst] > 1.5 * median
+    even = np.abs(t - t[0] - dt * np.arange(len(t))).max() < 0.5 * dt
+    if gap or not even or abs(dt / median - 1) > 0.01:
+        unit = record.time_unit
+        raise InputError(
+            "uneven-clock",
+            f"the time step is {quantity(float(steps[worst]), unit)} there, and"
+            f" {quantity(median, unit)} as a rule.",
+            place=f"line {int(record.line[worst + 1])}",
+            cause="samples were lost, or two records were joined.",
+            fix="fit one uninterrupted part of the record (--where), or resample it to an even clock.",
+        )
+    return dt
+
+
+def period_of(u: Float[np.ndarray, " samples"]) -> int:
+    """The shortest lag at which a signal of two periods or more repeats itself; 0 where there is none."""
+    n = len(u)
+    x = u - u.mean()
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.fft.rfft(x, size)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
+    squares = np.concatenate([[0.0], np.cumsum(x**2)])
+    lags = np.arange(n // 2 + 1)
+    both = squares[n - lags] + squares[n] - squares[lags]
+    apart = np.maximum(both - 2 * products, 0) / np.maximum(both, 1e-300)
+    away = np.flatnonzero(apart > 0.5)  # it has to leave itself before it can come back
+    if not len(away):
+        return 0
+    close = np.flatnonzero(apart[: n // 2 + 1] < REPEATED**2)
+    close = close[(close > away[0]) & (close >= LEAST_PERIOD)]
+    if not len(close):
+        return 0
+    # Of a run of neighbouring lags the closest one.
+    run = close[: np.argmax(np.diff(close, append=n + 2) > 1) + 1]
+    found = int(run[np.argmin(apart[run])])
+    return found if len(u) >= 2 * found else 0
+
+
+def _check_period(u: np.ndarray, rows: int) -> None:
+    if rows < LEAST_PERIOD or rows > len(u):
+        raise InputError(
+            "bad-option",
+            f"a period of {rows} rows; the record has {len(u)}.",
+            fix=f"give a period from {LEAST_PERIOD} to {len(u)} rows.",
+        )
+    if len(u) < 2 * rows:
+        return
+    apart = np.sqrt(np.mean((u[rows:] - u[:-rows]) ** 2)) / max(np.std(u), 1e-300)
+    if apart > 5 * REPEATED:
+        own = period_of(u)
+        raise InputError(
+            "not-periodic",
+            f"the force is not the same {rows} rows later: it differs by {100 * apart:.0f} % rms.",
+            cause="the period has another length, or the force does not repeat itself.",
+            fix=f"leave out --period{f', or give --period {own}' if own else ''}.",
+        )
+
+
+def _is_transient(parts: np.ndarray) -> bool:
+    """Whether the first period is farther from the mean of the others than those are from each other."""
+    rest = parts[1:]
+    noise = rest.var(0, ddof=1).mean()
+    apart = np.mean((parts[0] - rest.mean(0)) ** 2)
+    expected = noise * (1 + 1 / len(rest))
+    return bool(apart > expected * (1 + 8 / np.sqrt(parts.shape[1])) and apart > 1.2 * expected)
+
+
+def noise_level(
+    y: Float[np.ndarray, " samples"], u: Float[np.ndarray, " samples"], periodic: bool = False
+) -> float:
+    """The standard deviation of white noise by the lines of the spectrum in which the force has nothing.
+
+    The median of the power above 1.5 times the highest frequency of the force is taken, with the bias of a
+    median of an exponential distribution; of the top tenth of the band at least.
+    """
+    n = len(y)
+    window = np.ones(n) if periodic else np.hanning(n)
+    power = np.abs(np.fft.rfft((y - y.mean()) * window)) ** 2 / np.sum(window**2)
+    force = np.abs(np.fft.rfft((u - u.mean()) * window)) ** 2
+    high = np.flatnonzero(force > 1e-6 * force.max())[-1]
+    first = min(max(int(1.5 * high), n // 8), int(0.45 * n))
+    return float(np.sqrt(max(float(np.median(power[first:-1])) / np.log(2), 1e-300)))

@@ -1,0 +1,228 @@
+"""Output error: simulated motion against measured, with sensitivities, by Levenberg-Marquardt."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import decimated, interpolated
+from hysteresis.dynamics._fast_path import Compiled
+from hysteresis.dynamics._layout import Layout
+
+from ._measured_motion import MeasuredMotion
+
+FAR = 30.0
+"""A simulated motion beyond this many times the largest measured one has failed."""
+
+TRIES = 7
+"""So often the damping is raised tenfold before a step is given up."""
+
+PLANT, STATE = 4, 3
+"""Mass, damping, stiffness and constant force; displacement, velocity and hysteretic force at first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """How a motion is simulated: steps of a sample, filter of the recorder, periods before steady state.
+
+    - `force`: the fine force.
+    """
+
+    motion: MeasuredMotion
+    substeps: int
+    stages: tuple[int, ...]
+    warm: int
+    force: Float[np.ndarray, " fine"]
+
+    @classmethod
+    def of(
+        cls, motion: MeasuredMotion, substeps: int, stages: tuple[int, ...] = (), warm: int = 1
+    ) -> "Setting":
+        fine = interpolated(motion.force, substeps, "band-limited", motion.periodic)
+        return cls(motion, substeps, stages, warm if motion.periodic else 0, fine)
+
+    def simulated(self, family: "Family", q: np.ndarray, jacobian: bool = True) -> Any:
+        """Displacements at the samples, and their derivatives by q; NaN where the motion has no end."""
+        theta = family.T @ q
+        limit = FAR * float(np.abs(self.motion.displacement).max())
+        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
+        state = compiled.rest()
+        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
+        fine, by, _ = compiled.run(
+            self.force,
+            self.motion.dt / self.substeps,
+            warm=self.warm,
+            every=self.substeps if jacobian else 0,
+            state=state,
+            limit=limit,
+        )
+        if not np.isfinite(fine[-1]):
+            return np.full(len(self.motion.force), np.nan), None
+        y = fine[:: self.substeps]
+        if self.stages:
+            y = decimated(fine, self.stages, self.motion.periodic)
+        return y, (by @ family.T if jacobian else None)
+
+    def hysteretic_force(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " fine"]:
+        """z over the fine steps: what the motion leaves of the force."""
+        theta = family.T @ q
+        plain = replace(self, stages=())
+        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
+        state = compiled.rest()
+        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
+        h = self.motion.dt / self.substeps
+        y, _, _ = compiled.run(plain.force, h, warm=self.warm, state=state)
+        v = np.gradient(y, h)
+        a = np.gradient(v, h)
+        return (self.force - theta[0] * a - theta[1] * v - theta[2] * y - theta[3])[2:-2]
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A class of oscillators: knots and plays, and the unknowns q with theta = T q.
+
+    - `kind`: "duhem" or "plays". `layout`: with any heights.
+    - `groups`: unknowns that one prior each draws to zero, with its standard deviation at first.
+    - `plain`: how many unknowns have no prior.
+    """
+
+    kind: str
+    layout: Layout
+    T: Float[np.ndarray, "theta unknowns"]
+    groups: tuple[tuple[np.ndarray, float], ...] = ()
+    words: dict[str, Any] = field(default_factory=dict)
+
+    def prior_root(self, deviations: Sequence[float]) -> Float[np.ndarray, " unknowns"]:
+        """One over the standard deviation of each unknown's prior, 0 for none."""
+        root = np.zeros(self.T.shape[1])
+        for (group, _), deviation in zip(self.groups, deviations, strict=True):
+            root[group] = 1 / deviation
+        return root
+
+    def unknowns_of(self, theta: Float[np.ndarray, " theta"]) -> Float[np.ndarray, " unknowns"]:
+        """The nearest unknowns to these parameters, each row in its own size."""
+        size = np.maximum(np.abs(theta), np.abs(theta).max() * 1e-9)
+        return np.linalg.lstsq(self.T / size[:, None], theta / size, rcond=None)[0]
+
+
+class Optimum(NamedTuple):
+    """Where a search ended.
+
+    - `q`: unknowns. `chi`: mean squared residual over the noise's variance, no prior in it.
+    - `root`: of the normal equations, prior included, in units of the noise; `deviations` of the priors.
+    - `effective`: how many unknowns the data determine. `converged`: whether steps had become small.
+    """
+
+    family: Family
+    q: Float[np.ndarray, " unknowns"]
+    chi: float
+    normal: Float[np.ndarray, "unknowns unknowns"]
+    deviations: tuple[float, ...]
+    effective: float
+    converged: bool
+    rows: int
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion: rows log chi + effective parameters log rows."""
+        return self.rows * float(np.log(self.chi)) + self.effective * float(np.log(self.rows))
+
+
+def levenberg_marquardt(
+    setting: Setting,
+    family: Family,
+    q: Float[np.ndarray, " unknowns"],
+    *,
+    deviations: Sequence[float] = (),
+    steps: int = 25,
+    tolerance: float = 1e-3,
+    damping: float = 1e-2,
+) -> Optimum:
+    """Least squares of the displacement from a start, with a Gaussian prior of each group."""
+    y, sigma = setting.motion.displacement, setting.motion.sigma
+    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
+    root = family.prior_root(deviations)
+
+    def look(at: np.ndarray) -> tuple[Any, Any, float]:
+        found, jacobian = setting.simulated(family, at)
+        if jacobian is None or not np.isfinite(found).all():
+            return None, None, np.inf
+        left = (y - found) / sigma
+        return left, jacobian / sigma, float(left @ left + np.sum((root * at) ** 2))
+
+    left, J, cost = look(q)
+    count, converged = len(q), False
+    if not np.isfinite(cost):
+        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y))
+    for _ in range(steps):
+        normal = J.T @ J + np.diag(root**2)
+        right = J.T @ left - root**2 * q
+        size = np.sqrt(np.diag(normal)) + 1e-300
+        scaled, failures = normal / np.outer(size, size), 0
+        while True:
+            step = np.linalg.solve(scaled + damping * np.eye(count), right / size) / size
+            new = look(q + step)
+            if new[2] < cost or failures == TRIES:
+                break
+            failures += 1
+            damping = max(damping, 1e-8) * 10
+        if not new[2] < cost:
+            converged = True  # rounding: no step is better
+            break
+        gain = (cost - new[2]) / cost
+        q = q + step
+        left, J, cost = new
+        damping = max(damping * (1.0 if failures else 0.1), 1e-12)
+        if gain < tolerance and damping < 1e-3:
+            converged = True
+            break
+    normal = J.T @ J + np.diag(root**2)
+    effective = count
+    if len(family.groups):
+        held = np.concatenate([group for group, _ in family.groups])
+        inverse = np.linalg.pinv(normal, rcond=1e-15, hermitian=True)
+        effective = count - float(np.sum(np.diag(inverse)[held] * root[held] ** 2))
+    return Optimum(
+        family, q, float(left @ left) / len(y), normal, deviations, effective, converged, len(y)
+    )
+
+
+def with_evidence(
+    setting: Setting,
+    family: Family,
+    q: Float[np.ndarray, " unknowns"],
+    *,
+    deviations: Sequence[float] = (),
+    rounds: int = 3,
+    steps: int = 8,
+    tolerance: float = 1e-3,
+    damping: float = 1e-2,
+) -> Optimum:
+    """Least squares with the deviation of each prior where the evidence is greatest (MacKay 1992)."""
+    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
+    found = None
+    for _ in range(rounds if family.groups else 1):
+        found = levenberg_marquardt(
+            setting,
+            family,
+            q,
+            deviations=deviations,
+            steps=steps,
+            tolerance=tolerance,
+            damping=damping,
+        )
+        if not np.isfinite(found.chi):
+            return found
+        q = found.q
+        variances = np.diag(np.linalg.pinv(found.normal, rcond=1e-15, hermitian=True))
+        new = []
+        for (group, least), deviation in zip(family.groups, deviations, strict=True):
+            gamma = len(group) - float(np.sum(variances[group])) / deviation**2
+            size = float(np.sum(q[group] ** 2))
+            new.append(float(np.clip(np.sqrt(size / max(gamma, 0.5)), 1e-6 * least, 1e3 * least)))
+        deviations = tuple(new)
+        damping = 1e-3
+    assert found is not None
+    return found

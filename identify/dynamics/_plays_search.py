@@ -1,0 +1,168 @@
+"""Oscillators with a plane of plays: starts by equation error, then output error."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import interpolated
+from hysteresis.dynamics._fast_path import plays_along
+from hysteresis.dynamics._layout import Layout
+
+from ._linear_approximation import LinearApproximation
+from ._measured_motion import MeasuredMotion
+from ._output_error import PLANT, STATE, Family, Optimum, Setting, with_evidence
+
+PLAYS, LARGEST, POWER = 20, 0.95, 1.3
+"""How many plays; the largest radius, of the range; radii are closer for small ones by this power."""
+
+KNOTS = (2, 21, 31)
+"""Of the curve of the smallest play; those of larger plays have as many per displacement."""
+
+RANGES = (0.2, 0.3, 0.42, 0.6, 0.85)
+"""Ranges of the radii, as parts of the largest displacement; the best one is refined."""
+
+REFINEMENTS = 4
+BAND = 1.5
+"""Displacements are low-passed at this many times the highest frequency of the force, and then known
+almost without noise."""
+
+FINER, PASSES, ROUNDS = 8, 5, 2
+LEAST_REACH = 0.15
+
+
+class Equation(NamedTuple):
+    """What a family leaves of the equation of motion: `bic`, and the residual as a displacement, rms."""
+
+    bic: float
+    rms: float
+    reach: float
+    family: Family
+    q: Float[np.ndarray, " unknowns"]
+
+
+def plays_family(
+    reach: float, knots: int, stiffness: float, free_state: bool, plays: int = PLAYS
+) -> Family:
+    """Unknowns: m, c, k and a constant force; y and v at first where free; slope and hinges of each curve.
+
+    The curves are in units of the `stiffness`. The play of radius 0 is the displacement itself, whose slope
+    is k.
+    """
+    radii = reach * LARGEST * (np.arange(plays) / (plays - 1)) ** POWER
+    ends = np.maximum(reach - radii, LEAST_REACH * reach)
+    counts = np.maximum(2, 2 * np.round((knots - 1) / 2 * ends / reach).astype(np.int64) + 1)
+    if knots == 2:
+        counts[:] = 2
+    layout = Layout(radii=radii, reach=ends, counts=counts, heights=np.zeros(int(counts.sum())))
+    count = PLANT + STATE + len(layout.heights)
+    columns = [np.eye(count)[k] for k in (0, 1, 2, 3, *((4, 5) if free_state else ()))]
+    slopes, curves, first_curve = [], [], []
+    for j, (first, end) in enumerate(zip(layout.first[:-1], layout.first[1:], strict=True)):
+        at = np.linspace(-ends[j], ends[j], end - first)
+        shapes = [] if j == 0 else [(slopes, at)]
+        for x in at[1:-1]:
+            hinge = np.maximum(at - x, 0) if x >= 0 else np.maximum(x - at, 0)
+            shapes.append((first_curve if j == 0 else curves, hinge))
+        for group, shape in shapes:
+            column = np.zeros(count)
+            column[PLANT + STATE + first : PLANT + STATE + end] = stiffness * shape
+            group.append(len(columns))
+            columns.append(column)
+    groups = tuple(
+        (np.array(group), deviation)
+        for group, deviation in ((slopes, 0.1), (curves, 0.03), (first_curve, 0.1))
+        if group
+    )
+    words = {"reach": reach, "knots": knots}
+    return Family("plays", layout, np.column_stack(columns), groups, words)
+
+
+def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: Family) -> Equation:
+    """Least squares of the equation of motion in the frequency domain, with the plays of the low-passed
+    displacement.
+
+    Each line is divided by the dynamic stiffness of the linear approximation, so that the residual is a
+    displacement. A record without a period has the ends of its derivatives as two more unknowns.
+    """
+    n, w = len(motion.force), 2 * np.pi * motion.frequencies
+    highest = linear.frequencies[-1] * BAND
+    use = motion.frequencies <= min(highest, 0.9 * motion.frequencies[-1])
+    U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
+    smooth = np.fft.irfft(np.where(use, Y, 0), n)
+    path = interpolated(smooth, FINER, "band-limited", motion.periodic)
+    own = family.layout
+    plays = plays_along(path, own.radii, FINER, ROUNDS if motion.periodic else 1)[:n]
+    columns = [-(w**2) * Y, 1j * w * Y, Y, n * (w == 0) + 0j]
+    columns += [np.zeros(len(w))] * STATE
+    for j, (first, end) in enumerate(zip(own.first[:-1], own.first[1:], strict=True)):
+        count = end - first
+        place = (plays[:, j] + own.reach[j]) * (count - 1) / (2 * own.reach[j])
+        cell = np.clip(np.floor(place).astype(int), 0, count - 2)
+        hats = np.zeros((n, count))
+        hats[np.arange(n), cell] = 1 - (place - cell)
+        hats[np.arange(n), cell + 1] += place - cell
+        columns += list(np.fft.rfft(hats, axis=0).T)
+    A = np.column_stack(columns)[use] @ family.T
+    free = family.words.get("ends", 0) if motion.periodic else 2
+    if not motion.periodic:
+        A = np.column_stack([A, np.ones(len(A)), 1j * w[use]])
+    stiffness = -linear.mass * w[use] ** 2 + 1j * linear.damping * w[use] + linear.stiffness
+    root = np.concatenate([family.prior_root([d for _, d in family.groups]), np.zeros(free)])
+    A, b = A / stiffness[:, None], U[use] / stiffness
+    both, right = np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag])
+    normal, projected, square = both.T @ both, both.T @ right, float(right @ right)
+    least = (0.5 * motion.sigma) ** 2 * n
+    variance = (10 * motion.sigma) ** 2 * n
+    q = np.zeros(len(root))
+    for _ in range(PASSES):
+        penalised = normal / variance + np.diag(root**2)
+        size = np.sqrt(np.diag(penalised)) + 1e-300
+        scaled = penalised / np.outer(size, size)
+        values, vectors = np.linalg.eigh(scaled)
+        keep = values > 1e-14 * values[-1]
+        part = vectors[:, keep].T @ (projected / variance / size)
+        q = vectors[:, keep] @ (part / values[keep]) / size
+        rest = square - 2 * q @ projected + q @ normal @ q
+        variance = max(rest / use.sum(), least)
+    rms = float(np.sqrt(variance / n))
+    rows = 2 * int(use.sum())
+    inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T / np.outer(size, size)
+    effective = len(root) - float(np.sum(np.diag(inverse) * root**2))
+    bic = rows * float(np.log(variance)) + effective * float(np.log(rows))
+    q = q[: len(q) - free] if free else q
+    if not motion.periodic:
+        q = q.copy()
+        q[4] = motion.displacement[0]
+    return Equation(bic, rms, family.words["reach"], family, q)
+
+
+def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equation]:
+    """Ranges of the radii and sizes of the curves by equation error, the least criterion first."""
+    largest = float(np.abs(motion.displacement).max())
+    found = []
+    for knots in KNOTS:
+
+        def at(part: float, knots: int = knots) -> Equation:
+            family = plays_family(part * largest, knots, linear.stiffness, not motion.periodic)
+            return equation_error(motion, linear, family)
+
+        tried = {part: at(part) for part in RANGES}
+        for _ in range(REFINEMENTS):
+            order = sorted(tried)
+            best = min(order, key=lambda part: tried[part].bic)
+            place = order.index(best)
+            gaps = [
+                (abs(np.log(order[k] / best)), float(np.sqrt(order[k] * best)))
+                for k in (place - 1, place + 1)
+                if 0 <= k < len(order)
+            ]
+            new = max(gaps)[1]
+            tried[new] = at(new)
+        found.append(min(tried.values(), key=lambda one: one.bic))
+    return sorted(found, key=lambda one: one.bic)
+
+
+def fitted(setting: Setting, start: Equation) -> Optimum:
+    """Output error with evidence from a start by equation error."""
+    return with_evidence(setting, start.family, start.q, rounds=3)

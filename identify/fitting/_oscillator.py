@@ -1,0 +1,374 @@
+"""`fit` of an oscillator: the search for its class, and what of it the result of a fit says."""
+
+import re
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import (
+    AbstractModel,
+    BoucWenForce,
+    Duhem,
+    GeneralizedPlays,
+    InputError,
+    Note,
+    Oscillator,
+    Record,
+)
+from hysteresis._format import quantity
+from hysteresis._verdict import Verdict
+
+from ..dynamics._classes import CLASSES, EXPLAINED, Search, Tried, search
+from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
+from ..dynamics._measured_motion import MeasuredMotion, measured_motion
+from ..dynamics._output_error import PLANT, STATE, Optimum, Setting, levenberg_marquardt
+from ..dynamics._recorded_motion import RecordedMotion
+from ..noise._residual_statistics import Noise, estimate_noise
+from ..records._folds import block_errors
+from ..results._baseline import Baseline
+from ..results._fit_result import Candidate, FitResult, Parameter
+from ..results._metrics import Metrics, metrics
+from ..results._motion_detail import Motion, digest_of
+from ._verdict import judge
+
+NAME = "Oscillator"
+NAMES = (NAME, *(f"{NAME}({one})" for one in CLASSES))
+"""What `fit` and --model call them; without a class, all classes are tried."""
+
+NORMAL_90 = 1.6448536269514722
+HELD_OUT = 0.25
+"""Part of a record without a period that is held out while its error is judged."""
+
+
+def oscillator_asked(model: Any) -> str | None:
+    """The name of an oscillator out of `NAMES`, where that is what is asked for; None for other models.
+
+    Raises `InputError` `unknown-model` for an oscillator around an unknown class, `bad-option` where other
+    models are asked for beside it.
+    """
+    if model is Oscillator:
+        return NAME
+    if isinstance(model, list | tuple) and len(model) == 1:
+        (model,) = model
+    if not isinstance(model, str):
+        return None
+    parts = [part.strip() for part in re.split(r",(?![^(]*\))", model)]
+    ours = [part for part in parts if part.casefold().startswith(NAME.casefold())]
+    if not ours:
+        return None
+    if len(parts) > 1:
+        raise InputError(
+            "bad-option",
+            f"{model}: an oscillator is not compared with models without a mass.",
+            fix=f"fit {ours[0]} alone, and the others in a fit of their own.",
+        )
+    for name in NAMES:
+        if name.casefold() == ours[0].replace(" ", "").casefold():
+            return name
+    raise InputError("unknown-model", f"No model {ours[0]!r}; have {', '.join(NAMES)}.")
+
+
+def fit_oscillator(
+    name: str,
+    record: Record,
+    test: Record | None,
+    *,
+    period: int | None = None,
+    oversampling: int = 20,
+    starts: int = 32,
+    seed: int = 0,
+    purpose: str = "predict",
+    say: Callable[[str], None] = lambda _: None,
+) -> FitResult:
+    """The oscillator of a record, its class chosen by evidence where the name leaves it open.
+
+    Raises `InputError` as `measured_motion`, `linear_approximation` and `search` do, and `bad-option` for
+    an oversampling below 1.
+    """
+    begin = time.perf_counter()
+    if oversampling < 1:
+        raise InputError("bad-option", f"oversampling={oversampling}; at least 1.")
+    motion = measured_motion(record, period)
+    linear = linear_approximation(motion)
+    warnings = [*_warnings(motion, linear, oversampling)]
+    asked = name[len(NAME) + 1 : -1] or None
+    found = search(
+        motion, linear, asked, oversampling=oversampling, starts=starts, seed=seed, say=say
+    )
+    best, optimum = found.tried[0], found.tried[0].found
+    model = model_of(best, oversampling)
+    theta = optimum.family.T @ optimum.q
+    recorded = RecordedMotion(
+        model, motion.dt, oversampling, found.setting.stages, motion.period,
+        (float(theta[4]), float(theta[5]), float(theta[6])), motion.force,
+    )  # fmt: skip
+    detail = Motion(
+        recorded, optimum.chi, motion.sigma, tuple(one.words for one in found.tried), linear,
+        (digest_of(record), digest_of(test)), best.name == "BoucWen",
+        found.chi2,
+    )  # fmt: skip
+    parameters, covariance = _parameters(model, best, optimum, record)
+    predicted = recorded.as_fitted(record)
+    used = np.zeros(len(predicted), bool)
+    used[motion.rows[0] : motion.rows[1]] = True
+    residuals = np.where(record.mask, predicted - np.asarray(record.output, float), np.nan)
+    figures: dict[str, Metrics | None] = {
+        "train": metrics(record.output, predicted, used),
+        "test": None,
+    }
+    blocks = _held_out(motion, record, found, optimum)
+    range_ = float(np.ptp(record.output[used]))
+    fitted = FitResult(
+        name=f"{NAME}({best.name})",
+        model=model,
+        parameters=parameters,
+        covariance=covariance,
+        residuals=residuals,
+        used=used,
+        metrics=figures,
+        success=optimum.converged or optimum.chi < EXPLAINED,
+        score=100 * float(np.sqrt(blocks.mean())) / range_,
+        noise=estimate_noise([residuals[used]], len(covariance)),
+        train=record,
+        test=test,
+        notes=_notes(motion, found, detail),
+        blocks=blocks,
+        purpose=purpose,
+        detail=detail,
+        seed=seed,
+    )
+    fitted = _tested(fitted)
+    fitted = replace(fitted, baselines=(_linear_baseline(fitted, motion, linear, found.setting),))
+    warnings += [*_misfit(fitted, motion, detail)]
+    verdict = judge(fitted, tuple(warnings))
+    seconds = time.perf_counter() - begin
+    fitted = replace(fitted, verdict=verdict, seconds=seconds)
+    others = tuple(_candidate(one, fitted, motion) for one in found.tried[1:])
+    return replace(fitted, candidates=(fitted, *others))
+
+
+def model_of(tried: Tried, substeps: int) -> Oscillator:
+    """The oscillator of a fit in its own terms."""
+    family, q = tried.found.family, tried.found.q
+    theta = family.T @ q
+    m, c, k, constant = theta[:PLANT]
+    own = theta[PLANT + STATE :]
+    hysteresis: AbstractModel
+    if tried.name == "BoucWen":
+        # f+ over -limit, 0, limit: alpha + (gamma - delta) limit, alpha, alpha - (gamma + delta) limit.
+        low, alpha, high = own[:3]
+        limit = family.layout.limit
+        gamma, delta = (low - high) / (2 * limit), alpha / limit - (low + high) / (2 * limit)
+        hysteresis = BoucWenForce(alpha=alpha, beta_gamma=gamma, beta_delta=delta)
+    elif tried.name == "Duhem":
+        half = len(own) // 2
+        hysteresis = Duhem(rising=own[:half], falling=own[half:], limit=family.layout.limit)
+    else:
+        values, layout = own.copy(), family.layout
+        values[: layout.counts[0]] += constant
+        hysteresis = GeneralizedPlays(layout.radii, layout.reach, values, layout.counts.tolist())
+    return Oscillator(m, max(c, 0.0) if c > -1e-12 else c, k, hysteresis, substeps)
+
+
+def _parameters(
+    model: Oscillator, tried: Tried, optimum: Optimum, record: Record
+) -> tuple[tuple[Parameter, ...], Float[np.ndarray, "free free"]]:
+    """Plant, and the coefficients of Bouc-Wen's force, with 90 % intervals; of others the plant alone.
+
+    The covariance is that of the normal equations, wider where more than the noise is left.
+    """
+    covariance = np.linalg.pinv(optimum.normal, rcond=1e-15, hermitian=True) * max(optimum.chi, 1.0)
+    size = len(optimum.q)
+    rows = [np.eye(size)[k] for k in range(3)]
+    force, displacement = record.input_unit, record.output_unit
+    per, time = f"{force} / {displacement}", record.time_unit
+    is_si = (force, displacement, time) == ("N", "m", "s")
+    named = [
+        (
+            "mass",
+            float(model.mass),
+            "kg" if is_si else f"{force} * {time} * {time} / {displacement}",
+        ),
+        ("damping", float(model.damping), f"{force} * {time} / {displacement}"),
+        ("stiffness", float(model.stiffness), per),
+    ]
+    if tried.name == "BoucWen":
+        first = optimum.family.words["first"]
+        own = model.hysteresis
+        assert isinstance(own, BoucWenForce)
+        rows += [np.eye(size)[first], -np.eye(size)[first + 1], -np.eye(size)[first + 2]]
+        named += [
+            ("hysteresis.alpha", float(own.alpha), per),
+            ("hysteresis.beta_gamma", float(own.beta_gamma), f"1 / {displacement}"),
+            ("hysteresis.beta_delta", float(own.beta_delta), f"1 / {displacement}"),
+        ]
+    picked = np.array(rows)
+    among = picked @ covariance @ picked.T
+    errors = np.sqrt(np.diag(among))
+    listed = tuple(
+        Parameter(
+            name, value, unit, float(error), "free",
+            value - NORMAL_90 * float(error), value + NORMAL_90 * float(error),
+        )
+        for (name, value, unit), error in zip(named, errors, strict=True)
+    )  # fmt: skip
+    return listed, among
+
+
+def _tested(fit: FitResult) -> FitResult:
+    """With the figures of the test record."""
+    test = fit.test
+    if test is None:
+        return fit
+    predicted = fit.predict(test)
+    return replace(
+        fit,
+        metrics=fit.metrics | {"test": metrics(test.output, predicted, test.mask)},
+        test_blocks=np.array(block_errors((predicted - test.output)[test.mask])),
+    )
+
+
+def _held_out(
+    motion: MeasuredMotion, record: Record, found: Search, optimum: Optimum
+) -> Float[np.ndarray, " blocks"]:
+    """Squared errors of the last period, or quarter, predicted from a fit to the others, in blocks."""
+    y = np.asarray(record.output, float)
+    coarse = max(1, found.setting.substeps // 4)
+    warm = max(found.setting.warm, 1)
+    if motion.periodic:
+        first, end = motion.rows
+        parts = y[first:end].reshape(-1, motion.period)
+        if len(parts) < 2:
+            return np.full(1, np.nan)
+        own = replace(motion, displacement=parts[:-1].mean(0), sigma=motion.sigma)
+        setting = Setting.of(own, coarse, (), warm)
+        new = levenberg_marquardt(
+            setting, optimum.family, optimum.q, deviations=optimum.deviations, steps=2, damping=1e-6
+        )
+        predicted, _ = setting.simulated(new.family, new.q, jacobian=False)
+        return np.array(block_errors(predicted - parts[-1]))
+    y = y[: len(motion.force)]
+    whole = Setting.of(motion, coarse, (), 0)
+    cut = int(len(y) * (1 - HELD_OUT))
+    part = replace(
+        motion, force=motion.force[:cut], displacement=motion.displacement[:cut], rows=(0, cut)
+    )
+    setting = replace(whole, motion=part, force=whole.force[: (cut - 1) * coarse + 1])
+    new = levenberg_marquardt(
+        setting, optimum.family, optimum.q, deviations=optimum.deviations, steps=4, damping=1e-4
+    )
+    predicted, _ = whole.simulated(new.family, new.q, jacobian=False)
+    return np.array(block_errors((predicted - y)[cut:]))
+
+
+def _linear_baseline(
+    fit: FitResult, motion: MeasuredMotion, linear: LinearApproximation, setting: Setting
+) -> Baseline:
+    """The best linear oscillator on the same rows: without hysteresis."""
+    none = BoucWenForce(alpha=1e-12 * linear.stiffness)
+    plain = Oscillator(
+        linear.mass, max(linear.damping, 0.0), linear.stiffness, none, setting.substeps
+    )
+    detail = fit.detail
+    assert isinstance(detail, Motion)
+    own = replace(detail.recorded, model=plain)
+    predicted = own.as_fitted(fit.train)
+    figures: dict[str, Metrics | None] = {
+        "train": metrics(fit.train.output, predicted, fit.used),
+        "test": None,
+    }
+    error = (predicted - np.asarray(fit.train.output, float))[fit.used]
+    rows = motion.period if motion.periodic else int(HELD_OUT * len(error))
+    blocks = np.array(block_errors(error[-rows:]))
+    blocks = blocks if fit.blocks is not None and len(fit.blocks) == len(blocks) else np.array([])
+    test_blocks = None
+    if fit.test is not None:
+        found = replace(detail, recorded=own).outputs(fit.test)
+        assert found is not None
+        figures["test"] = metrics(fit.test.output, found, fit.test.mask)
+        test_blocks = np.array(block_errors((found - fit.test.output)[fit.test.mask]))
+    span = float(np.ptp(fit.train.output[fit.used]))
+    score = 100 * float(np.sqrt(blocks.mean())) / span if len(blocks) else np.nan
+    return Baseline("linear oscillator", score, figures, blocks, test_blocks)
+
+
+def _notes(motion: MeasuredMotion, found: Search, detail: Motion) -> tuple[str, ...]:
+    stages = found.setting.stages
+    kept = "sampled without a filter"
+    if stages:
+        kept = (
+            f"decimated by {' x '.join(map(str, stages))} with a low-pass filter of 31 taps a stage"
+        )
+    return (
+        *(note.text for note in motion.notes),
+        f"The motion is integrated in {found.setting.substeps} steps a sample, and taken as {kept}.",
+        f"chi2 per row is {detail.chi2:.4g}; noise alone leaves 1.",
+    )
+
+
+def _warnings(
+    motion: MeasuredMotion, linear: LinearApproximation, oversampling: int
+) -> tuple[Note, ...]:
+    found = []
+    top = float(linear.frequencies[-1])
+    rate = 1 / motion.dt
+    if top > 0.45 * rate:
+        text = (
+            f"The force has frequencies up to {top:.4g} at a sampling rate of {rate:.4g}: what lies"
+        )
+        text += " between its samples is not known. Sample faster, or excite a lower band."
+        found.append(Note("aliasing", text))
+    resonance = linear.resonance
+    if oversampling * rate < 40 * resonance:
+        text = f"{oversampling * rate / max(resonance, 1e-300):.0f} steps of integration a cycle of the"
+        text += " resonance are coarse. Use a larger --oversampling."
+        found.append(Note("coarse-integration", text))
+    elif rate < 6 * resonance:
+        text = f"The record has {rate / resonance:.1f} samples a cycle of the resonance. Sample faster."
+        found.append(Note("coarse-sampling", text))
+    return tuple(found)
+
+
+def _misfit(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[Note, ...]:
+    found = []
+    if detail.chi2 > EXPLAINED:
+        left = quantity(
+            float(np.sqrt(max(detail.chi2 - 1, 0)) * motion.sigma), fit.train.output_unit, 3
+        )
+        text = f"chi2 per row is {detail.chi2:.3g} where noise alone leaves 1: the class of hysteresis is"
+        text += f" wrong by {left} rms."
+        if len(detail.classes) == 1:
+            text += " Fit --model Oscillator, which tries other classes."
+        found.append(Note("wrong-class", text))
+    if float(fit.parameters[1].value) < 0:
+        text = "The damping is negative: the model gains energy from its damper."
+        found.append(Note("negative-damping", text))
+    return tuple(found)
+
+
+def _candidate(tried: Tried, fit: FitResult, motion: MeasuredMotion) -> Candidate:
+    """The figures of a class that was tried, on the averaged motion."""
+    found, span = tried.found, float(np.ptp(motion.displacement))
+    rmse = float(np.sqrt(found.chi) * motion.sigma)
+    r2 = 1 - rmse**2 / float(motion.displacement.var())
+    text = f"chi2 per row {found.chi:.4g}, {found.effective:.0f} effective parameters"
+    text += f", BIC {found.bic:.0f}."
+    return Candidate(
+        name=f"{NAME}({tried.name})",
+        parameters=(),
+        metrics={"train": Metrics(rmse, 100 * rmse / span, float("nan"), r2), "test": None},
+        success=found.converged,
+        score=100 * rmse / span,
+        noise=Noise(rmse, found.rows, 1.0),
+        notes=(text,),
+        blocks=None,
+        noise_model=None,
+        noise_evidence={},
+        verdict=Verdict("CAUTION", (Note("other-class", text),)),
+        seconds=0.0,
+        parameter_count=len(found.q),
+    )

@@ -1,0 +1,123 @@
+"""The kind of fit that has a motion: an oscillator, its recorder, and the classes that were tried."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hysteresis import Record
+
+from ..dynamics._linear_approximation import LinearApproximation
+from ..dynamics._recorded_motion import RecordedMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """An oscillator that was fitted to a motion.
+
+    - `recorded`: the oscillator with its recorder, which predicts records.
+    - `chi2`: mean squared residual of the averaged motion over the variance of its noise: 1 where noise
+      alone is left. `sigma`: standard deviation of that noise.
+    - `classes`: of each class that was tried: its name, chi2, effective parameters and the Bayesian
+      information criterion.
+    - `linear`: the best linear approximation.
+    - `few`: the hysteresis has few parameters, not weights. `starts`: chi2 of every start of the search.
+    - `records`: digests of the forces of the training and of the test record.
+
+    **Example:**
+
+        >>> identify.Motion.kind
+        'motion'
+    """
+
+    recorded: RecordedMotion
+    chi2: float
+    sigma: float
+    classes: tuple[dict[str, Any], ...]
+    linear: LinearApproximation
+    records: tuple[str, str]
+    few: bool
+    starts: tuple[float, ...] = ()
+    kind: ClassVar[str] = "motion"
+    least_parameter: ClassVar[float] = -np.inf
+    key: ClassVar[str] = "motion"
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the hysteresis has weights that a prior holds together."""
+        return not self.few
+
+    def words(self) -> dict[str, Any]:
+        own, linear = self.recorded, self.linear
+        return {
+            self.key: {
+                "dt": own.dt,
+                "oversampling": own.substeps,
+                "decimation": list(own.stages),
+                "period": own.period,
+                "initial": list(own.initial),
+                "chi2": self.chi2,
+                "sigma": self.sigma,
+                "classes": list(self.classes),
+                "linear": {
+                    "mass": linear.mass,
+                    "damping": linear.damping,
+                    "stiffness": linear.stiffness,
+                    "resonance": linear.resonance,
+                },
+                "records": list(self.records),
+                "few": self.few,
+                "starts": list(self.starts),
+            }
+        }
+
+    def arrays(self) -> dict[str, Any]:
+        linear = self.linear
+        response: Any = linear.response
+        return {
+            "motion_force": self.recorded.force,
+            "motion_frequencies": linear.frequencies,
+            "motion_response": np.stack([response.real, response.imag]),
+            "motion_noise": linear.noise,
+            "motion_distortion": linear.distortion,
+        }
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        digest = digest_of(record)
+        if digest == self.records[0]:
+            return self.recorded.as_fitted(record)
+        if digest == self.records[1]:
+            found = self.recorded.going_on(record)
+            if found is not None:
+                return found
+        return self.recorded.from_rest(record)
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Mapping[str, np.ndarray], model: Any) -> "Motion":
+        """The inverse of `words` and `arrays`."""
+        recorded = RecordedMotion(
+            model, words["dt"], words["oversampling"], tuple(words["decimation"]), words["period"],
+            tuple(words["initial"]), arrays["motion_force"],
+        )  # fmt: skip
+        real, imaginary = arrays["motion_response"]
+        linear = LinearApproximation(
+            words["linear"]["mass"], words["linear"]["damping"], words["linear"]["stiffness"],
+            arrays["motion_frequencies"], real + 1j * imaginary, arrays["motion_noise"],
+            arrays["motion_distortion"],
+        )  # fmt: skip
+        return cls(
+            recorded, words["chi2"], words["sigma"], tuple(words["classes"]), linear,
+            tuple(words["records"]), words["few"], tuple(words["starts"]),
+        )  # fmt: skip
+
+
+def digest_of(record: Record | None) -> str:
+    """A checksum of a record's input and clock; "" of none."""
+    if record is None:
+        return ""
+    found = hashlib.sha256(np.ascontiguousarray(record.input, float).tobytes())
+    if record.time is not None:
+        found.update(np.ascontiguousarray(record.time, float).tobytes())
+    return found.hexdigest()

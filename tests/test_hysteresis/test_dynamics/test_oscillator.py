@@ -1,0 +1,198 @@
+"""An oscillator: order of convergence, energy, the linear limit, the compiled loop and its recorder."""
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import firwin, lfilter
+
+import hysteresis
+from hysteresis import BoucWenForce, Duhem, GeneralizedPlays, InputError, Oscillator, Sum
+from hysteresis.dynamics._fast_path import Compiled
+
+MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
+PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 12).reshape(3, 4) * 20)
+ANY = Duhem([7e4, 5e4, 4e4, 3e4, 1e4], [1e4, 3e4, 4e4, 6e4, 7e4], 60.0)
+T = np.arange(300) / 750
+FORCE = 40 * np.sin(2 * np.pi * (18 * T + 40 * T**2)) * np.minimum(1, 20 * T)
+
+
+def plant(hysteresis: hysteresis.AbstractModel = MIXED, **options) -> Oscillator:
+    return Oscillator(1.7, 12.0, 4.5e4, hysteresis, **options)
+
+
+@pytest.mark.parametrize("spring", [MIXED, ANY, Sum(MIXED, PLAYS)], ids=["mixed", "duhem", "sum"])
+def test_the_compiled_loop_is_the_step_of_the_model(spring: hysteresis.AbstractModel):
+    model = plant(spring, substeps=5)
+    assert Compiled.of(model) is not None
+    fast = model.displacement(T, FORCE, starts=(0, 120))
+    law = np.asarray(
+        eqx.filter_jit(lambda m: m.evaluate(m.prepare(T, FORCE, starts=(0, 120))))(model)
+    )
+    np.testing.assert_allclose(fast, law, rtol=0, atol=1e-12 * np.abs(law).max())
+
+
+def test_what_the_loop_does_not_know_is_run_by_jax():
+    bent = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=300.0, n=1.5)
+    for model in (plant(bent), plant(hysteresis.BoucWen(4e4, 0.3, 3e-4))):
+        assert Compiled.of(model) is None
+    model = plant(hysteresis.BoucWen(4e4, 0.3, 3e-4), substeps=4)
+    assert np.isfinite(model.displacement(T[:40], FORCE[:40])).all()
+
+
+def test_sensitivities_are_derivatives():
+    """Against central differences of so small a step that no turning point changes its place."""
+    compiled = Compiled.of(plant(Sum(MIXED, PLAYS)))
+    assert compiled is not None
+    fine = hysteresis.interpolated(FORCE, 10, "linear")
+    _, by, _ = compiled.run(fine, 1 / 7500, every=10)
+    theta = compiled.theta
+    for k in [0, 1, 2, 3, *range(7, len(theta))]:
+        step = 1e-7 * max(abs(theta[k]), 1.0)
+        ends = []
+        for sign in (1, -1):
+            moved = theta.copy()
+            moved[k] += sign * step
+            ends.append(compiled.changed(moved).run(fine, 1 / 7500)[0][::10])
+        slope = (ends[0] - ends[1]) / (2 * step)
+        assert np.abs(slope - by[:, k]).max() <= 2e-3 * np.abs(slope).max() + 1e-12, k
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("newmark", 2), ("runge-kutta", 4)])
+def test_order_of_convergence_against_an_independent_solver(integrator: str, order: int):
+    """Between turning points of the velocity, where the equation is smooth."""
+    t = np.linspace(0, 0.02, 9)
+    u = 30 * np.ones_like(t)
+    m, c, k, alpha, loss = 1.7, 12.0, 4.5e4, 4e4, -200.0
+
+    def rate(_: float, x: np.ndarray) -> list[float]:
+        y, v, z = x
+        return [v, (30 - c * v - k * y - z) / m, v * (alpha - loss * abs(z))]
+
+    end = 0.012  # the velocity is positive up to here
+    found = solve_ivp(rate, (0, end), [0, 0, 0], "DOP853", rtol=1e-12, atol=1e-16)
+    assert (found.y[1][1:] > 0).all()
+    clock = np.array([0.0, end])
+    errors = []
+    for substeps in (10, 20):
+        model = plant(substeps=substeps, integrator=integrator)
+        got = eqx.filter_jit(lambda m: m.stream(clock, u[:2])[1])(model)
+        errors.append(abs(float(got[-1]) - found.y[0, -1]))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.35)
+
+
+def test_the_linear_limit_has_the_analytic_frequency_response():
+    """Without hysteresis, in steady state; the trapezoidal rule shifts frequencies by (w h)^2 / 12."""
+    n, f0 = 1024, 8
+    model = Oscillator(2.0, 60.0, 5e4, BoucWenForce(alpha=1e-9))
+    compiled = Compiled.of(model)
+    assert compiled is not None
+    u = np.cos(2 * np.pi * f0 * np.arange(n) / n) * 10
+    fine = hysteresis.interpolated(u, 40, periodic=True)
+    y, _, _ = compiled.run(fine, 1 / (750 * 40), warm=3)
+    w = 2 * np.pi * f0 * 750 / n
+    wanted = 10 / (5e4 - 2.0 * w**2 + 60j * w)
+    got = 2 * np.fft.rfft(y[::40])[f0] / n
+    assert abs(got - wanted) <= 1e-5 * abs(wanted)
+
+
+def test_energy_balance():
+    """The work of the force is what mass and spring hold and damper and hysteresis took."""
+    model = plant(Sum(MIXED, PLAYS))
+    compiled = Compiled.of(model)
+    assert compiled is not None
+    h, fine = 1 / 30000, hysteresis.interpolated(FORCE, 40)
+    y, _, _ = compiled.run(fine, h)
+    v = np.gradient(y, h)
+    z = fine - 1.7 * np.gradient(v, h) - 12 * v - 4.5e4 * y
+    parts = [part.init() for part in model.parts]
+    thin = slice(0, None, 40)
+    own = sum(
+        np.asarray(part.stream(None, y[:4000], state)[1])
+        for part, state in zip(model.parts, parts, strict=True)
+    )
+    np.testing.assert_allclose(own[20:-20], z[20:3980], rtol=0, atol=2e-3 * np.abs(z).max())
+    work = np.cumsum(fine * v) * h
+    held = 0.85 * v**2 + 2.25e4 * y**2
+    taken = np.cumsum(12 * v**2 + z * v) * h
+    left = (work - held - taken)[thin][2:-2]
+    assert np.abs(left).max() <= 2e-3 * np.abs(work).max()
+
+
+def test_dissipative_plays_take_energy_in_every_cycle():
+    stops = GeneralizedPlays([0.0, 3e-4], [2e-3, 2e-3], [[-60.0, 60.0], [60.0, -60.0]])
+    x = 1e-3 * np.sin(np.linspace(0, 4 * np.pi, 400))
+    z = np.asarray(stops.simulate(None, x))
+    assert np.sum(0.5 * (z[201:] + z[200:-1]) * np.diff(x[200:])) > 0
+
+
+def test_held_forces_and_runge_kutta_stream_as_they_run():
+    for options in ({"between": "held"}, {"integrator": "runge-kutta"}):
+        model = plant(Sum(MIXED, PLAYS), substeps=3, **options)
+        state, head = model.stream(T[:20], FORCE[:20])
+        _, tail = model.stream(T[20:40], FORCE[20:40], state)
+        whole = np.asarray(jax.jit(lambda m: m.evaluate(m.prepare(T[:40], FORCE[:40])))(model))
+        np.testing.assert_allclose(np.r_[head, tail], whole, rtol=0, atol=1e-15)
+
+
+def test_a_held_force_is_a_step_at_the_sample():
+    """A linear plant under a held force has an exact answer at the first sample after the step."""
+    model = Oscillator(2.0, 1e-9, 1e-6, BoucWenForce(alpha=1e-9), 4, between="held")
+    found = np.asarray(model.simulate(np.array([0.0, 1.0, 2.0]), np.array([0.0, 2.0, 2.0])))
+    assert found.tolist() == pytest.approx([0.0, 0.0, 0.5], rel=1e-5)
+
+
+@pytest.mark.parametrize("factor", [4, 20])
+def test_decimation_is_that_of_scipys_filters(factor: int):
+    x = np.random.default_rng(0).normal(size=2001).cumsum()
+    e = np.r_[2 * x[0] - x[1:31][::-1], x, 2 * x[-1] - x[-31:-1][::-1]]
+    wanted = lfilter(firwin(31, 1 / factor), 1, e)[45 : 45 + len(x)][::factor]
+    np.testing.assert_allclose(hysteresis.decimated(x, (factor,)), wanted, rtol=0, atol=1e-12)
+
+
+def test_interpolation_is_exact_for_what_is_limited_in_band():
+    t, fine = np.arange(400), np.arange(399 * 8 + 1) / 8
+    wave = lambda x: np.sin(0.4 * np.pi * x + 0.3) + 0.5 * np.cos(0.21 * np.pi * x)  # noqa: E731
+    found = hysteresis.interpolated(wave(t), 8)
+    assert np.abs(found - wave(fine)).max() < 2e-5
+    assert np.abs(found - wave(fine))[400:-400].max() < 1e-6
+    n = 60
+    period = np.sin(2 * np.pi * 7 * np.arange(n) / n)
+    wide = hysteresis.interpolated(period, 4, periodic=True)
+    np.testing.assert_allclose(wide, np.sin(2 * np.pi * 7 * np.arange(4 * n) / (4 * n)), atol=1e-12)
+
+
+def test_the_force_is_found_again_with_the_noise_that_is_said():
+    model = plant()
+    t = np.arange(1500) / 750
+    u = 40 * np.sin(2 * np.pi * 31 * t) * np.sin(np.pi * t / 2) ** 2
+    y = model.displacement(t, u)
+    noise = 1e-7 * np.random.default_rng(1).normal(size=len(y))
+    clean, noisy = (
+        hysteresis.input_force(model, t, x, band=120.0, sigma=1e-7) for x in (y, y + noise)
+    )
+    assert np.abs(clean.force - u)[:-50].max() < 0.01 * 40
+    assert np.std(noisy.force - clean.force) == pytest.approx(noisy.sigma, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("make", "code"),
+    [
+        (lambda: Oscillator(0.0, 1.0, 1.0, MIXED), "parameter-out-of-bounds"),
+        (lambda: plant(integrator="euler"), "bad-option"),
+        (lambda: plant(between="cubic"), "bad-option"),
+        (lambda: plant(substeps=0), "bad-option"),
+        (lambda: plant().simulate(None, FORCE), "no-time"),
+        (lambda: Duhem([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
+        (lambda: GeneralizedPlays([0.1], [1.0], [[1.0]]), "length-mismatch"),
+        (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),
+        (lambda: BoucWenForce(alpha=-1.0), "parameter-out-of-bounds"),
+        (lambda: hysteresis.input_force(plant(), T, FORCE, band=400.0), "bad-option"),
+        (lambda: hysteresis.decimated(np.zeros(8), (2,)), "too-few-samples"),
+    ],
+)
+def test_bad_arguments_are_refused(make, code: str):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert caught.value.code == code

@@ -1,0 +1,165 @@
+"""Oscillators found from records that another implementation of the benchmark made."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import identify
+from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
+from hysteresis import InputError, Record
+from identify.dynamics._linear_approximation import linear_approximation
+from identify.dynamics._measured_motion import even_clock, measured_motion, period_of
+
+SAMPLES = 2048
+
+
+def recorded(u: np.ndarray, y: np.ndarray, **options) -> Record:
+    return Record.from_arrays(
+        u, y, np.arange(len(u)) / RATE, input_unit="N", output_unit="m", **options
+    )
+
+
+@cache
+def record() -> Record:
+    return recorded(*training(1, samples=SAMPLES, periods=4))
+
+
+@cache
+def found() -> identify.FitResult:
+    return identify.fit(record(), "Oscillator(BoucWen)")
+
+
+def true_steady() -> tuple[np.ndarray, np.ndarray]:
+    return steady(Plant(), multisine(np.random.default_rng(99), SAMPLES), 1)
+
+
+def test_a_class_that_is_known_is_found_without_start_values():
+    fit = found()
+    assert fit.name == "Oscillator(BoucWen)"
+    assert fit.detail.kind == "motion"
+    assert fit.detail.chi2 == pytest.approx(1.0, abs=0.1)
+    truth = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
+    for parameter, wanted in zip(fit.parameters, truth, strict=True):
+        assert parameter.stderr is not None
+        assert abs(parameter.value - wanted) < 4 * parameter.stderr, parameter.name
+        assert parameter.stderr < 0.02 * abs(wanted)
+    assert [p.unit for p in fit.parameters][:3] == ["kg", "N * s / m", "N / m"]
+    assert fit.noise.sigma == pytest.approx(NOISE, rel=0.03)
+
+
+def test_it_predicts_an_unseen_multisine_far_below_the_noise():
+    u, y = true_steady()
+    motion = found().detail
+    assert isinstance(motion, identify.Motion)
+    predicted = motion.recorded.steady(recorded(u, y))
+    assert np.sqrt(np.mean((predicted - y) ** 2)) < NOISE / 20
+    assert motion.recorded.stages == (2, 2, 5)
+    rest = Plant().moved(np.tile(multisine(np.random.default_rng(99), SAMPLES), 2))[::FINE]
+    from_rest = motion.recorded.from_rest(recorded(np.tile(u, 2), rest))
+    assert np.sqrt(np.mean((from_rest - rest) ** 2)) < NOISE
+
+
+def test_what_is_saved_predicts_the_same(tmp_path):
+    fit = found()
+    again = identify.load(identify.save(fit, tmp_path / "fit"))
+    np.testing.assert_array_equal(again.predict(record()), fit.predict(record()))
+    u, y = true_steady()
+    other = recorded(u, y)
+    np.testing.assert_array_equal(again.predict(other), fit.predict(other))
+    assert again.detail.words() == fit.detail.words()
+
+
+def test_held_out_periods_are_predicted_in_their_phase():
+    cut = int(2.5 * SAMPLES)
+    train, test = record().split_tail(1 - cut / len(record()))
+    fit = identify.fit(train, "Oscillator(BoucWen)", test=test)
+    assert fit.metrics["test"] is not None
+    assert fit.metrics["test"].rmse == pytest.approx(NOISE, rel=0.05)
+    assert fit.verdict.level == "PASS", fit.verdict
+
+
+def test_a_short_record_without_a_period_gets_its_state_too():
+    u, y = training(2, rows=500)
+    fit = identify.fit(recorded(u, y), "Oscillator(BoucWen)")
+    assert isinstance(fit.detail, identify.Motion)
+    assert fit.detail.recorded.period == 0
+    assert fit.detail.chi2 == pytest.approx(1.0, abs=0.25)
+    assert fit.noise.sigma == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_wrong_class_is_said_to_be_wrong():
+    fit = identify.fit(
+        recorded(*training(1, "iwan", 3, samples=SAMPLES)), "Oscillator(BoucWen)", starts=12
+    )
+    assert fit.detail.kind == "motion"
+    assert fit.detail.chi2 > 10
+    assert "wrong-class" in {note.code for note in fit.verdict.reasons}
+
+
+def test_the_period_is_found_and_a_wrong_one_is_refused():
+    u = np.asarray(record().input)
+    assert period_of(u) == SAMPLES
+    assert period_of(u + 0.005 * u.std() * np.random.default_rng(0).normal(size=len(u))) == SAMPLES
+    assert period_of(u[: int(1.5 * SAMPLES)]) == 0
+    assert period_of(np.cumsum(np.random.default_rng(1).normal(size=500))) == 0
+    with pytest.raises(InputError) as caught:
+        measured_motion(record(), SAMPLES + 3)
+    assert caught.value.code == "not-periodic"
+    assert str(SAMPLES) in str(caught.value)
+
+
+def test_a_settling_period_is_left_out():
+    period = multisine(np.random.default_rng(5), 1024)
+    y = Plant().moved(np.tile(period, 4))[::FINE]
+    noise = NOISE * np.random.default_rng(6).normal(size=len(y))
+    motion = measured_motion(recorded(np.tile(period, 4)[::FINE], y + noise))
+    assert motion.rows == (1024, 4096)
+    assert "transient-period" in {note.code for note in motion.notes}
+
+
+def test_clocks_and_forces_that_cannot_be_used_are_refused():
+    t = np.asarray(record().time).copy()
+    t[1000:] += 0.05
+    with pytest.raises(InputError) as caught:
+        even_clock(replace(record(), time=t))
+    assert caught.value.code == "uneven-clock"
+    assert "line 1001" in str(caught.value)
+    for change, code in (
+        ({"input": np.ones(len(record()))}, "constant-input"),
+        ({"time": None}, "no-time"),
+    ):
+        with pytest.raises(InputError) as caught:
+            measured_motion(replace(record(), **change))
+        assert caught.value.code == code
+
+
+def test_a_resonance_that_is_not_excited_is_said_to_be():
+    period = multisine(np.random.default_rng(3), SAMPLES, low=80.0, high=150.0)
+    u, y = steady(Plant(), period, 2)
+    with pytest.raises(InputError) as caught:
+        identify.fit(recorded(u, y + 1e-8), "Oscillator")
+    assert caught.value.code == "resonance-not-excited"
+
+
+def test_the_linear_approximation_tells_noise_from_distortion():
+    linear = linear_approximation(measured_motion(record()))
+    assert linear.resonance == pytest.approx(np.sqrt(linear.stiffness / linear.mass) / (2 * np.pi))
+    assert np.nanmedian(linear.distortion) > 2 * np.nanmedian(linear.noise)
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "code"),
+    [
+        ("Oscillator(Maxwell)", {}, "unknown-model"),
+        ("Oscillator,Burgers", {}, "bad-option"),
+        ("Burgers", {"period": 100}, "bad-option"),
+        ("Oscillator", {"oversampling": 0}, "bad-option"),
+        ("Oscillator", {"period": 5}, "bad-option"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(model: str, options: dict[str, int], code: str):
+    with pytest.raises(InputError) as caught:
+        identify.fit(record(), model, **options)
+    assert caught.value.code == code
