@@ -51,7 +51,7 @@ LONG = 0.05
 """Seconds that calls take which are compared with shorter ones."""
 
 SETS, BLOCK = 64, 4
-NO_NUMBA = "numba is not installed: pip install 'hysid[bench]'"
+NO_NUMBA = "numba is not installed: pip install numba"
 
 
 @jax.jit

@@ -27,7 +27,7 @@ from .dynamics._oscillator import Oscillator as Oscillator
 from .dynamics._oscillator import OscillatorState as OscillatorState
 from .dynamics._rate_form import AbstractRateForm as AbstractRateForm
 from .dynamics._rate_form import BoucWenForce as BoucWenForce
-from .dynamics._rate_form import Duhem as Duhem
+from .dynamics._rate_form import DuhemForce as DuhemForce
 from .dynamics._rate_form import RateState as RateState
 from .dynamics._recorder import decimated as decimated
 from .dynamics._recorder import interpolated as interpolated

@@ -15,7 +15,7 @@ from hysteresis import (
     BoucWen,
     BoucWenForce,
     Burgers,
-    Duhem,
+    DuhemForce,
     FoamCurve,
     GeneralizedKelvinVoigt,
     GeneralizedMaxwell,
@@ -387,7 +387,7 @@ def _rate_forms(rng: np.random.Generator) -> Sum:
     """Bouc-Wen of mixed sign, a Duhem operator, and plays whose curves fall and rise."""
     return Sum(
         BoucWenForce(rng.uniform(0.5, 1), rng.uniform(0.2, 0.4), -rng.uniform(0.1, 0.2)),
-        Duhem(rng.uniform(0.2, 1, 5), rng.uniform(0.2, 1, 5), 2.0),
+        DuhemForce(rng.uniform(0.2, 1, 5), rng.uniform(0.2, 1, 5), 2.0),
         GeneralizedPlays([0.0, 0.4], [1.0, 1.5], rng.normal(size=7) - 4 * np.arange(7), (3, 4)),
     )
 
@@ -397,7 +397,7 @@ def _rate_forms_known(model: AbstractModel) -> Known:
     assert isinstance(model, Sum)
     force, duhem, plays = model.parts
     assert isinstance(force, BoucWenForce)
-    assert isinstance(duhem, Duhem)
+    assert isinstance(duhem, DuhemForce)
     assert isinstance(plays, GeneralizedPlays)
     u = np.linspace(0.0, 0.01, 21)
     loss = float(force.beta_gamma + force.beta_delta)

@@ -7,7 +7,7 @@ fixed-point iterations where that has Newton's method, single stops and hysteron
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -21,7 +21,7 @@ NOISE = 8e-6
 
 KINDS = ("boucwen", "drawn", "iwan", "preisach")
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
+Array: TypeAlias = Any
 
 
 @numba.njit(cache=True)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from .._model import AbstractModel
 from ..models._compose import Sum
 from ._generalized_plays import GeneralizedPlays
-from ._rate_form import AbstractRateForm, BoucWenForce, Duhem
+from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
 
 
 @dataclass
@@ -62,7 +62,7 @@ def layout_of(model: AbstractModel) -> Layout | None:
 
 def _rate_of(part: AbstractRateForm) -> tuple[np.ndarray, float] | None:
     """Values at knots and the outermost knot; None where f is not straight between knots."""
-    if isinstance(part, Duhem):
+    if isinstance(part, DuhemForce):
         return np.stack([np.asarray(part.rising, float), np.asarray(part.falling, float)]), float(
             part.limit
         )

@@ -41,8 +41,8 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
     The input is the force u, the output the displacement y. It starts at rest, with y = z = 0. Each sample
     is reached by `substeps` steps of Newmark's average acceleration, of second order, or by the classical
     Runge-Kutta method, of fourth order between the turning points; the force is straight between its
-    samples, or held. A part in rate form (`BoucWenForce`, `Duhem`) is integrated together with the motion,
-    others follow the displacement exactly.
+    samples, or held. A part in rate form (`BoucWenForce`, `DuhemForce`) is integrated together with the
+    motion, others follow the displacement exactly.
 
     **Arguments:**
 
@@ -145,7 +145,7 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
 
         def fine(k: Array, at: OscillatorState) -> OscillatorState:
             share = (k + 1.0) / self.substeps
-            force = jnp.where(new, u, state.force + (u - state.force) * share)
+            force: Array = jnp.where(new, u, state.force + (u - state.force) * share)
             force = jnp.where(new, u, state.force) if push is not None else force
             advance = self._newmark if self.integrator == "newmark" else self._runge_kutta
             last = jnp.where(new, u, state.force + (u - state.force) * k / self.substeps)
@@ -215,7 +215,7 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
             return a1 - error / jax.lax.stop_gradient(by_a)
 
         frozen = jax.lax.stop_gradient((self, at))
-        a1 = frozen[1].acceleration
+        a1: Any = frozen[1].acceleration
         for _ in range(NEWTON_STEPS - 1):
             a1 = jax.lax.stop_gradient(newton(frozen[0], frozen[1], a1))
         a1 = newton(self, at, a1)

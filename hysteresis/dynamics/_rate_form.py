@@ -131,7 +131,7 @@ class BoucWenForce(AbstractRateForm):
 
 
 @register
-class Duhem(AbstractRateForm):
+class DuhemForce(AbstractRateForm):
     """Duhem operator: the slope of the force depends on the force and on the direction of motion.
 
         dz = rising(z) du  while u rises,     dz = falling(z) du  while u falls
@@ -150,7 +150,7 @@ class Duhem(AbstractRateForm):
 
     **Example:**
 
-        >>> friction = hysteresis.Duhem(rising=[2.0, 1.0, 0.0], falling=[0.0, 1.0, 2.0], limit=1.0)
+        >>> friction = hysteresis.DuhemForce(rising=[2.0, 1.0, 0.0], falling=[0.0, 1.0, 2.0], limit=1.0)
         >>> np.asarray(friction.simulate(None, np.array([0.0, 1.0, 0.0]))).round(2).tolist()
         [0.0, 0.63, -0.4]
     """

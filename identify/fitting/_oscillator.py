@@ -12,7 +12,7 @@ from jaxtyping import Float
 from hysteresis import (
     AbstractModel,
     BoucWenForce,
-    Duhem,
+    DuhemForce,
     GeneralizedPlays,
     InputError,
     Note,
@@ -166,7 +166,7 @@ def model_of(tried: Tried, substeps: int) -> Oscillator:
         hysteresis = BoucWenForce(alpha=alpha, beta_gamma=gamma, beta_delta=delta)
     elif tried.name == "Duhem":
         half = len(own) // 2
-        hysteresis = Duhem(rising=own[:half], falling=own[half:], limit=family.layout.limit)
+        hysteresis = DuhemForce(rising=own[:half], falling=own[half:], limit=family.layout.limit)
     else:
         values, layout = own.copy(), family.layout
         values[: layout.counts[0]] += constant

@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 from scipy.signal import firwin, lfilter
 
 import hysteresis
-from hysteresis import BoucWenForce, Duhem, GeneralizedPlays, InputError, Oscillator, Sum
+from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator, Sum
 from hysteresis.dynamics._fast_path import Compiled
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 12).reshape(3, 4) * 20)
-ANY = Duhem([7e4, 5e4, 4e4, 3e4, 1e4], [1e4, 3e4, 4e4, 6e4, 7e4], 60.0)
+ANY = DuhemForce([7e4, 5e4, 4e4, 3e4, 1e4], [1e4, 3e4, 4e4, 6e4, 7e4], 60.0)
 T = np.arange(300) / 750
 FORCE = 40 * np.sin(2 * np.pi * (18 * T + 40 * T**2)) * np.minimum(1, 20 * T)
 
@@ -184,7 +184,7 @@ def test_the_force_is_found_again_with_the_noise_that_is_said():
         (lambda: plant(between="cubic"), "bad-option"),
         (lambda: plant(substeps=0), "bad-option"),
         (lambda: plant().simulate(None, FORCE), "no-time"),
-        (lambda: Duhem([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
+        (lambda: DuhemForce([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
         (lambda: GeneralizedPlays([0.1], [1.0], [[1.0]]), "length-mismatch"),
         (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),
         (lambda: BoucWenForce(alpha=-1.0), "parameter-out-of-bounds"),
