@@ -171,7 +171,7 @@ def scales_of(
     material: Any, length_unit: str | None, force_unit: str | None
 ) -> tuple[float, float, float]:
     """(N -> g, g -> m, s -> g), of a material whose quantities have been checked."""
-    units = getattr(material, "units", None)
+    units = _units_of(material)
     if units is None or not units.are_known:
         units = Units(
             force_unit or FORCE, length_unit or "mm", "1" if units is None else units.time
@@ -180,6 +180,14 @@ def scales_of(
     assert force is not None
     assert length is not None
     return 1 / force, length, conversion(TIME, units.time) or 1.0
+
+
+def _units_of(material: Any) -> Units | None:
+    """From what a material is given to what it gives; of a compensator without units, by its model."""
+    model = getattr(material, "model", None)
+    if material.units is not None or not isinstance(model, AbstractModel):
+        return material.units
+    return model.units and model.units.reversed
 
 
 def _check_quantities(material: Any, length_unit: str | None, force_unit: str | None) -> None:
@@ -197,7 +205,7 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
                 f"{unit!r} is not a unit of {'length' if quantity == LENGTH else 'force'}.",
                 fix='give one such as "mm", "inch", "N" or "kgf".',
             )
-    units = getattr(material, "units", None)
+    units = _units_of(material)
     if units is not None and units.are_known:
         if conversion(units.input, LENGTH) and conversion(units.output, FORCE):
             raise wrong_way

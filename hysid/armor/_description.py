@@ -1,0 +1,163 @@
+"""What is known of an armor before any calibration: a TOML file, or a mesh.
+
+unit = "mm"                 # of all lengths here; by default m
+box = {dx = 300, dy = 300, dz1 = 550, dz2 = 0}    # or mesh = "shell.stl", from the TOML's folder
+threshold = 1.5             # N
+thickness = 50              # of the cover
+frame_width = 50            # of the dents that the frame may have; without it the frame is rigid
+full_scale = [50, 12]       # N, N m, of the sensor; without it the sensor has no hysteresis
+noise = [0.03, 0.006]       # N, N m, standard deviation of a reading
+reports = "load"            # or "reaction"
+"""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from compensate import invert
+from compensate.armor import (
+    AbstractShape,
+    Armor,
+    Box,
+    Bumps,
+    ContactSolver,
+    Cover,
+    Mesh,
+    WristSensor,
+)
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, conversion
+
+KEYS = {
+    "unit", "box", "mesh", "threshold", "thickness", "frame_width", "full_scale", "noise", "reports",
+}  # fmt: skip
+BOX = ("dx", "dy", "dz1", "dz2")
+NOISE = (0.03, 0.006)
+TRAVEL, SHARE = 0.1, 0.05
+"""Of full scale, and of the reading: the hysteresis of a sensor before a calibration finds its own."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """An armor as its file describes it, lengths in m.
+
+    - `box`: (dx, dy, dz1, dz2); or `corners` (n, 3) and `triangles` (m, 3) of a mesh.
+    - `thickness`: of the cover; `frame_width`: of the frame's dents, None for a rigid one.
+    - `full_scale`: N and N m, of a sensor with hysteresis, None for one without.
+    - `dwell`, s: see `ContactSolver`.
+    """
+
+    box: tuple[float, ...] | None = None
+    corners: Any = None
+    triangles: Any = None
+    threshold: float = 1.5
+    thickness: float = float("inf")
+    frame_width: float | None = None
+    full_scale: tuple[float, ...] | None = None
+    noise: tuple[float, ...] = NOISE
+    reports: str = "load"
+    dwell: float | None = None
+
+    def shape(self) -> AbstractShape:
+        """The shell."""
+        return Mesh(self.corners, self.triangles) if self.box is None else Box(*self.box)
+
+    def armor(self, material: AbstractModel) -> Armor:
+        """The armor with a cover of this material, which was fitted in either direction.
+
+        Raises `InputError` as `Cover` and `ContactSolver` do.
+        """
+        shape = self.shape()
+        frame: Any = 0.0
+        if self.frame_width is not None:
+            faces = shape.faces()
+            centres = getattr(shape, "centres", None)
+            if centres is None:
+                raise InputError(
+                    "bad-option", f"the frame below a mesh of {len(faces.offset)} faces has no dents.",
+                    fix="leave frame_width out.",
+                )  # fmt: skip
+            frame = Bumps(centres(), 0.0, self.frame_width)
+        gives_force = (
+            material.units is not None
+            and conversion(material.units.input, "m") is not None
+            and conversion(material.units.output, "N") is not None
+        )
+        cover = Cover(
+            invert(material) if gives_force else material, 1.0, frame, thickness=self.thickness
+        )
+        plays = None
+        if self.full_scale is not None:
+            full = np.repeat(np.asarray(self.full_scale, float), 3)
+            plays = [
+                PrandtlIshlinskii(np.array([TRAVEL * f]), np.array([SHARE]), 1.0) for f in full
+            ]
+        sensor = WristSensor(hysteresis=plays, reports=self.reports)
+        return Armor(sensor, ContactSolver(shape, cover, self.threshold, dwell=self.dwell))
+
+    @property
+    def noise_of_wrench(self) -> Any:
+        """(6,), N and N m."""
+        return jnp.repeat(jnp.asarray(self.noise, float), 3)
+
+
+def read_description(file: Path, unit: str | None = None) -> Description:
+    """An armor from a TOML file or a mesh. `unit`: of lengths, where the file does not give it.
+
+    Raises `InputError` where it cannot be read, or has keys that are unknown.
+    """
+    if file.suffix.lower() != ".toml":
+        return Description(**_mesh(file, unit or "m"))
+    if not file.is_file():
+        raise InputError(
+            "file-not-found", f"There is no file {file}.", fix="Name a TOML or mesh file."
+        )
+    try:
+        given = tomllib.loads(file.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError("bad-config", f"This is not TOML: {error}.", place=str(file)) from error
+    box = given.pop("box", None) or {key: given.pop(key) for key in BOX if key in given}
+    if unknown := sorted(set(given) - KEYS):
+        raise InputError(
+            "unknown-key", f"{unknown[0]!r} is not known here.", place=str(file),
+            fix=f"The keys are {', '.join(sorted(KEYS))}.",
+        )  # fmt: skip
+    unit = given.pop("unit", unit or "m")
+    metres = conversion(str(unit), "m")
+    if metres is None:
+        raise InputError("unknown-unit", f"{unit!r} is not a unit of length.", place=str(file))
+    try:
+        found: dict[str, Any] = {
+            k: metres * float(given.pop(k)) for k in ("thickness", "frame_width") if k in given
+        }
+        found |= {k: tuple(map(float, given.pop(k))) for k in ("full_scale", "noise") if k in given}
+        found |= {"threshold": float(given.pop("threshold", 1.5))}
+        if not all(len(found.get(k, (0, 0))) == 2 for k in ("full_scale", "noise")):
+            raise ValueError("full_scale and noise are two numbers each, N and N m")
+        found |= {"reports": str(given.pop("reports", "load"))}
+        if "mesh" in given:
+            return Description(**found, **_mesh(file.parent / str(given["mesh"]), str(unit)))
+        sides = tuple(metres * float(box.get(key, 0.0 if key == "dz2" else np.nan)) for key in BOX)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            "bad-config", f"A value cannot be used: {error}.", place=str(file)
+        ) from error
+    if not np.isfinite(sides).all():
+        raise InputError(
+            "bad-config", "The shape is not given.", place=str(file),
+            fix="box = {dx = 0.3, dy = 0.3, dz1 = 0.55, dz2 = 0}, or mesh = \"shell.stl\".",
+        )  # fmt: skip
+    return Description(box=sides, **found)
+
+
+def _mesh(file: Path, unit: str) -> dict[str, Any]:
+    if not file.is_file():
+        raise InputError(
+            "file-not-found", f"There is no file {file}.", fix="Name a TOML or mesh file."
+        )
+    mesh = Mesh.load(file, unit)
+    corners = np.asarray(mesh.corners()).reshape(-1, 3)
+    return {"corners": corners, "triangles": np.arange(len(corners)).reshape(-1, 3)}

@@ -1,0 +1,141 @@
+"""`hysid armor calibrate` and `solve`: a table and a fit of one's own, in any units, to contacts."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hysid
+import identify
+from compensate import invert
+from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
+from compensate.runtime import load_armor
+from hysid.armor._commands import calibrate, solve
+from hysid.armor._view import view
+from hysteresis import InputError, LinearSponge, Units, conversion, with_units
+
+BOX = Box(0.3, 0.25, 0.55, 0.1)
+TOML = 'unit = "inch"\nbox = {dx = 11.811023622047244, dy = 9.84251968503937,'
+TOML += " dz1 = 21.653543307086615, dz2 = 3.937007874015748}\nthickness = 2.0\n"
+SPONGE = with_units(LinearSponge(1.298, 6.186, 1.5), Units("N", "mm"))
+SAME = [("gf", "m", False), ("kgf", "inch", True)]
+
+
+def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
+    """A saved fit of one curve, measured in these units, of the displacement or of the force."""
+    F = np.linspace(2.0, 20.0, 40)
+    d = 1.298 * F + 6.186 + 0.01 * np.sin(7 * F)
+    given = F / conversion(force, "N"), d / conversion(length, "mm")
+    units = force, length
+    if turned:
+        given, units = given[::-1], units[::-1]
+    names = {"input_unit": units[0], "output_unit": units[1]}
+    fit = hysid.fit(*given, model="LinearSponge", noise="gaussian", **names)
+    return identify.save(fit, folder / f"{force}-{length}-{turned}", overwrite=True)
+
+
+def write(file: Path, header: list[str], rows: np.ndarray) -> Path:
+    with file.open("w", newline="") as handle:
+        csv.writer(handle).writerows([header, *rows.tolist()])
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("armor")
+    (place / "box.toml").write_text(TOML)
+    force = np.array([[0.0, 0, -3], [1, 2, -10], [0, -15, 1], [12, 0, 0], [0, 0, -19], [0, 0, -30]])
+    moment = np.cross([0.02, 0.03, 0.3], force)
+    header = ["time (s)", "Fx (lbf)", "Fy (lbf)", "Fz (lbf)", "Mx (N mm)", "My (N mm)", "Mz (N mm)"]
+    table = [np.arange(6.0), *(force / conversion("lbf", "N")).T, *(1e3 * moment).T]
+    write(place / "wrenches.csv", header, np.column_stack(table))
+    return place
+
+
+def contacts(out: Path) -> list[dict[str, str]]:
+    with (out / "contacts.csv").open() as handle:
+        return list(csv.DictReader(handle))
+
+
+@pytest.mark.parametrize(("force", "length", "turned"), SAME)
+def test_one_table_in_any_units_gives_the_same_contacts(
+    folder: Path, force: str, length: str, turned: bool
+):
+    """Of a fit of the displacement; and of one of the force, which is inverted."""
+    model = identify.load(fit_of("N", "mm", folder, turned)).model
+    wanted = ContactSolver(BOX, invert(model) if turned else model)
+    with (folder / "wrenches.csv").open() as handle:
+        rows = np.array(list(csv.reader(handle))[1:], float)
+    F, M = rows[:, 1:4] * conversion("lbf", "N"), rows[:, 4:] / 1e3
+    truth = np.asarray(wanted.solve(F, M).point)
+    out = folder / f"solved-{force}-{length}"
+    sponge = fit_of(force, length, folder, turned)
+    found = solve(folder / "wrenches.csv", out, sponge=sponge, shape=folder / "box.toml")
+    assert found["statuses"] == {"OK": 5, "EXTRAPOLATED": 1}  # 30 N, and the fit knows 20
+    point = np.array([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
+    np.testing.assert_allclose(point, truth, atol=1e-9)
+    variance = np.array([float(row["zz (m^2)"]) for row in contacts(out)])
+    assert (variance[2:4] > 0).all()  # on the sides; on the top z is as certain as the sponge
+    runtime = load_armor(out / "armor.json")
+    same = [runtime.step(k, reading).point for k, reading in enumerate(np.hstack([F, M]).tolist())]
+    np.testing.assert_allclose(same, truth, atol=1e-9)
+    assert json.loads((out / "touches.json").read_text())["status"][-1] == "EXTRAPOLATED"
+    assert Path(view(out)["file"]).is_file()
+
+
+def test_a_calibration_is_kept_and_used(folder: Path):
+    random = np.random.default_rng(5)
+    matrix = np.eye(6) + 0.02 * random.normal(size=(6, 6)) * np.kron(
+        [[1, 4], [0.25, 1]], np.ones((3, 3))
+    )
+    true = Armor(WristSensor(matrix=matrix), ContactSolver(BOX, Cover(SPONGE, factor=0.95)))
+    surface = np.tile(np.arange(1, 6), 3)
+    inward = np.asarray(BOX.faces().normal)[surface - 1]
+    aside = random.uniform(-0.1, 0.1, (15, 3))
+    touched = np.asarray(BOX.centres())[surface - 1]
+    touched += aside - (aside * inward).sum(1, keepdims=True) * inward
+    load = np.tile([5.0, 10.0, 15.0], (15, 1))
+    made = planned_presses(true, np.arange(3.0), load, inward, touched, surface)
+    rows = [
+        [p, k, *made.readings[p, k].tolist(), load[p, k] / 9.80665, *(100 * touched[p]),
+         1e3 * float(made.displacement[p, k])]
+        for p in range(15) for k in range(3)
+    ]  # fmt: skip
+    header = ["press", "time (s)", "Fx", "Fy", "Fz", "Mx", "My", "Mz", "force (kgf)"]
+    header += ["x (cm)", "y (cm)", "z (cm)", "displacement (mm)"]
+    presses = write(folder / "presses.csv", header, np.array(rows))
+    sponge, out = fit_of("N", "mm", folder), folder / "calibrated"
+    found = calibrate(presses, sponge, folder / "box.toml", out)
+    assert found["presses"] == 15
+    assert "solver.cover.factor.value" in found["table"]
+    reading = np.asarray(made.readings)[:, 1]
+    wrenches = write(folder / "read.csv", ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], reading)
+    done = solve(wrenches, folder / "solved", calibrated=out)
+    point = np.array(
+        [[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(folder / "solved")]
+    )
+    truth = np.asarray(true.solve(reading).point)
+    # Without noise the presses leave only the priors' pull, a hundredth of 2 % of crosstalk.
+    np.testing.assert_allclose(point, truth, atol=5e-4)
+    assert done["runtime"] is not None
+    with pytest.raises(InputError, match="would-overwrite"):
+        calibrate(presses, sponge, folder / "box.toml", out)
+
+
+def test_what_cannot_be_used_is_answered(folder: Path):
+    sponge, shape = fit_of("N", "mm", folder), folder / "box.toml"
+    bad = write(folder / "bad.csv", ["Fx (mm)", "Fy", "Fz", "Mx", "My", "Mz"], np.ones((2, 6)))
+    short = write(folder / "short.csv", ["Fx", "Fy", "Fz", "Mx", "My"], np.ones((2, 5)))
+    (folder / "wrong.toml").write_text("box = {dx = 0.3}\n")
+    (folder / "other.toml").write_text("lenght = 3\n")
+    for file, fit, told, code in (
+        (bad, sponge, shape, "wrong-unit"),
+        (short, sponge, shape, "no-column"),
+        (bad, sponge, folder / "wrong.toml", "bad-config"),
+        (bad, sponge, folder / "other.toml", "unknown-key"),
+        (bad, None, shape, "conflicting-options"),
+    ):
+        with pytest.raises(InputError, match=code):
+            solve(file, folder / "none", sponge=fit, shape=told)
