@@ -6,6 +6,7 @@ from ._box import Box as Box
 from ._calibration import Presses as Presses
 from ._calibration import PressResiduals as PressResiduals
 from ._calibration import planned_presses as planned_presses
+from ._calibration import with_slip as with_slip
 from ._contact import Contact as Contact
 from ._conventions import convention_doubt as convention_doubt
 from ._convex import Convex as Convex
@@ -26,5 +27,6 @@ from ._uncertain import Alternative as Alternative
 from ._uncertain import UncertainArmor as UncertainArmor
 from ._uncertain import UncertainContact as UncertainContact
 from ._wrench import Motion as Motion
+from ._wrench import Slip as Slip
 from ._wrench import Wrench as Wrench
 from ._wrench import WristSensor as WristSensor

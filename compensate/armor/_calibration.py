@@ -14,6 +14,13 @@ from hysteresis import InputError, Scalar, parameter
 
 from ._armor import Armor
 from ._faces import dots
+from ._wrench import Slip, combined_axes
+
+MATRIX, HYSTERESIS = 0.03, 0.01
+"""Prior deviation of an entry of the matrix, and the hysteresis of the data sheet, of full scale."""
+
+FIRST_NOISE, LEAST_NOISE = 1e-3, 1e-9
+"""Parts of full scale."""
 
 
 class Presses(eqx.Module):
@@ -189,6 +196,71 @@ class _Missed(NamedTuple):
     depth: Float[Array, " samples"] | None
     told: Bool[Array, " samples"]
     mean: Float[Array, ""]
+
+
+@eqx.filter_jit
+def loads_of(armor: Armor, presses: Presses) -> tuple[Array, Array]:
+    """Forces and moments about P_o (presses, samples, 3) that the gauge exerted: N, N m."""
+
+    def one(press: Presses) -> tuple[Array, Array]:
+        normal, measured = _normal(armor, press), press.displacement
+        return _load(
+            press, normal, _modelled(armor, press, normal) if measured is None else measured
+        )
+
+    return jax.vmap(one)(presses)
+
+
+def with_slip(armor: Armor, presses: Presses, full_scale: ArrayLike, rounds: int = 3) -> Armor:
+    """An armor whose sensor's matrix and slip were found from presses, by ridge regression.
+
+    For each axis the true load less the reading is a sum of the six readings and the stops, linear in its
+    weights. A priori an entry of the matrix is off by 3 per cent, and all stops together by half of the
+    1 per cent of hysteresis that data sheets promise. The noise is that of what is left, from the second
+    round on. `calibrate_armor` improves the matrix afterwards, together with the cover.
+
+    **Arguments:** the armor, the presses with their gauge, the ratings (6,) of the sensor's data sheet.
+
+    **Raises:** `InputError` if the armor's sensor has other plays already.
+
+    **Example:**
+
+        >>> found = compensate.armor.with_slip(armor, planned, np.repeat([50.0, 12.0], 3))
+        >>> found.sensor.slip.weights.shape
+        (6, 36, 3)
+    """
+    sensor = armor.sensor
+    if sensor.hysteresis is not None:
+        raise InputError(
+            "bad-option", "the sensor has a play on each axis already.",
+            fix="give a WristSensor without hysteresis.",
+        )  # fmt: skip
+    slip = Slip(full_scale)
+    full = np.asarray(slip.full_scale)
+    readings = presses.readings - sensor.bias[None, None]
+    force, moment = loads_of(armor, presses)
+    wanted = np.asarray(sensor.carried(force, moment)).reshape(-1, 6) / full
+    parts = np.asarray(readings).reshape(-1, 6) / full
+    stops = np.asarray(jax.jit(jax.vmap(slip.stops))(readings)).reshape(len(parts), -1)
+    known = np.concatenate([parts, stops], axis=1)
+    each = HYSTERESIS / 2 / np.sqrt(len(combined_axes()))
+    prior = np.concatenate([np.full(6, 1 / MATRIX), np.full(stops.shape[1], 1 / each)]) ** 2
+    off = wanted - parts @ (np.asarray(sensor.matrix) * full / full[:, None]).T
+    noise = np.full(6, FIRST_NOISE)
+    found = np.zeros((known.shape[1], 6))
+    for _ in range(rounds):
+        for k in range(6):
+            normal = known.T @ known / noise[k] ** 2 + np.diag(prior)
+            found[:, k] = np.linalg.solve(normal, known.T @ off[:, k] / noise[k] ** 2)
+        noise = np.maximum(np.std(off - known @ found, axis=0), LEAST_NOISE)
+    matrix = jnp.asarray(sensor.matrix + found[:6].T * full[:, None] / full)
+    weights = found[6:].T.reshape(slip.weights.shape)
+    return eqx.tree_at(
+        lambda a: (a.sensor.matrix, a.sensor.slip),
+        armor,
+        (matrix, Slip(full, weights)),
+        is_leaf=lambda leaf: leaf is None,
+    )
 
 
 def _missed(armor: Armor, press: Presses) -> _Missed:

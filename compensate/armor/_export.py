@@ -123,6 +123,11 @@ def _field(field: AbstractField, surfaces: int) -> dict[str, Any]:
 
 def _sensor(sensor: WristSensor) -> dict[str, Any]:
     """The linear parts as matrices: the calibration, and everything after the hysteresis."""
+    if sensor.slip is not None:
+        raise InputError(
+            "not-exportable", "the slip of the sensor's joints is not exported yet.",
+            fix="calibrate without with_slip, or with plays of each axis.",
+        )  # fmt: skip
     calibrated = sensor._calibrated
     placed = eqx.tree_at(
         lambda s: (s.matrix, s.bias), sensor, (jnp.eye(6), jnp.zeros_like(sensor.bias))

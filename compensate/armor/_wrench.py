@@ -1,6 +1,7 @@
 """From the readings of a force sensor to the wrench that the load exerts at P_o."""
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,6 +22,10 @@ GRAVITY = 9.80665
 
 Values = Float[Array, "..."] | Any
 """Numbers, kept as an array."""
+
+
+TRAVELS = (0.02, 0.06, 0.2)
+"""Parts of full scale over which a joint may begin to slip."""
 
 
 class Wrench(NamedTuple):
@@ -46,17 +51,101 @@ AT_REST = Motion()
 
 
 class WristState(NamedTuple):
-    """The low-pass: its last wrench (6,), the time of that (NaN before the first), the plays' states."""
+    """The low-pass: its last wrench (6,), the time of that (NaN before the first), the plays' states, the
+    slip's."""
 
     held: Array
     time: Array
     channels: Any
+    slip: Any
+
+
+class SlipState(NamedTuple):
+    """The stops (directions, travels), and the combinations (directions,) of the last reading."""
+
+    stop: Array
+    last: Array
+
+
+class Slip(eqx.Module):
+    """What slipping joints leave in the readings w of a force sensor:
+
+        correction_i = full_i sum_jk W_ijk s_jk/r_k,    s_jk follows u_j as a stop of travel r_k does
+        u_j = sum_i B_ji w_i/full_i
+
+    The beams of a sensor are clamped, and a clamp slips by the load on it, which is a combination of the
+    axes: plays of each axis by itself cannot undo that. The axes, and the sum and the difference of every
+    two of them, are taken as combinations, without knowledge of how the sensor is built.
+
+    **Arguments:**
+
+    - `full_scale` (6,), N and N m: ratings, from the data sheet.
+    - `weights` (6, combinations, travels): W. `travels`: r, as parts of full scale.
+
+    **Example:**
+
+        >>> slip = compensate.armor.Slip(np.full(6, 50.0))
+        >>> slip.weights.shape
+        (6, 36, 3)
+    """
+
+    full_scale: Values = parameter(fixed=True, meaning="ratings of the six axes")
+    weights: Values = parameter(fixed=True, meaning="of the stops")
+    travels: Values = parameter(fixed=True, meaning="of the stops, of full scale")
+
+    def __init__(
+        self,
+        full_scale: ArrayLike,
+        weights: ArrayLike | None = None,
+        travels: ArrayLike = TRAVELS,
+    ):
+        self.full_scale = jnp.asarray(full_scale, float)
+        self.travels = jnp.asarray(travels, float)
+        shape = (6, len(combined_axes()), len(self.travels))
+        self.weights = jnp.zeros(shape) if weights is None else jnp.asarray(weights, float)
+        if self.full_scale.shape != (6,) or self.weights.shape != shape:
+            raise InputError(
+                "wrong-shape",
+                f"full_scale has the shape {self.full_scale.shape}, weights {self.weights.shape}.",
+                fix=f"give (6,) and {shape}.",
+            )
+
+    def init(self) -> SlipState:
+        """The state of a sensor that was zeroed after a rest."""
+        combined = jnp.zeros(len(combined_axes()))
+        return SlipState(jnp.zeros(self.weights.shape[1:]), combined)
+
+    def step(
+        self, state: SlipState, reading: Float[Array, " 6"]
+    ) -> tuple[SlipState, Float[Array, " 6"]]:
+        """The state after one reading without its bias, and the correction to add, N and N m."""
+        now = jnp.asarray(combined_axes()) @ (reading / self.full_scale)
+        moved = state.stop + (now - state.last)[:, None]
+        stop = jnp.clip(moved, -self.travels[None], self.travels[None])
+        part = jnp.einsum("ijk,jk->i", self.weights, stop / self.travels[None])
+        return SlipState(stop, now), self.full_scale * part
+
+    def stops(self, readings: ArrayLike) -> Float[Array, "samples stops"]:
+        """s/r of a record of readings (samples, 6) that begins at rest."""
+
+        def one(state: SlipState, reading: Array) -> tuple[SlipState, Array]:
+            state, _ = self.step(state, reading)
+            return state, (state.stop / self.travels[None]).ravel()
+
+        return jax.lax.scan(one, self.init(), jnp.asarray(readings, float))[1]
+
+
+def combined_axes() -> Float[np.ndarray, "combinations 6"]:
+    """B: the six axes, and the sum and the difference of every two."""
+    one = np.eye(6)
+    pairs = [one[i] + sign * one[j] for i, j in combinations(range(6), 2) for sign in (1, -1)]
+    return np.array([*one, *pairs])
 
 
 class WristSensor(eqx.Module):
     """A six-axis force sensor under a shell. Its reading w = (F, M), N and N m, says of the load
 
-        v = p(C (w - bias))                  C: calibration;  p: each axis's hysteresis undone
+        v = p(C (w - bias) + slip)           C: calibration;  p: each axis's hysteresis undone
         F_s, M_s = sign v                    sign = -1 for a sensor that reports reactions
         F_l = R F_s,     M_l = R M_s + r x F_l               the sensor stands at r from P_o, turned by R
         F   = F_l - m (g - a_c),     M = M_l - c x m (g - a_c) + I alpha + omega x I omega
@@ -80,6 +169,7 @@ class WristSensor(eqx.Module):
     - `mass`, kg, `centre` (3,), m, `inertia` (3, 3), kg m^2: of all that the sensor carries.
     - `time_constant`, s: of a low-pass, for the vibration of the arm that carries it; 0: none.
     - `hysteresis`: six models from true to shown value, one per axis, undone in a stream; None: none.
+    - `slip`: a `Slip`, which corrects streams for the hysteresis of joints; see `with_slip`.
 
     Raises `InputError` where R is no rotation, a shape is wrong, or the matrix cannot be inverted.
 
@@ -101,6 +191,7 @@ class WristSensor(eqx.Module):
     inertia: Values = parameter(unit="kg m^2", meaning="about that centre")
     time_constant: Scalar = parameter(unit="s", fixed=True, meaning="of the low-pass")
     hysteresis: tuple[AbstractModel, ...] | None = None
+    slip: Slip | None = None
     reports: str = eqx.field(default="load", static=True)
 
     def __init__(
@@ -118,6 +209,7 @@ class WristSensor(eqx.Module):
         inertia: ArrayLike | None = None,
         time_constant: ArrayLike = 0.0,
         hysteresis: Sequence[AbstractModel] | None = None,
+        slip: Slip | None = None,
     ):
         self.matrix = np.eye(6) if matrix is None else matrix
         self.rotation = np.eye(3) if rotation is None else rotation
@@ -125,7 +217,7 @@ class WristSensor(eqx.Module):
         self.bias, self.range = _filled(bias, 6), _filled(range, 6)
         self.offset, self.turn, self.centre = (_filled(v, 3) for v in (offset, turn, centre))
         self.mass, self.time_constant = as_float(mass), as_float(time_constant)
-        self.reports = reports
+        self.reports, self.slip = reports, slip
         self.hysteresis = None if hysteresis is None else tuple(hysteresis)
 
     def __check_init__(self) -> None:
@@ -188,7 +280,7 @@ class WristSensor(eqx.Module):
             one_by_one = tuple(invert(model).init() for model in self.hysteresis)
             plays = one_by_one if alike is None else jax.vmap(lambda m: invert(m).init())(alike)
         none = jnp.full((6,), jnp.nan, self.matrix.dtype)
-        return WristState(none, none[0], plays)
+        return WristState(none, none[0], plays, () if self.slip is None else self.slip.init())
 
     def step(
         self, state: WristState, t: ArrayLike | None, reading: ArrayLike, motion: Motion = AT_REST
@@ -199,7 +291,10 @@ class WristSensor(eqx.Module):
         """
         reading = self._readings(reading)
         t = jnp.asarray(t, reading.dtype)
-        sound, channels = self._calibrated(reading), state.channels
+        sound, channels, slip = self._calibrated(reading), state.channels, state.slip
+        if self.slip is not None:
+            slip, correction = self.slip.step(slip, reading - self.bias)
+            sound = sound + correction
         if self.hysteresis is not None:
             channels, sound = self._undone(state.channels, t, sound)
         now = self._wrench(reading, sound, motion)
@@ -213,7 +308,7 @@ class WristSensor(eqx.Module):
         )
         usable = (now.doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
         after = jax.tree.map(
-            lambda new, old: jnp.where(usable, new, old), WristState(held, t, channels), state
+            lambda new, old: jnp.where(usable, new, old), WristState(held, t, channels, slip), state
         )
         told = jnp.where(jnp.isnan(after.held), 0, after.held)
         doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
@@ -226,17 +321,17 @@ class WristSensor(eqx.Module):
 
     def reading_of(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "*samples 6"]:
         """The readings at rest that loads (..., 3) make: `read` run backwards."""
-        return self._shown(self._carried(force, moment))
+        return self._shown(self.carried(force, moment))
 
     def respond(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "samples 6"]:
-        """The readings at rest of a record of loads (samples, 3): `simulate` run backwards."""
-        sound = self._carried(force, moment)
+        """The readings at rest of a record of loads (samples, 3): `simulate` backwards, without slip."""
+        sound = self.carried(force, moment)
         if self.hysteresis is not None:
             axes = (m.simulate(None, y) for m, y in zip(self.hysteresis, sound.T, strict=True))
             sound = jnp.stack(list(axes), axis=1)
         return self._shown(sound)
 
-    def _carried(self, force: Any, moment: Any) -> Float[Array, "*samples 6"]:
+    def carried(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "*samples 6"]:
         """Of loads what the sensor carries at rest, in its own axes and sign."""
         force = jnp.asarray(force, self.matrix.dtype)
         moment = jnp.asarray(moment, self.matrix.dtype)

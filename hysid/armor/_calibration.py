@@ -16,8 +16,8 @@ from compensate.armor import (
     UncertainArmor,
 )
 
-ARM = 0.25
-"""m, by which a sensor's crosstalk between forces and moments is scaled."""
+QUIET = 1e-3
+"""Of the greatest reading of a channel: the noise from which a calibration starts."""
 
 CROSSTALK, SHEET, FRAME = 0.03, 0.2, 3e-4
 """How far off, as deviations: an entry of the matrix; the cover's factor; the frame's compliance, m/N."""
@@ -49,7 +49,9 @@ def doubts(armor: Armor) -> dict[str, Any]:
     pose and the offset of the sensor. To estimate these instead, leave out the matrix and give
     "sensor.turn" and "sensor.offset". See `identify.calibrate`.
     """
-    scale = np.kron([[1, 1 / ARM], [ARM, 1]], np.ones((3, 3)))
+    # Crosstalk between forces and moments is compared at the lever of half the shell.
+    arm = float(armor.solver.shape.longest()) / 2
+    scale = np.kron([[1, 1 / arm], [arm, 1]], np.ones((3, 3)))
     found: dict[str, Any] = {"sensor.matrix": CROSSTALK * scale}
     for k, model in enumerate(armor.sensor.hysteresis or ()):
         for name in ("weights", "thresholds"):
@@ -67,7 +69,7 @@ def calibrate_armor(
     armor: Armor,
     presses: Presses,
     deviations: Mapping[str, Any] | None = None,
-    noise: Any = (0.03, 0.03, 0.03, 0.006, 0.006, 0.006),
+    noise: Any = None,
     scatter: float = 1e-3,
     reading: float = 2e-4,
     rounds: int = 2,
@@ -80,7 +82,8 @@ def calibrate_armor(
     - `armor`: with the values that are assumed before the calibration.
     - `presses`: forces in N, points in m, and what the wrist sensor read.
     - `deviations`: which values are free, and the standard deviation of each; `doubts` by default.
-    - `noise` (6,), N and N m, `scatter` and `reading`, m: first guesses for `PressResiduals`.
+    - `noise` (6,), N and N m, `scatter` and `reading`, m: first guesses for `PressResiduals`. The noise of
+      a data sheet is one; unless given, it is a thousandth of the greatest reading of each channel.
     - `rounds`: each after the first starts from the residuals of the one before, so that the resulting
       standard deviations are those of this sensor and cover.
     - `seed`: of the draws in `CalibratedArmor.uncertain`.
@@ -97,7 +100,8 @@ def calibrate_armor(
         1.0
     """
     free = doubts(armor) if deviations is None else deviations
-    residuals = PressResiduals(presses, jnp.asarray(noise, float), scatter=scatter, reading=reading)
+    noise = quiet(presses) if noise is None else jnp.asarray(noise, float)
+    residuals = PressResiduals(presses, noise, scatter=scatter, reading=reading)
     found = identify.calibrate(armor, residuals, free)
     for _ in range(rounds - 1):
         residuals = residuals.with_noise_left(found.system)
@@ -148,14 +152,20 @@ def choose_presses(
         >>> len(choice.chosen)
         2
     """
-    noise = jnp.asarray([0.03] * 3 + [0.006] * 3)
-    residuals = PressResiduals(candidates, noise)
+    residuals = PressResiduals(candidates, quiet(candidates))
 
     def ends(armor: Armor) -> jax.Array:
         return jax.vmap(armor.simulate)(goals.time, goals.readings).point[:, -1]
 
     free = doubts(armor) if deviations is None else deviations
     return identify.choose(armor, residuals, ends, free, count)
+
+
+def quiet(presses: Presses) -> jax.Array:
+    """A first guess of the noise (6,) of readings, N and N m."""
+    greatest = jnp.abs(presses.readings).max(axis=(0, 1))
+    # A channel without any load, such as a torque about the axis of the shell, is as noisy as its like.
+    return QUIET * jnp.repeat(jnp.stack([greatest[:3].max(), greatest[3:].max()]), 3)
 
 
 def _level(field: Any) -> str:

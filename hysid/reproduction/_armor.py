@@ -1,6 +1,7 @@
 """The experiments of Tsuji et al. (2014) on one virtual rig, and the methods that find a contact."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -13,10 +14,10 @@ from jaxtyping import Array, Float
 
 from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
-from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles, SpongeRig
+from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles
 
 from ..armor._calibration import CalibratedArmor
-from ._armor_ours import calibrated
+from ._armor_ours import Block, calibrated, calibrated_line, calibrated_memory
 
 READING = 0.05
 """mm, standard deviation of one reading of the stage."""
@@ -46,12 +47,15 @@ class Rig:
     """One virtual laboratory: a sponge on its stage, a soft armour and a rigid one on the same sensor.
 
     The stage's records carry reading noise; the specimen is the same in all laboratories, as no
-    paper says how sponges differ.
+    paper says how sponges differ. With `inside` the physics is close to our models: the sponge has stops,
+    the sensor is a matrix with plays, and the frame sags in one smooth bump.
     """
 
-    def __init__(self, seed: int):
+    def __init__(self, seed: int, inside: bool = False):
         self.seed = seed
-        self.soft, self.rigid = ArmorRig(seed=seed), ArmorRig(seed=seed, soft=False)
+        make = ArmorRig if inside else ArmorRig.of_foam
+        self.soft, self.rigid = make(seed=seed), make(seed=seed, soft=False)
+        self.block = self.soft.cover
 
         self._errors: dict[str, Errors] = {}
 
@@ -62,21 +66,21 @@ class Rig:
     @cached_property
     def fresh(self) -> SpongeCycles:
         """Fig 6: five times 0 to 20 to 0 N."""
-        return _read(_five_cycles(), self.seed)
+        return _read(_five_cycles(self.block), self.seed)
 
     @cached_property
     def aged(self) -> SpongeCycles:
         """Fig 9: the same test half a year later."""
-        return _read(_five_cycles(), AGED + self.seed)
+        return _read(_five_cycles(self.block), AGED + self.seed)
 
     @cached_property
     def to_40(self) -> SpongeCycles:
         """Fig 7: the same test up to 40 N."""
-        return _read(_five_cycles(peak=40.0), self.seed)
+        return _read(_five_cycles(self.block, peak=40.0), self.seed)
 
     def of_thickness(self, millimetres: float) -> SpongeCycles:
         """Fig 10."""
-        return _read(_five_cycles(thickness=millimetres), self.seed)
+        return _read(_five_cycles(self.block, thickness=millimetres), self.seed)
 
     @cached_property
     def lines(self) -> dict[str, LinearSponge]:
@@ -92,6 +96,16 @@ class Rig:
     def calibrated(self) -> CalibratedArmor:
         """The soft armour as twenty presses at other points calibrate it."""
         return calibrated(self.soft)
+
+    @cached_property
+    def calibrated_line(self) -> CalibratedArmor:
+        """The published line after the same presses."""
+        return calibrated_line(self.soft, self.lines["2"])
+
+    @cached_property
+    def calibrated_memory(self) -> CalibratedArmor:
+        """The same with a foam model that has memory."""
+        return calibrated_memory(self.soft)
 
     @cached_property
     def surface_1(self) -> ArmorPresses:
@@ -110,9 +124,9 @@ class Rig:
 
 
 @lru_cache
-def _five_cycles(thickness: float = 50.0, peak: float = 20.0) -> SpongeCycles:
+def _five_cycles(block: Block, thickness: float = 50.0, peak: float = 20.0) -> SpongeCycles:
     """Without noise, and once for all rigs."""
-    return SpongeRig(thickness_mm=thickness).five_cycles(peak=peak)
+    return replace(block, thickness_mm=thickness).five_cycles(peak=peak)
 
 
 def _read(cycles: SpongeCycles, seed: int) -> SpongeCycles:
@@ -146,6 +160,14 @@ def _by_ours(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
     return np.asarray(_followed(rig.calibrated.armor, presses).point)[:, -1]
 
 
+def _by_calibrated_line(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return np.asarray(_followed(rig.calibrated_line.armor, presses).point)[:, -1]
+
+
+def _by_memory(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+    return np.asarray(_followed(rig.calibrated_memory.armor, presses).point)[:, -1]
+
+
 def _depth_by_ours(rig: Rig, presses: ArmorPresses) -> Errors:
     return 1e3 * np.asarray(_followed(rig.calibrated.armor, presses).displacement)[:, -1]
 
@@ -167,6 +189,16 @@ METHODS = {
     OURS: Method("soft, calibrated, with memory", True, _by_ours),
 }
 """The conditions of fig 14, and ours; a new method is one more entry."""
+
+STEPS = {
+    "the published method, approximation 2": METHODS["b"],
+    "  with twenty presses: a 6 x 6 matrix, a factor of the line": Method(
+        "calibrated line", True, _by_calibrated_line
+    ),
+    "  and memory of the foam": Method("calibrated, foam with memory", True, _by_memory),
+    "  and everything: hysteresis of the sensor, sag of the frame": METHODS[OURS],
+}
+"""From the published method to ours, one addition at a time."""
 
 DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
     "none": lambda rig, presses: np.zeros(len(presses.force)),
@@ -191,12 +223,32 @@ def solved(solver: ContactSolver, presses: ArmorPresses) -> Float[np.ndarray, "p
 def body_errors(rig: Rig, name: str) -> Errors:
     """Distances in mm between the contact found and the true one, at the 45 points, by an entry of
     `METHODS`; solved once."""
-    if name not in rig._errors:
-        method = METHODS[name]
-        presses = rig.on_soft if method.soft else rig.on_rigid
-        off = method.locate(rig, presses) - presses.contact[:, -1]
-        rig._errors[name] = 1e3 * np.linalg.norm(off, axis=1)
-    return rig._errors[name]
+    method = METHODS[name]
+    if method.label not in rig._errors:
+        rig._errors[method.label] = errors_of(rig, method)
+    return rig._errors[method.label]
+
+
+def errors_of(rig: Rig, method: Method) -> Errors:
+    """The same by any method, in mm; solved anew."""
+    presses = rig.on_soft if method.soft else rig.on_rigid
+    off = method.locate(rig, presses) - presses.contact[:, -1]
+    return 1e3 * np.linalg.norm(off, axis=1)
+
+
+def step_errors(rig: Rig) -> dict[str, float]:
+    """Mean error in mm at the 45 points, by every entry of `STEPS`."""
+    known = {id(method): name for name, method in METHODS.items()}
+    return {
+        step: float(
+            np.mean(
+                body_errors(rig, known[id(method)])
+                if id(method) in known
+                else errors_of(rig, method)
+            )
+        )
+        for step, method in STEPS.items()
+    }
 
 
 def surface_errors(rig: Rig, name: str) -> Errors:

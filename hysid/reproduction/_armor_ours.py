@@ -18,9 +18,10 @@ from compensate.armor import (
     UncertainContact,
     WristSensor,
     planned_presses,
+    with_slip,
 )
-from hysteresis import AbstractModel, PrandtlIshlinskii, Record
-from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, SpongeRig, force_path
+from hysteresis import AbstractModel, LinearSponge, Record
+from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, FoamBlock, SpongeRig, force_path
 from identify import fit
 
 from ..armor._calibration import CalibratedArmor, calibrate_armor, choose_presses
@@ -33,29 +34,48 @@ STAGE = 5e-5
 TURNS = (0.0, 20.0, 4.0, 15.0)
 """N, of the presses that the choice looks at: up, down and up again."""
 
+Block = SpongeRig | FoamBlock
+
 
 def calibrated(rig: ArmorRig) -> CalibratedArmor:
     """The armor of one rig, after presses at the chosen points and a look at what they leave."""
+    presses = twenty_presses(rig)
+    full = np.repeat([rig.sensor.full_scale_n, rig.sensor.full_scale_nm], 3)
+    return calibrate_armor(with_slip(nominal(rig), presses, full), presses, seed=rig.seed)
+
+
+def calibrated_line(rig: ArmorRig, line: LinearSponge) -> CalibratedArmor:
+    """The published method after the same presses: a matrix, and a factor of the straight line."""
+    cover = Cover(line, factor=1.0)
+    armor = Armor(WristSensor(), ContactSolver(Box(*rig.size), cover))
+    return calibrate_armor(armor, twenty_presses(rig), seed=rig.seed)
+
+
+def calibrated_memory(rig: ArmorRig) -> CalibratedArmor:
+    """The same with a foam model that has memory in place of the line."""
+    cover = Cover(foam(rig.cover), factor=1.0)
+    armor = Armor(WristSensor(), ContactSolver(Box(*rig.size), cover))
+    return calibrate_armor(armor, twenty_presses(rig), seed=rig.seed)
+
+
+def twenty_presses(rig: ArmorRig) -> Presses:
+    """What a person with a gauge records at the chosen points."""
     made = rig.calibrate(*chosen_points())
-    presses = as_presses(made, np.random.default_rng([rig.seed, 7]))
-    return calibrate_armor(nominal(rig), presses, seed=rig.seed)
+    return as_presses(made, np.random.default_rng([rig.seed, 7]))
 
 
 def nominal(rig: ArmorRig) -> Armor:
-    """What is known before any calibration: the drawing, the foam, the sensor's data sheet."""
-    sensor, box = rig.sensor, Box(*rig.size)
-    full = np.repeat([sensor.full_scale_n, sensor.full_scale_nm], 3)
-    # A tenth of full scale of travel and half the share: twice and half of what the rig's sensor has.
-    plays = [PrandtlIshlinskii(np.array([0.1 * f]), np.array([0.05]), 1.0) for f in full]
-    frame = Bumps(box.centres(), 0.0, 0.05)
-    cover = Cover(foam(), factor=1.0, compliance=frame)
-    return Armor(WristSensor(hysteresis=plays), ContactSolver(box, cover))
+    """What is known before any calibration: the drawing and the foam."""
+    box = Box(*rig.size)
+    frame = Bumps(box.centres(), 0.0, 0.25 * rig.size.dx)
+    cover = Cover(foam(rig.cover), factor=1.0, compliance=frame)
+    return Armor(WristSensor(), ContactSolver(box, cover))
 
 
 @cache
-def foam() -> AbstractModel:
-    """A Preisach model of the sponge's first touch, from eight blocks pressed up and down at random."""
-    random, block = np.random.default_rng(2014), SpongeRig()
+def foam(block: Block) -> AbstractModel:
+    """A Preisach model of the foam's first touch, from eight blocks pressed up and down at random."""
+    random = np.random.default_rng(2014)
     force, depth, time, label = [], [], [], []
     for k in range(8):
         turns = random.uniform(0, 7, random.integers(4, 9))

@@ -14,8 +14,9 @@ from ._frame import Asked, Paper
 from ._published import compared
 
 RIG = (
-    "All rigs are virtual: every number beside a published one is computed from synthetic records, "
-    "none from a measurement."
+    "All rigs are virtual: every number beside a published one is computed from synthetic records, none "
+    "from a measurement. The foam is a finite-difference model with friction, flow and air, the frame "
+    "sags in many modes, and the sensor is made of strain gauges: physics that our models do not contain."
 )
 
 

@@ -4,18 +4,20 @@ It makes what a person with a push-pull gauge would record at known points. Noth
 a contact point: data made by the solver under test would prove nothing.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, partial
-from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from ._arguments import fault, require
+from ._foam_block import FoamBlock
+from ._force_paths import force_path
 from ._force_sensor import ForceSensor
+from ._gauge_sensor import GaugeSensor
+from ._plate_frame import PlateFrame
 from ._sponge import FORCE_LIMIT, SpongeRig
 
 _fault = partial(fault, "ArmorRig")
@@ -88,7 +90,8 @@ class ArmorRig:
 
     - d_s: `SpongeRig` of the cover's thickness, touched for the first time; the sheet goes on around the
       probe, which makes it stiffer than the block the paper characterised: a < 1.
-    - The acrylic frame sags, most at the middle of each surface; r is the distance from there.
+    - The acrylic frame sags, most at the middle of each surface; r is the distance from there. With a
+      `frame` its plates say by how much instead.
     - e: unevenness of the cover and of the hand, normal, one for each press.
 
     The rigid box has d = 0 and is 500 mm wide, as the one that the paper compares with; the soft one is
@@ -99,12 +102,13 @@ class ArmorRig:
 
     - `seed`: of the specimen and of its readings.
     - `soft`: sponge or bare acrylic.
-    - `cover`: the sponge. `sheet`: a.
+    - `cover`: the sponge. `sheet`: a. Of a `FoamBlock` the sheet is stiffer by 1/a, and by a part
+      that changes smoothly from place to place with the deviation `uneven`.
     - `edge_thickness`, `edge_width_mm`: the cover may be thinner near the edges: it has this part of
       its thickness at the edge itself, and grows evenly to the whole over this width. As it is, the
       sheet is even. The paper's points are 30 mm from the edge and do not notice up to there.
     - `sag_mm`, `sag_width_mm`: s and w. `scatter_mm`: standard deviation of e.
-    - `sensor`: the force sensor.
+    - `frame`: plates, instead of the sag of s and w. `sensor`: the force sensor.
 
     **Raises:** `InputError` if a parameter is outside its range.
 
@@ -121,18 +125,21 @@ class ArmorRig:
 
     seed: int = 0
     soft: bool = True
-    cover: SpongeRig = field(default_factory=SpongeRig)
+    cover: SpongeRig | FoamBlock = field(default_factory=SpongeRig)
     sheet: float = 0.94
+    uneven: float = 0.02
     edge_thickness: float = 1.0
     edge_width_mm: float = 30.0
     sag_mm: float = 1.5
     sag_width_mm: float = 60.0
     scatter_mm: float = 0.6
-    sensor: ForceSensor = field(default_factory=ForceSensor)
+    frame: PlateFrame | None = None
+    sensor: ForceSensor | GaugeSensor = field(default_factory=ForceSensor)
 
     def __post_init__(self) -> None:
-        at_zero = ("seed", "sag_mm", "scatter_mm")
-        for name in (f.name for f in fields(self) if f.name not in ("soft", "cover", "sensor")):
+        at_zero = ("seed", "sag_mm", "scatter_mm", "uneven")
+        parts = ("soft", "cover", "sensor", "frame")
+        for name in (f.name for f in fields(self) if f.name not in parts):
             value = getattr(self, name)
             _require(
                 bool(np.isfinite(value) and (value >= 0 if name in at_zero else value > 0)),
@@ -145,10 +152,29 @@ class ArmorRig:
         """Half widths and heights of the undeformed box."""
         return BoxSize(0.3, 0.3, 0.55, 0.0) if self.soft else BoxSize(0.25, 0.25, 0.5, 0.0)
 
+    @classmethod
+    def of_foam(cls, seed: int = 0, **changes: Any) -> "ArmorRig":
+        """The rig whose physics no model of hysteresis contains, with these `changes` of its fields.
+
+        A `FoamBlock` as cover, a `PlateFrame` below it, and a `GaugeSensor`.
+        """
+        parts = {
+            "cover": FoamBlock(),
+            "frame": PlateFrame(),
+            "sensor": GaugeSensor(),
+            "sheet": 0.915,
+        }
+        return cls(seed=seed, **parts | changes)
+
     @cached_property
+    def specimen(self) -> Any:
+        """What makes this rig's sensor another than the next one's."""
+        return self.sensor.specimen(np.random.default_rng([self.seed, 0]))
+
+    @property
     def sensor_matrix(self) -> Float[np.ndarray, "6 6"]:
-        """I + G of this rig's sensor: the truth that a calibration looks for."""
-        return self.sensor.matrix(np.random.default_rng([self.seed, 0]))
+        """The linear part of this rig's sensor: the truth that a calibration looks for."""
+        return self.sensor.matrix(self.specimen)
 
     def points_of_surface_1(self) -> ArmorPoints:
         """The 76 points of the paper's fig 11, on the soft box: along x, y and both diagonals.
@@ -237,7 +263,7 @@ class ArmorRig:
         contact = points[:, None] + d[..., None] * normal[:, None]
         pushed = whole[..., None] * along[:, None]
         load = np.concatenate([pushed, np.cross(contact, pushed)], axis=2)
-        wrench = self.sensor.read(load, self.sensor_matrix, rng)
+        wrench = self.sensor.read(load, self.specimen, rng)
         kept = slice(before.shape[1], None)
         return ArmorPresses(
             time=dt * np.arange(1, force.shape[1] + 1),
@@ -265,18 +291,56 @@ class ArmorRig:
         """The cover's and the frame's part of d in m under normal forces."""
         if not self.soft:
             return np.zeros(force.shape)
-        inside = self._from_the_middle(points, surface)
-        from_edge = np.min(self._half_widths(surface) - np.abs(inside), axis=1)
+        inside, half = self._from_the_middle(points, surface), self._half_widths(surface)
+        from_edge = np.min(half - np.abs(inside), axis=1)
+        if isinstance(self.cover, FoamBlock):
+            d = self._foam(self.cover, points, surface, force, dt, from_edge)
+        else:
+            d = self.sheet * self._sponge(self.cover, force, dt, from_edge)
+        if self.frame is None:
+            near = np.exp(-np.sum(inside**2, axis=1) / (2 * (1e-3 * self.sag_width_mm) ** 2))
+            give = self.sag_mm / PRESS_FORCE * near
+        else:
+            # The frame is thinner than the shell by the cover.
+            part = 1 - 1e-3 * self.cover.thickness_mm / half
+            give = self.frame.compliance(inside * part, half * part, surface > 1)
+        return 1e-3 * (d + give[:, None] * force)
+
+    def _sponge(
+        self,
+        cover: SpongeRig,
+        force: Float[np.ndarray, "presses samples"],
+        dt: float,
+        from_edge: Float[np.ndarray, " presses"],
+    ) -> Float[np.ndarray, "presses samples"]:
+        """d_s in mm, thinner near the edges."""
         part = np.clip(1e3 * from_edge / self.edge_width_mm, 0, 1)
-        thickness = self.cover.thickness_mm * (part + self.edge_thickness * (1 - part))
-        d = np.array(
+        thickness = cover.thickness_mm * (part + self.edge_thickness * (1 - part))
+        return np.array(
             [
-                _followed(replace(self.cover, thickness_mm=float(h)), row.tobytes(), dt)
+                _followed(replace(cover, thickness_mm=float(h)), row.tobytes(), dt)
                 for h, row in zip(thickness, force, strict=True)
             ]
         )
-        near = np.exp(-np.sum(inside**2, axis=1) / (2 * (1e-3 * self.sag_width_mm) ** 2))
-        return 1e-3 * (self.sheet * d + self.sag_mm * near[:, None] * force / PRESS_FORCE)
+
+    def _foam(
+        self,
+        cover: FoamBlock,
+        points: Float[np.ndarray, "presses 3"],
+        surface: Int[np.ndarray, " presses"],
+        force: Float[np.ndarray, "presses samples"],
+        dt: float,
+        from_edge: Float[np.ndarray, " presses"],
+    ) -> Float[np.ndarray, "presses samples"]:
+        """The same of foam: its density changes over a decimetre, and its cone is cut off at an edge."""
+        rng = np.random.default_rng([self.seed, 3])
+        waves, phase = rng.normal(size=(5, 3, 24)) / 0.1, rng.uniform(0, 2 * np.pi, (5, 24))
+        angle = np.einsum("pi,pik->pk", points, waves[surface - 1]) + phase[surface - 1]
+        density = np.sqrt(2 / 24) * np.cos(angle).sum(axis=1)
+        reach = 1e-3 * (cover.probe_mm / 2 + cover.spread * cover.thickness_mm)
+        supported = 0.5 + 0.5 * np.clip(from_edge / reach, 0, 1)
+        stiffness = np.exp(self.uneven * density) / self.sheet
+        return cover.follow_columns(force, dt, stiffness, supported)
 
     def _half_widths(self, surface: Int[np.ndarray, " presses"]) -> Float[np.ndarray, "presses 2"]:
         """Of each surface, along its two axes: x then y then z, without the normal's."""
@@ -329,50 +393,6 @@ class ArmorRig:
                 f"points[{n}] = {points[n]} m is not on surface {surface[n]}.",
                 "Give metres, on the undeformed box (size), in the order of surface.",
             )
-
-
-def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, " samples"]:
-    """From the first force (left out) through the others, in equal steps of at most `step` N.
-
-    **Raises:** `InputError` if there is no turn, or the step is not positive.
-
-    **Example:**
-
-        >>> hysteresis.rigs.force_path([0.0, 3.0, 1.0])
-        array([1., 2., 3., 2., 1.])
-    """
-    _require(len(turns) > 0 and step > 0, "no turn, or no step.", "Give forces, and a step > 0.")
-    pieces = [
-        np.linspace(a, b, max(int(np.ceil(abs(b - a) / step - 1e-9)), 1) + 1)[1:]
-        for a, b in pairwise(turns)
-    ]
-    return np.concatenate([np.empty(0), *pieces])
-
-
-def mixed_forces(
-    presses: int, samples: int = 40, *, low: float = 2.0, high: float = 20.0, seed: int = 0
-) -> Float[np.ndarray, "presses samples"]:
-    """Histories that load and unload between `low` and `high` N, each at another stage of another path.
-
-    Each starts from 0 N, reverses three to six times, in the upper and the lower third of the range by
-    turns, and ends anywhere.
-
-    **Example:**
-
-        >>> forces = hysteresis.rigs.mixed_forces(2, 40, low=2.0, high=20.0)
-        >>> forces.shape, bool(forces.max() <= 20.0)
-        ((2, 40), True)
-    """
-    rng = np.random.default_rng(seed)
-    third = (high - low) / 3
-    paths = []
-    for _ in range(presses):
-        turns = rng.uniform(low, low + third, rng.integers(3, 7))
-        turns[::2] += 2 * third
-        turns = np.concatenate([[0.0], turns, [rng.uniform(low, high)]])
-        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns)))])
-        paths.append(np.interp(np.linspace(0, way[-1], samples + 1)[1:], way, turns))
-    return np.array(paths)
 
 
 @lru_cache(maxsize=512)

@@ -71,17 +71,21 @@ class ForceSensor:
                 "Keep it below twice the travel.",
             )
 
-    def matrix(self, rng: np.random.Generator) -> Float[np.ndarray, "6 6"]:
-        """I + G of one specimen."""
+    def specimen(self, rng: np.random.Generator) -> Float[np.ndarray, "6 6"]:
+        """I + G of one sensor."""
         G = rng.normal(0.0, self.crosstalk, (6, 6))
         G[:3, 3:] /= self.crosstalk_arm_m
         G[3:, :3] *= self.crosstalk_arm_m
         return np.eye(6) + G
 
+    def matrix(self, specimen: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
+        """What the reading is of loads without hysteresis: the specimen itself."""
+        return specimen
+
     def read(
         self,
         load: Float[np.ndarray, "presses samples 6"],
-        matrix: Float[np.ndarray, "6 6"],
+        specimen: Float[np.ndarray, "6 6"],
         rng: np.random.Generator,
     ) -> Float[np.ndarray, "presses samples 6"]:
         """Readings in N and N m under histories of load that start from no load."""
@@ -95,4 +99,4 @@ class ForceSensor:
             stops[:, n], before = stop, load[:, n]
         lagging = load - self.hysteresis * full_scale / 2 * stops / travel
         noise = np.repeat([self.noise_n, self.noise_nm], 3)
-        return lagging @ matrix.T + noise * rng.normal(size=load.shape)
+        return lagging @ specimen.T + noise * rng.normal(size=load.shape)

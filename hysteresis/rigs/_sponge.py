@@ -271,21 +271,13 @@ class SpongeRig:
 
         **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
         """
-        steps = round(peak / step) if step > 0 else 0
-        _require(
-            steps >= 1 and math.isclose(steps * step, peak),
-            f"steps of {step} N do not make {peak} N.",
-            "Choose a positive step that divides the peak.",
-        )
         _require(
             noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
         )
-        ramp = np.linspace(0.0, peak, steps + 1)
-        force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
+        time, force, cycle = cyclic_forces(peak, step)
         displacement = self.follow(force)
         displacement += np.random.default_rng(seed).normal(0.0, noise, force.size)
-        cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
-        return SpongeCycles(6.0 * np.arange(force.size), force, displacement, cycle)
+        return SpongeCycles(time, force, displacement, cycle)
 
     @property
     def _scale(self) -> float:
@@ -339,6 +331,22 @@ class SpongeRig:
     def _excess(self, state: _State, force: float, dt: float, depth: float) -> float:
         """How much more than `force` it takes to be at `depth` after `dt` seconds."""
         return self._step(state, depth, dt)[1] - force
+
+
+def cyclic_forces(
+    peak: float, step: float
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Time in s, force in N and cycle of five times 0 to `peak` to 0 N, `step` N every 6 s."""
+    steps = round(peak / step) if step > 0 else 0
+    _require(
+        steps >= 1 and math.isclose(steps * step, peak),
+        f"steps of {step} N do not make {peak} N.",
+        "Choose a positive step that divides the peak.",
+    )
+    ramp = np.linspace(0.0, peak, steps + 1)
+    force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
+    cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
+    return 6.0 * np.arange(force.size), force, cycle
 
 
 def _root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float:

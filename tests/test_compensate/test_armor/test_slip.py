@@ -1,0 +1,115 @@
+"""The slip of a sensor's joints: what it corrects, sample by sample and at once, and how it is found."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate.armor import (
+    Armor,
+    Box,
+    ContactSolver,
+    Cover,
+    Presses,
+    Slip,
+    WristSensor,
+    export_armor,
+    with_slip,
+)
+from hysteresis import InputError, LinearSponge
+from hysteresis.rigs import INWARD, ArmorRig, force_path
+
+FULL = np.repeat([200.0, 20.0], 3)
+
+
+@pytest.fixture(scope="module")
+def rig() -> ArmorRig:
+    return ArmorRig.of_foam(11)
+
+
+@pytest.fixture(scope="module")
+def armor(rig: ArmorRig) -> Armor:
+    cover = Cover(LinearSponge(K=1.298, b=6.186, threshold=1.5))
+    return Armor(WristSensor(), ContactSolver(Box(*rig.size), cover))
+
+
+@pytest.fixture(scope="module")
+def presses(rig: ArmorRig) -> Presses:
+    points, surface = rig.random_points(20, seed=1)
+    made = rig.calibrate(points, surface)
+    normal = INWARD[surface - 1]
+    return Presses(made.time, made.wrench, made.force, normal, points, surface, made.displacement)
+
+
+def test_a_correction_is_bounded_and_forgets_small_loops():
+    """Each stop within its travel; a loop inside another leaves nothing behind."""
+    random = np.random.default_rng(0)
+    slip = Slip(FULL, 1e-3 * random.normal(size=(6, 36, 3)))
+    path = force_path((0.0, 20.0, 5.0, 20.0), 0.5)[:, None] * random.normal(size=6)
+    stops = np.asarray(slip.stops(path))
+    assert np.abs(stops).max() <= 1
+    np.testing.assert_allclose(stops[39], stops[-1], atol=1e-12)
+
+
+def test_step_by_step_is_all_at_once():
+    random = np.random.default_rng(1)
+    slip = Slip(FULL, 1e-3 * random.normal(size=(6, 36, 3)))
+    readings = np.cumsum(random.normal(size=(50, 6)), axis=0)
+    sensor = WristSensor(slip=slip)
+    wrench = sensor.simulate(np.arange(50.0), readings)
+    whole = np.einsum(
+        "ij,sj->si", np.asarray(slip.weights).reshape(6, -1), np.asarray(slip.stops(readings))
+    )
+    found = np.concatenate([wrench.force, wrench.moment], axis=1)
+    np.testing.assert_allclose(found, readings + FULL * whole, atol=1e-12)
+    plain = sensor.read(readings)  # without history there is nothing to correct
+    np.testing.assert_allclose(plain.force, readings[:, :3], atol=1e-12)
+
+
+def test_slip_is_found_where_no_axis_has_a_play_of_its_own(
+    rig: ArmorRig, armor: Armor, presses: Presses
+):
+    """Wrenches at other points, beside the best matrix without slip."""
+    found = with_slip(armor, presses, FULL)
+    at = rig.press(*rig.points_of_the_body(), session=3)
+
+    def left(sensor: WristSensor) -> float:
+        wrench = jax.jit(jax.vmap(sensor.simulate, in_axes=(None, 0)))(at.time, at.wrench)
+        off = np.concatenate([wrench.force, wrench.moment], axis=-1) - at.load
+        return float(np.sqrt(np.mean((off / FULL)[:, -1] ** 2)))
+
+    known = np.asarray(presses.readings).reshape(-1, 6)
+    true = presses.force[..., None] * presses.direction[:, None]
+    touched = (
+        presses.touched[:, None] + presses.displacement[..., None] * presses.direction[:, None]
+    )
+    load = np.concatenate([true, np.cross(touched, true)], axis=-1).reshape(-1, 6)
+    matrix = np.linalg.lstsq(known, load, rcond=None)[0].T
+    assert left(found.sensor) < 0.8 * left(WristSensor(matrix))
+
+
+def test_a_sensor_that_does_not_slip_is_left_alone(armor: Armor, presses: Presses):
+    """Loads as readings: a unit matrix, and weights that correct by no more than rounding."""
+    from compensate.armor._calibration import loads_of
+
+    force, moment = loads_of(armor, presses)
+    exact = eqx.tree_at(lambda p: p.readings, presses, jnp.concatenate([force, moment], axis=-1))
+    found = with_slip(armor, exact, FULL)
+    np.testing.assert_allclose(found.sensor.matrix, np.eye(6), atol=1e-9)
+    assert found.sensor.slip is not None
+    assert np.abs(found.sensor.slip.weights).max() < 1e-9
+
+
+def test_what_cannot_be(armor: Armor, presses: Presses, tmp_path):
+    with pytest.raises(InputError, match="full_scale"):
+        Slip(np.full(3, 50.0))
+    plays = [LinearSponge(K=1.0, b=0.0, threshold=0.0)] * 6
+    played = eqx.tree_at(
+        lambda a: a.sensor, armor, WristSensor(hysteresis=plays), is_leaf=lambda x: x is None
+    )
+    with pytest.raises(InputError, match="play"):
+        with_slip(played, presses, FULL)
+    found = with_slip(armor, presses, FULL)
+    with pytest.raises(InputError, match="not exported"):
+        export_armor(found.solver, tmp_path / "armor.json", found.sensor)

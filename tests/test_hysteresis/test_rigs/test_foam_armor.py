@@ -1,0 +1,117 @@
+"""Rigs whose physics no model contains: foam with air, a plate frame, strain gauges, channel geometry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hysteresis.rigs import (
+    ArmorRig,
+    ChannelGeometryRig,
+    FoamBlock,
+    GaugeSensor,
+    PlateFrame,
+    force_path,
+)
+
+UP_AND_DOWN = force_path((0.0, 20.0, 0.0), 2.0)
+
+
+def test_the_foam_has_the_papers_figures():
+    found = FoamBlock().five_cycles().statistics()
+    assert found.mean_gap == pytest.approx(3.93, abs=0.01)
+    assert found.largest_gap == pytest.approx(5.67, abs=0.01)
+    assert (found.largest_gap_force, found.largest_gap_cycle) == (8.0, 1)
+    assert pytest.approx(1.298, abs=0.001) == found.both.K
+    assert found.both.b == pytest.approx(6.186, abs=0.01)
+
+
+def test_the_foam_gives_energy_away_and_knows_time():
+    block = FoamBlock()
+    slow, fast = (block.follow(UP_AND_DOWN, dt=dt) for dt in (20.0, 0.02))
+    for d in (slow, fast):
+        assert np.trapezoid(np.append(0, UP_AND_DOWN), np.append(0, d)) > 0
+        assert (np.diff(d[:10]) > 0).all()
+    assert slow[9] > fast[9] + 1
+    tight = replace(block, permeability_mm2=1e-9).follow(UP_AND_DOWN, dt=0.02)
+    assert tight[9] < fast[9] - 0.1  # the air cannot get out
+
+
+def test_the_foams_columns_do_not_know_of_each_other():
+    forces = np.stack([UP_AND_DOWN, 0.5 * UP_AND_DOWN, 0 * UP_AND_DOWN])
+    together = FoamBlock().follow_columns(forces, 1.0)
+    for force, d in zip(forces, together, strict=True):
+        np.testing.assert_allclose(FoamBlock().follow(force, 1.0), d, rtol=0, atol=1e-7)
+    assert not together[2].any()
+    soft, hard = FoamBlock().follow_columns(forces[:2] * [[1], [2]], 1.0, [0.9, 1.1])
+    assert (soft[:10] > hard[:10]).all()
+
+
+def test_a_sponge_that_has_aged_is_softer():
+    fresh, aged = (block.follow(UP_AND_DOWN) for block in (FoamBlock(), FoamBlock().at_age(0.05)))
+    assert (aged[:10] > fresh[:10]).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_sensor_keeps_its_data_sheet(seed: int):
+    """1 % of full scale of hysteresis and of nonlinearity on each axis, and crosstalk beside them."""
+    sensor = GaugeSensor(noise_n=1e-12, noise_nm=1e-12)
+    specimen = sensor.specimen(np.random.default_rng([seed, 0]))
+    level = force_path((0.0, 1.0, -1.0, 1.0), 0.05)
+    load = level[:, None] * np.eye(6)[:, None] * sensor.full_scale
+    shown = sensor.read(load, specimen, np.random.default_rng(0)) / sensor.full_scale
+    down, up = level[19:60], level[59:]
+    np.testing.assert_allclose(down, up[::-1], atol=1e-12)
+    for k in range(6):
+        one, other = shown[k, 59:, k], shown[k, 19:60, k][::-1]
+        assert np.abs(one - other).max() <= 0.0101
+        middle = (one + other) / 2
+        assert np.abs(middle - np.polyval(np.polyfit(up, middle, 1), up)).max() <= 0.01
+    assert np.abs(np.delete(shown[2], 2, axis=1)).max() > 1e-3
+
+
+def test_a_plate_sags_as_navier_says():
+    """Square and supported all round: w = 0.0116 F a^2/D in the middle; nothing at the edges."""
+    frame = PlateFrame(modes=30)
+    half, top = np.full((3, 2), 0.25), np.zeros(3, bool)
+    at = np.array([[0, 0], [0.25, 0.1], [0.1, -0.25]])
+    D = 3e9 * 5e-3**3 / (12 * (1 - 0.37**2))
+    assert frame.compliance(at, half, top) == pytest.approx(
+        [1e3 * 0.0116 * 0.25 / D, 0, 0], rel=2e-3
+    )
+    free, held = frame.compliance(np.array([[0, -0.24], [0, 0.24]]), half[:2], ~top[:2])
+    assert free > 50 * held
+
+
+def test_an_armor_of_foam_is_reproducible_and_another_one_for_each_seed():
+    rig = ArmorRig.of_foam(3)
+    points, surface = rig.points_of_the_body()
+    made = rig.press(points[:9], surface[:9])
+    again = ArmorRig.of_foam(3).press(points[:9], surface[:9])
+    np.testing.assert_array_equal(made.wrench, again.wrench)
+    other = ArmorRig.of_foam(4).press(points[:9], surface[:9])
+    assert np.abs(other.wrench - made.wrench).max() > 0.1
+    off = made.contact - made.touched[:, None]
+    np.testing.assert_allclose(np.linalg.norm(off, axis=2), made.displacement)
+
+
+def test_a_place_and_a_force_are_no_product_on_a_skin_by_geometry():
+    """The ratio of the layers depends on the force where a finger misses the middle."""
+    rig = ChannelGeometryRig(seed=5)
+    force = np.zeros((60, 5))
+    force[:, 1] = np.linspace(0.2, 8, 60)
+    middle, beside = (rig.follow(force, placement=np.array([[x], [0.0]])) for x in (0.0, 3.0))
+    ratio = beside[:, 1] / beside[:, 0]
+    assert np.ptp(ratio) > 0.04 * ratio.mean()
+    assert (np.diff(middle, axis=0) > 0).all()
+    gains = [ChannelGeometryRig(seed=seed).gains for seed in range(20)]
+    assert np.std(np.log(gains), axis=0).min() > 0.02
+
+
+def test_a_skin_by_geometry_gives_and_takes_with_time():
+    rig = ChannelGeometryRig(seed=1)
+    force = np.zeros((400, 5))
+    force[:200, 2] = 5.0
+    held = rig.follow(force, dt=0.02)[:, 0]
+    assert held[199] > held[20] > 0
+    assert 0 < held[399] < 0.02 * held[199]
