@@ -3,10 +3,8 @@
 Skipped without Playwright or Chromium, which CHROMIUM names where it is not on the path.
 """
 
-import os
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ import pytest
 
 from tests.test_hysid.test_studio.served import serving
 
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
@@ -25,19 +22,6 @@ DROP = """([name, text]) => {
   data.items.add(new File([text], name));
   dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    chromium = (
-        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-    )
-    if chromium is None:
-        pytest.skip("there is no chromium; install it, or name it in CHROMIUM")
-    with playwright.sync_playwright() as started:
-        found = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield found
-        found.close()
 
 
 def opened(browser: Any, address: str, faults: list[str]) -> Any:

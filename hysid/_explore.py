@@ -1,0 +1,170 @@
+"""`hysid.explore`: a record in a notebook, with linked plots and rows chosen by brushing."""
+
+import importlib.util
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+
+from hysteresis import InputError, Record
+
+from .figures._plot import axes_of
+from .studio._views import EXCLUDED, GAP, USED, Series, of_loops, over_time
+
+STATIC = Path(__file__).parent / "studio" / "static"
+
+
+class Explorer:
+    """A record with linked plots over time and of its loops, in a notebook; it does not change the record.
+
+    - `record`: what is shown. `widget`: the widget, of anywidget.
+    - `rows` (n,): the rows that were chosen by dragging over a plot.
+    """
+
+    def __init__(self, record: Record):
+        self.record: Record = record
+        self._series = _series(record)
+        self._input, self._output = axes_of(record)
+        self.widget: Any = _widget(self._chosen_in_words)
+        self.widget.on_msg(lambda _, asked, __: self._answer(asked))
+
+    @property
+    def rows(self) -> Bool[np.ndarray, " samples"]:
+        """The chosen rows (n,), none of them before one was chosen."""
+        return self._rows(self.widget.chosen)
+
+    @property
+    def kept(self) -> Record:
+        """The record without the chosen rows: they drive a model, and do not count."""
+        return self.record.exclude(self.rows)
+
+    @property
+    def split(self) -> tuple[Record, Record]:
+        """`(train, test)`: the chosen rows are held out."""
+        return self.record.split_rows(self.rows)
+
+    def choose(self, low: float | None, high: float | None, box: Any = None) -> None:
+        """Choose rows as dragging does: between two times, and in a box of the loops.
+
+        **Arguments:**
+
+        - `low`, `high`: on the axis of the time plot; None is its end.
+        - `box`: least and greatest input, least and greatest output.
+        """
+        self.widget.chosen = [low, high, None if box is None else [float(x) for x in box]]
+
+    def _rows(self, chosen: Any) -> np.ndarray:
+        found = np.zeros(len(self.record), bool)
+        if not chosen:
+            return found
+        low, high, box = chosen
+        x, u, y = self._series.x, self._series.u, self._series.y
+        found[:] = True
+        found &= True if low is None else x >= low
+        found &= True if high is None else x <= high
+        if box is not None:
+            found &= (u >= box[0]) & (u <= box[1]) & (y >= box[2]) & (y <= box[3])
+        return found
+
+    def _chosen_in_words(self, chosen: Any) -> str:
+        count = int(self._rows(chosen).sum())
+        if not count:
+            return "Drag over a plot to choose rows; scroll to zoom."
+        return f"{count:,} of {len(self.record):,} rows chosen."
+
+    def _answer(self, asked: Any) -> None:
+        """Send the rows that a view shows."""
+        low, high = asked.get("view") or (None, None)
+        box = asked.get("box")
+        time = over_time(self._series, low, high)
+        loops, joined = of_loops(self._series, low, high, None if box is None else (*box,))
+        content = b"".join(np.ascontiguousarray(part, "<f8").tobytes() for part in (time, loops))
+        clock = f"{self.record.time_name} ({self.record.time_unit})"
+        names = {"x": clock if self._clocked else "row", "u": self._input, "y": self._output}
+        about = {"shapes": [time.shape[1], loops.shape[1]], "joined": joined, "names": names}
+        self.widget.send(about, [content])
+
+    @property
+    def _clocked(self) -> bool:
+        return self.record.time is not None and self._series.x is self.record.time
+
+    def _repr_mimebundle_(self, **named: Any) -> Any:
+        return self.widget._repr_mimebundle_(**named)
+
+
+def explore(record: Record) -> Explorer:
+    """Linked plots of a record in a notebook: input and output over time, and the loops of what is seen.
+
+    Dragging over a plot chooses rows, scrolling zooms. A million rows are drawn as quickly as a hundred.
+    Needs the extra `hysid[notebook]`.
+
+    **Arguments:** `record`: the measurements.
+
+    **Returns:** an `Explorer`, which the notebook shows: `.rows` are the chosen rows, `.kept` is the record
+    without them, `.split` holds them out.
+
+    **Raises:** `InputError` `missing-extra` without anywidget.
+
+    **Example:**
+
+        >>> explorer = hysid.explore(record)
+        >>> explorer.choose(480.0, 600.0)
+        >>> train, test = explorer.split
+        >>> int(train.mask.sum()), int(test.mask.sum())
+        (80, 21)
+    """
+    return Explorer(record)
+
+
+def _series(record: Record) -> Series:
+    x = record.time
+    if x is None or np.any(np.diff(x) < 0):
+        x = np.arange(1.0, len(record) + 1)
+    state = np.where(record.mask, USED, EXCLUDED)
+    state[record.starts[1:]] += GAP
+    return Series(x, record.input, record.output, record.line, state)
+
+
+def _widget(in_words: Any) -> Any:
+    """The widget: its script is that of the studio's plots, in one module."""
+    if importlib.util.find_spec("anywidget") is None:
+        raise InputError(
+            "missing-extra",
+            "anywidget is not installed.",
+            fix="Install it with pip install 'hysid[notebook]'.",
+        )
+    # Late: both are of an extra.
+    import anywidget
+    import traitlets
+
+    class RecordWidget(anywidget.AnyWidget):
+        """`chosen`: low, high and box, or nothing; `said`: what is chosen, in words."""
+
+        _esm = script()
+        _css = styles()
+        chosen = traitlets.List().tag(sync=True)
+        said = traitlets.Unicode(in_words([])).tag(sync=True)
+
+        @traitlets.observe("chosen")
+        def _tell(self, change: Any) -> None:
+            self.said = in_words(change["new"])
+
+    return RecordWidget()
+
+
+def styles() -> str:
+    """The rules of uPlot and of the plots."""
+    return "\n".join(
+        (STATIC / name).read_text("utf-8") for name in ("uplot/uPlot.min.css", "plots.css")
+    )
+
+
+def script() -> str:
+    """uPlot, the plots and the explorer as one module without imports."""
+    uplot = (STATIC / "uplot" / "uPlot.iife.min.js").read_text("utf-8")
+    plots = re.sub(r"^export ", "", (STATIC / "plots.js").read_text("utf-8"), flags=re.MULTILINE)
+    explorer = (STATIC / "explorer.js").read_text("utf-8")
+    explorer = re.sub(r"^import .*\n", "", explorer, flags=re.MULTILINE)
+    return f"{uplot}\n{plots}\n{explorer}"
