@@ -18,7 +18,7 @@ from hysteresis import InputError, Table, conversion, read_table
 from hysteresis.records._units import named_unit
 
 AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-UNITS: dict[str, str] = dict.fromkeys(AXES[:3], "N") | dict.fromkeys(AXES[3:], "N*m")
+UNITS: dict[str, str] = {**dict.fromkeys(AXES[:3], "N")} | dict.fromkeys(AXES[3:], "N*m")
 UNITS |= {"time": "s", "force": "N", "displacement": "m"} | dict.fromkeys("xyz", "m")
 FAR = 0.05
 """Of the shape's longest side: a point farther from every surface was not touched."""

@@ -13,6 +13,7 @@ from ._console import (
     Seed,
     example,
     log,
+    one_of,
     print_result,
     start_jax,
     warnings,
@@ -70,6 +71,13 @@ def train(
     places: Annotated[
         str, typer.Option(help="NAME[,NAME]: names of the places (default: those in the files).")
     ] = "",
+    method: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("gaussian", "neighbours"),
+            help="How places are told apart: gaussian (of log ratios), or neighbours, as the paper does.",
+        ),
+    ] = "gaussian",
     noise: Annotated[
         float | None,
         typer.Option(help="Standard deviation of a reading (default: estimated from the data)."),
@@ -98,7 +106,9 @@ def train(
     from ..intake._selection import Selection  # after JAX is set up
     from ..soft_sensor import _train
 
-    settings = _train.Settings(kind, epochs, members, seed, noise, range, _words(places), resume)
+    settings = _train.Settings(
+        kind, epochs, members, seed, noise, range, _words(places), resume, method
+    )
     chosen = Selection(**selection, output=force or "", output_unit=force_unit)
     targets = _train.Targets(force, place, tuple(position or ()))
     try:
@@ -117,10 +127,15 @@ def train(
     print_result(document, as_json, _trained_lines(document, out))
 
 
-@microchannel.command(epilog=example("hysid microchannel estimate sensor new.csv"))
+@microchannel.command(
+    epilog=example("hysid microchannel estimate sensor new.csv"),
+)
 @takes_selection("where", "na_values")
 def estimate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a trained sensor.")],
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Folder of a trained sensor, or of a fit of a force."),
+    ],
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="CSV file with the sensor's channels.")
     ],
@@ -129,16 +144,30 @@ def estimate(
         Path | None,
         typer.Option("--out", help="CSV file to write (default: DIR/estimated-FILE.csv)."),
     ] = None,
+    runtime: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="Of a fit: write a file for compensate.runtime too."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a trained sensor over a file.
+    """Run a trained sensor, or a fit between a force and a reading, over a file.
 
-    If the file has the true values too, the errors are printed.
+    If the file has the true values too, the errors are printed. A fit from force to reading is inverted;
+    its forces have the deviation of the rows that it held out, and are limited to its range.
     """
     start_jax()
     from ..soft_sensor import _estimate  # after JAX is set up
 
-    document = _estimate.estimate(folder, file, out, **selection)
+    if _estimate.is_plain_fit(folder):
+        from ..soft_sensor import _estimate_fit  # likewise
+
+        document = _estimate_fit.estimate_by_fit(folder, file, out, runtime, **selection)
+    elif runtime is not None:
+        raise typer.BadParameter("--runtime is for the folder of a fit; hysid export is for others")
+    else:
+        document = _estimate.estimate(folder, file, out, **selection)
     print_result(document, as_json, _estimated_lines(document))
 
 

@@ -53,7 +53,9 @@ def for_new_file(
         said.append(
             f"The file has no column {', '.join(lost)}, so its sequences are not separated by it."
         )
-    selection = replace(selection, where=where, group=group, exclude_lines=())
+    selection = replace(
+        selection, where=where, group=group, exclude_lines=(), branch=None, range=()
+    )
     if selection.is_step:
         if inverse or wanted in columns or selection.time is None:
             return selection, True, said

@@ -211,6 +211,11 @@ def estimate(
     }  # fmt: skip
 
 
+def is_plain_fit(folder: Path) -> bool:
+    """Whether a folder holds a fit and no trained sensor."""
+    return (folder / "fit.json").is_file() and not (folder / TRAINING).is_file()
+
+
 def _check_channels(table: Table, sensor: SoftSensor) -> None:
     for channel in sensor.channels:
         if channel.name not in table.columns:

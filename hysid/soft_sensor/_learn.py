@@ -104,11 +104,12 @@ def checks_of(
 
 
 def learn_places(
-    parts: Sequence[Streams], tests: Sequence[Streams], checks: Checks, names: Sequence[str] = ()
-) -> tuple[Localizer, list[str]]:
+    parts: Sequence[Streams], tests: Sequence[Streams], checks: Checks, names: Sequence[str] = (),
+    method: str = "gaussian",
+) -> tuple[Localizer, list[str]]:  # fmt: skip
     """A localizer of the rows that name a place, and what to mind.
 
-    `names`: the places there are; those that occur unless given.
+    `names`: the places there are; those that occur unless given. `method`: of `Localizer.train`.
 
     Raises `InputError` as `Localizer.train` does.
     """
@@ -138,7 +139,7 @@ def learn_places(
     kept = np.concatenate([_some(np.flatnonzero(place == name), MOST_AT_A_PLACE) for name in there])
     names = [name for name in names if name in there] or there
     noise = np.maximum(checks.noise, 1e-9 * x.std(0))
-    localizer = Localizer.train(x[kept], place[kept], names=names, noise=noise)
+    localizer = Localizer.train(x[kept], place[kept], names=names, noise=noise, method=method)
     counts = {name: int((place == name).sum()) for name in names}
     most = max(counts, key=counts.__getitem__)
     notes += [

@@ -51,6 +51,7 @@ class Settings(NamedTuple):
     ends: tuple[float, float] | None = None
     places: tuple[str, ...] = ()
     resume: bool = False
+    method: str = "gaussian"
 
 
 def train(
@@ -95,7 +96,9 @@ def train(
         learnt["force"] = forced.estimator
     if targets.place is not None:
         say("learning places")
-        learnt["localizer"], said = learn_places(parts, held_out, checks, settings.places)
+        learnt["localizer"], said = learn_places(
+            parts, held_out, checks, settings.places, settings.method
+        )
         notes += said
     if targets.position:
         say("learning positions")

@@ -204,6 +204,15 @@ def places(folder: Path, session: Rows, *options: Any) -> Result:
     return run(*head, *options)
 
 
+def test_places_are_told_by_the_method_that_is_asked_for(tmp_path: Path):
+    done = places(tmp_path, presses("AACCEE" * 4), "--method", "neighbours")
+    assert done.code == 0
+    assert json.loads((tmp_path / "out" / "training.json").read_text())["settings"]["method"] == (
+        "neighbours"
+    )
+    assert places(tmp_path, presses("AACC"), "--method", "votes").code == 2
+
+
 def test_places_that_are_missing_or_rare_are_named(tmp_path: Path):
     second = put(tmp_path / "second.csv", presses("AAAA", seed=1))
     wanted = ("--places", "A,C,E", "--json")

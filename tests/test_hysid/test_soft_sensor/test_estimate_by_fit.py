@@ -1,0 +1,58 @@
+"""`hysid microchannel estimate` of a plain fit: forces in N with the deviation of held-out rows."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hysid
+import identify
+from compensate.runtime import load_force
+from hysid.soft_sensor._estimate_fit import estimate_by_fit
+from hysteresis import InputError
+
+NOISE, KGF = 0.05, 9.80665
+F = 12 + 10 * np.sin(0.13 * np.arange(400))  # N
+Y = 0.3 * F + 0.5 + NOISE * np.random.default_rng(4).normal(size=400)  # V
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["force to reading", "reading to force"])
+def test_a_fit_is_a_force_sensor(tmp_path: Path, turned: bool):
+    columns = {"force (kgf)": F / KGF, "reading (V)": Y, "time (s)": 0.1 * np.arange(400)}
+    names = ["force (kgf)", "reading (V)"]
+    given, taken = names[::-1] if turned else names
+    fit = hysid.fit(
+        columns, input=given, output=taken, time="time (s)", model="LinearSponge",
+        noise="gaussian", test_tail=0.3, clocks="keep",
+    )  # fmt: skip
+    folder, file = identify.save(fit, tmp_path / "fit"), tmp_path / "new.csv"
+    with file.open("w", newline="") as handle:
+        writer = csv.writer(handle)
+        writer.writerow(columns)
+        writer.writerows(zip(*(x.tolist() for x in columns.values()), strict=True))
+    found = estimate_by_fit(folder, file, runtime=tmp_path / "force.json")
+    with open(found["file"]) as handle:
+        rows = list(csv.DictReader(handle))
+    force = np.array([float(row["force"]) for row in rows])
+    deviation = np.array([float(row["force_sd"]) for row in rows])
+    # 0.05 V over 0.3 V/N; 400 rows give their rms to 4 %, the held-out 120 to 7.
+    assert np.sqrt(np.mean((force - F) ** 2)) == pytest.approx(NOISE / 0.3, rel=0.1)
+    assert np.median(deviation) == pytest.approx(NOISE / 0.3, rel=0.2)
+    assert found["rmse"] == pytest.approx(np.sqrt(np.mean((force - F) ** 2)), rel=1e-9)
+    runtime = load_force(found["runtime"])
+    inside = [k for k in range(400) if rows[k]["force_status"] == "OK"]
+    assert len(inside) > 300
+    np.testing.assert_allclose(
+        [runtime.step(Y[k], 0.1).value for k in inside], force[inside], rtol=1e-9
+    )
+    in_mv = tmp_path / "mv.csv"
+    in_mv.write_text(file.read_text().replace("reading (V)", "reading (mV)"))
+    with pytest.raises(InputError):
+        estimate_by_fit(folder, in_mv)
+
+
+def test_a_fit_without_a_force_is_refused(tmp_path: Path):
+    fit = hysid.fit(F, Y, model="LinearSponge", noise="gaussian", input_unit="mm", output_unit="V")
+    with pytest.raises(InputError, match="wrong-unit"):
+        estimate_by_fit(identify.save(fit, tmp_path / "fit"), tmp_path / "none.csv")
