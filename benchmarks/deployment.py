@@ -1,21 +1,22 @@
-"""Compensators in the loop: how they stay right, and what their bands hold.
+"""Exports where they run: the same bits everywhere, sizes, cycles and instructions.
 
 python -m benchmarks.deployment [--quick] [--json] [--only TEXT]
+
+Parts: identity (every target against the C99 header, bit by bit), units (FMUs: validation, size, time from
+a CSV), boards (cycles and memory of an ATmega328, instructions of a Cortex-M4).
 """
 
 import sys
 from collections.abc import Callable, Sequence
 
-from ._deployment.coverage import coverage_rows
-from ._deployment.measured_drift import measured_drift_rows
-from ._deployment.virtual_change import virtual_change_rows
+from ._deployment.boards import boards
+from ._deployment.identity import identity
+from ._deployment.units import units
 from ._measure import Row, run_parts
 
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
-    "change": virtual_change_rows,
-    "measured": measured_drift_rows,
-    "coverage": coverage_rows,
-}
+    "identity": identity, "units": units, "boards": boards,
+}  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Exported headers run on simulated boards: an ATmega328 in simavr."""
+"""Exported headers run on simulated boards: an ATmega328 in simavr, a Cortex-M4 in QEMU."""
 
 import re
 import subprocess
@@ -110,3 +110,140 @@ def on_avr(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoa
     assert len(found) == len(readings), done.stdout[-500:] + done.stderr[-500:]
     word, status, cycles = np.array([[int(x, 16) for x in row] for row in found]).T
     return OnBoard(word, status, cycles, data + bss, text + data)
+
+
+ON_ARM = """\
+#include <string.h>
+
+#include "{stem}.h"
+
+typedef {real} real;
+static const real readings[{n}] = {{{readings}}};
+static {stem}_state state;
+
+__attribute__((noinline)) int stepped(real reading, real *estimate);
+int main(void);
+void begin(void);
+
+int stepped(real reading, real *estimate)
+{{
+    return {stem}_step(&state, {dt}reading, estimate{deviation});
+}}
+
+/* What the board asks its debugger for: 4 writes a string, 0x18 ends. */
+static void call(int operation, const void *given)
+{{
+    register int r0 __asm__("r0") = operation;
+    register const void *r1 __asm__("r1") = given;
+    __asm__ volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
+}}
+
+static void hexadecimal(unsigned value)
+{{
+    char text[10];
+    for (int k = 0; k < 8; ++k) {{
+        text[k] = "0123456789abcdef"[(value >> (28 - 4 * k)) & 15];
+    }}
+    text[8] = ' ';
+    text[9] = 0;
+    call(4, text);
+}}
+
+int main(void)
+{{
+    {stem}_reset(&state);
+    for (int k = 0; k < {n}; ++k) {{
+        real estimate;
+        int status = stepped(readings[k], &estimate);
+        unsigned bits;
+        memcpy(&bits, &estimate, sizeof bits);
+        hexadecimal(bits);
+        hexadecimal((unsigned)status);
+    }}
+    return 0;
+}}
+
+void begin(void)
+{{
+    *(volatile unsigned *)0xE000ED88 |= 0xFu << 20; /* the unit for float */
+    main();
+    call(0x18, (const void *)0x20026);
+}}
+
+__attribute__((section(".vectors"), used)) static void (*const vectors[])(void) = {{
+    (void (*)(void))0x20100000, begin,
+}};
+"""
+CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
+LAYOUT = """\
+ENTRY(begin)
+SECTIONS
+{
+    . = 0;
+    .text : { KEEP(*(.vectors)) *(.text*) *(.rodata*) }
+    .ARM.exidx : { *(.ARM.exidx*) }
+    . = 0x20000000;
+    .data : { *(.data*) *(.bss*) *(COMMON) }
+}
+"""
+
+
+def on_cortex_m4(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoard:
+    """A Cortex-M4 with its unit for float, in QEMU: `cycles` are the instructions of a step."""
+    stem, fixed = header.stem, readings.dtype.kind == "i"
+    source = header.with_name(f"{stem}_arm.c")
+    source.write_text(
+        ON_ARM.format(
+            stem=stem, n=len(readings), real="int32_t" if fixed else f"{stem}_real",
+            readings=", ".join(f"{y!r}" for y in readings.tolist()),
+            dt="" if dt is None else f"({stem}_real){dt!r}, ", deviation="" if fixed else ", 0",
+        )
+    )  # fmt: skip
+    layout, program, log = (source.with_suffix(end) for end in (".ld", ".elf", ".log"))
+    layout.write_text(LAYOUT)
+    command = [
+        "arm-none-eabi-gcc",
+        *CORTEX_M4,
+        "-O2",
+        "-std=gnu99",
+        "-ffp-contract=off",
+        str(source),
+    ]
+    command += ["-nostartfiles", "-T", str(layout), "-o", str(program), "-lm"]
+    subprocess.run(command, check=True)
+    sized = subprocess.run(
+        ["arm-none-eabi-size", str(program)], check=True, capture_output=True, text=True
+    )
+    text, data, bss = (int(x) for x in sized.stdout.splitlines()[1].split()[:3])
+    done = subprocess.run(
+        ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting", "-kernel", str(program),
+         "-singlestep", "-d", "exec,nochain", "-D", str(log)],
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    found = re.findall(r"([0-9a-f]{8}) ([0-9a-f]{8}) ", done.stdout + done.stderr)
+    assert len(found) == len(readings), (done.stdout + done.stderr)[-500:]
+    words, status = np.array([[int(x, 16) for x in row] for row in found]).T
+    return OnBoard(words, status, _instructions(program, log), data + bss, text + data)
+
+
+def _instructions(program: Path, log: Path) -> np.ndarray:
+    """Instructions of each call of `stepped`: from its first to that after its return, in the caller."""
+    named = subprocess.run(
+        ["arm-none-eabi-nm", "-S", str(program)], check=True, capture_output=True, text=True
+    ).stdout
+    where = {
+        line.split()[-1]: line.split() for line in named.splitlines() if len(line.split()) == 4
+    }
+    first = int(where["stepped"][0], 16) & ~1
+    main, size = int(where["main"][0], 16) & ~1, int(where["main"][1], 16)
+    trace = [int(x, 16) & ~1 for x in re.findall(r"/([0-9a-f]{8})/", log.read_text())]
+    counts, inside = [], False
+    for address in trace:
+        if address == first:
+            counts.append(0)
+            inside = True
+        elif inside and main <= address < main + size:
+            inside = False
+        if inside:
+            counts[-1] += 1
+    return np.array(counts)

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import pytest
 
-APT = "simavr gcc-avr avr-libc gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
-
 
 class Judge(NamedTuple):
     """What it judges, the commands and the modules it needs, and the packages that bring them."""
@@ -37,7 +35,11 @@ JUDGES = {
     "scikit-learn": Judge("sklearn", (), ("sklearn",), "pip: scikit-learn"),
     "onnxruntime": Judge("onnx", (), ("onnx", "onnxruntime"), "pip: onnx onnxruntime"),
     "simavr": Judge("arduino", ("avr-gcc", "simavr"), packages="apt: simavr gcc-avr avr-libc"),
-}
+    "QEMU": Judge(
+        "arduino", ("arm-none-eabi-gcc", "qemu-system-arm"),
+        packages="apt: gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm",
+    ),
+}  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""The parts of `benchmarks.deployment`."""
+"""Parts of `benchmarks.deployment`: each module gives rows."""

@@ -17,7 +17,7 @@ import pytest
 from compensate import Status, export_to
 from compensate.runtime import load
 from hysteresis import InputError
-from tests.boards import on_avr
+from tests.boards import on_avr, on_cortex_m4
 from tests.c_harness import STRICT
 from tests.judges import JUDGES
 from tests.problems import random_histories
@@ -93,6 +93,19 @@ def test_an_atmega328_gives_the_estimates_of_float(tmp_path: Path):
 
 def fmu(name: str, target: str, folder: Path) -> Path:
     return case(name).write(target, folder / "sensor.fmu")
+
+
+@JUDGES["QEMU"].needed
+def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(tmp_path: Path):
+    """Bit for bit. The first step of an even clock, which tabulates its exponentials, takes more."""
+    one = case("creep")
+    y = one.y[:60].astype(np.float32)
+    out = one.write("arduino", tmp_path / "sensor")
+    board = on_cortex_m4(out / "src" / "sensor.h", y, 0.02)
+    value, status = one.reference(tmp_path, "float").run(np.full(len(y), 0.02), y.astype(float))
+    np.testing.assert_array_equal(board.value, value.astype(np.float32))
+    np.testing.assert_array_equal(board.status, status)
+    assert board.cycles[2:].max() <= 250
 
 
 def integers(
