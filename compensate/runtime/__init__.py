@@ -14,4 +14,5 @@ from ._file import FileError as FileError
 from ._load import load as load
 from ._network import ForceEstimator as ForceEstimator
 from ._network import load_force as load_force
+from ._oscillator import OscillatorStep as OscillatorStep
 from ._status import Status as Status

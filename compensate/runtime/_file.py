@@ -28,6 +28,7 @@ _WRITTEN_BY = {
     "hysid force estimator": (
         "not a force estimator. Write one with compensate.microchannel.export_force."
     ),
+    "hysid oscillator": "not an oscillator. Write one with hysid export DIR --runtime FILE.",
     "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
 }
 

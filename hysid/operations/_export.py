@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Origin, Quantity, calibrated, invert
+from compensate import Origin, Quantity, calibrated, export_oscillator, invert
 from compensate.export._export import Program, wider
 from compensate.export.targets._export_to import check, write_to
 from hysteresis import InputError, with_condition
@@ -26,6 +26,8 @@ def export(
         check(target, None if target == "runtime" else real)
     fitted = identify.load(folder)
     data = identify.internal.read_document(folder)["data"]
+    if isinstance(fitted.detail, identify.Motion):
+        return _oscillator(fitted, targets, real)
     date = date or data.get("date") or ""
     verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
@@ -64,4 +66,38 @@ def export(
     return {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
         "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
+    }  # fmt: skip
+
+
+def _oscillator(
+    fitted: identify.FitResult, targets: dict[str, Path], real: str | None
+) -> dict[str, Any]:
+    """The step of an oscillator, force to displacement: it has no compensator."""
+    other = [target for target in targets if target not in ("c", "runtime")]
+    if other or real in ("float", "fixed"):
+        raise InputError(
+            "bad-option",
+            f"An oscillator is exported in double precision, not for {', '.join(other) or real}.",
+            fix="Use --c FILE.h or --runtime FILE.json.",
+        )
+    assert isinstance(fitted.detail, identify.Motion)
+    motion, files = fitted.detail.recorded, {}
+    for target, path in targets.items():
+        if (path.suffix == ".h") != (target == "c"):
+            raise InputError(
+                "bad-option",
+                f"{path.name} for {target}.",
+                fix="Give the header a name that ends in .h, and the runtime's file one that does not.",
+            )
+        done = export_oscillator(
+            motion.model, path, motion.dt, fitted.train.input, title=fitted.name
+        )
+        files[target] = str(done)
+    low, high = fitted.trained
+    notes = [
+        "The file steps from force to displacement. The force is straight between its samples."
+    ]
+    return {
+        "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
+        "start": "known", "date": None,
     }  # fmt: skip
