@@ -47,15 +47,15 @@ def export_oscillator(
         >>> file = compensate.export_oscillator(plant, folder / "mount.json", 1 / 750, np.ones(64))
         >>> step = compensate.runtime.load(file).step
         >>> [round(1e6 * step(40.0), 1) for _ in range(3)]
-        [0.0, 17.7, 69.4]
+        [0.0, 17.6, 68.7]
     """
     layout = layout_of(model.hysteresis)
     if layout is None or model.integrator != "newmark" or model.between != "linear":
         raise InputError(
             "not-exportable",
             "this oscillator cannot be exported.",
-            cause="its hysteresis is not made of plays and at most one BoucWenForce with n = 1 or DuhemForce,"
-            " or it is not integrated by Newmark's method with a straight force.",
+            cause="its hysteresis is not made of plays and one BoucWenForce (n = 1) or DuhemForce, or"
+            " it is not integrated by Newmark's method with a straight force.",
             fix="fit it with identify.fit(record, 'Oscillator').",
         )
     if not dt > 0:
@@ -227,8 +227,8 @@ _HEADER = """\
  *
  * One step a sample of {dt}, in {substeps} steps of Newmark's method: bounded operations, no allocation, no
  * recursion, no library. {name}_step takes the force of the sample, straight since the one before, and
- * gives the displacement. The first force is that of time 0, at rest. {name}_self_test gives 0 where the golden
- * displacements come again.
+ * gives the displacement. The first force is that of time 0, at rest. {name}_self_test gives 0 where the
+ * golden displacements come again.
  */
 #ifndef {guard}
 #define {guard}
