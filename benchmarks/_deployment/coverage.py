@@ -75,6 +75,10 @@ def _sensors(quick: bool) -> Iterator[tuple[str, Runs]]:
         return
     yield from _egain(folder)
     yield from _laminate(folder)
+    selection = Selection("command (V)", "position (um)", "time (s)")
+    records, _ = selection.records(selection.read(folder / "piezo-manipulator/tidy.csv"))
+    ((record, _),) = records.values()
+    yield "piezo manipulator", Runs(*record.split_rows(record.cycle > 8))
 
 
 def _sponge(seed: int) -> Runs:

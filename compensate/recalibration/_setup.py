@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Record
+from hysteresis import AbstractModel, InputError, Record, Scaled, Series
 
 from .._contract import Status
 from .._estimate import estimate
@@ -109,7 +109,10 @@ def adaptive(
     )
     start[2:] *= free
     spread = np.concatenate([[(ZERO_AFTER * span) ** 2, drift**2], (AFTER * size) ** 2])
-    cycle = used.sum() / max(1, record.n_cycles) / correlation
+    # Cycles are numbered anew in each sequence.
+    of = np.where(used, record.cycle, 0)
+    turns = sum(len(np.setdiff1d(of[rows], [0])) for _, rows in record.sequences())
+    cycle = used.sum() / max(1, turns) / correlation
     low, high = _ends(model, record, used)
     settings = Settings(
         *(jnp.asarray(x, float) for x in (
@@ -186,6 +189,8 @@ def _correlation(residual: np.ndarray, record: Record) -> float:
 
 def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float, float]:
     """The inputs to look for: those that the model names, else the record's and half as much more."""
+    while isinstance(model, Scaled | Series):
+        model = model.inner if isinstance(model, Scaled) else model.parts[0]
     inverse = inverse_of(model)
     if isinstance(inverse, BracketedCompensator):
         return inverse.low, inverse.high

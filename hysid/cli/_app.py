@@ -20,7 +20,7 @@ from ._export import export
 from ._fit import fit
 from ._inspect import check, init
 from ._microchannel import microchannel
-from ._new_data import predict, qualify
+from ._new_data import monitor, predict, qualify
 from ._remedies import options_here
 from ._report import report
 from ._reproduce import reproduce
@@ -42,6 +42,7 @@ for _command, _example in {
     fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
     predict: "hysid predict sponge new.csv --inverse",
     qualify: "hysid qualify sponge new.csv --max-error 2 --rate 1000",
+    monitor: "hysid monitor sponge log.csv",
     export: "hysid export sponge --c sponge.h --runtime sponge.json",
     sample: "hysid sample sponge --ensembles 4",
     compare: "hysid compare sponge foam",

@@ -1,4 +1,4 @@
-"""`hysid predict` and `hysid qualify`: a fit on new data."""
+"""`hysid predict`, `hysid qualify` and `hysid monitor`: a fit on new data."""
 
 from typing import Annotated, Any
 
@@ -55,6 +55,13 @@ def qualify(
         float | None,
         typer.Option(help="Samples per second that the compensator must keep up with."),
     ] = None,
+    guarantee: Annotated[
+        float | None,
+        typer.Option(
+            help="Probability, as 0.9, with which a band is to hold a whole new run; its width is found"
+            " from the runs or cycles of FILE."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Judge a fit's compensator on data it has not seen.
@@ -65,8 +72,49 @@ def qualify(
     start_jax()
     from ..operations import _qualify  # after JAX is set up
 
-    found = _qualify.qualify(folder, file, max_error=max_error, rate=rate, changes=selection)
+    found = _qualify.qualify(
+        folder, file, max_error=max_error, rate=rate, guarantee=guarantee, changes=selection
+    )
     lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
     print_result(found, as_json, lines)
     if found["verdict"]["level"] == "FAIL":
         raise SystemExit(USER)  # stdout says why; the command itself did not fail
+
+
+@takes_selection("where", "nan", "segments", *OF_READING, optional=True)
+def monitor(
+    folder: Folder,
+    file: File,
+    selection: dict[str, Any],
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            help="Column of the known inputs, empty where they are not known (default: the fit's input)."
+        ),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Standard deviation of the drift of the zero that is expected, in the unit of the output"
+            " per unit of time.",
+        ),
+    ] = 0.0,
+    false_alarms: Annotated[
+        float, typer.Option(help="Rate of false alarms that is allowed, per independent reference.")
+    ] = 1e-5,
+    as_json: AsJson = False,
+) -> None:
+    """Run a fit's compensator over a log, and let it recalibrate itself where the input is known.
+
+    It says whether a calibration is needed now, why, and how much accuracy is lost until then. --where,
+    --nan and how the file is read are by default those of the fit.
+    """
+    start_jax()
+    from ..operations import _monitor  # after JAX is set up
+
+    found = _monitor.monitor(
+        folder, file, reference=reference, drift=drift, false_alarms=false_alarms, changes=selection
+    )
+    lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
+    print_result(found, as_json, lines)

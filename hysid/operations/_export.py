@@ -1,14 +1,25 @@
 """`hysid export`: the compensator of a fit as a file that runs without JAX."""
 
+import json
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import Origin, Quantity, calibrated, export_oscillator, invert
+from compensate import (
+    CalibratedCompensator,
+    GuaranteedCompensator,
+    Origin,
+    Quantity,
+    calibrated,
+    export_oscillator,
+    invert,
+)
 from compensate.export._export import Program, wider
 from compensate.export.targets._export_to import check, write_to
+from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
 
@@ -38,6 +49,7 @@ def export(
             fix="Export a fit of one input that changes over time.",
         )
     record = fitted.train
+    error = calibrated(invert(fitted.model), record)
     rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
     limits = limits or wider(record.output[record.mask])
     program = Program(
@@ -49,7 +61,8 @@ def export(
         title=fitted.name,
         limits=limits,
         depth=depth,
-        error=calibrated(invert(fitted.model), record),
+        error=error,
+        band=_band(folder, error, data.get("sha256") or ""),
         trained=fitted.trained,
         beyond=beyond,
         start=start,
@@ -101,3 +114,14 @@ def _oscillator(
         "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
         "start": "known", "date": None,
     }  # fmt: skip
+
+
+def _band(folder: Path, error: CalibratedCompensator, sha256: str) -> GuaranteedCompensator | None:
+    """The band that `hysid qualify --guarantee` has found for this fit; None where there is none."""
+    file = folder / "qualify.json"
+    known = json.loads(file.read_text("utf-8")).get("guarantee") if file.exists() else None
+    # A fit that was made anew is another one, and so is its band.
+    if not known or not known.get("given") or not sha256 or known.get("sha256") != sha256:
+        return None
+    factor = jnp.asarray(known["factor"], float)
+    return GuaranteedCompensator(error, factor, GAIN * factor, known["asked"], known["runs"])

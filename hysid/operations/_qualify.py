@@ -8,9 +8,20 @@ import jax
 import numpy as np
 
 import identify
-from compensate import EnsembleCompensator, Qualification, invert
+from compensate import (
+    EnsembleCompensator,
+    GuardedCompensator,
+    Qualification,
+    calibrated,
+    estimate,
+    guaranteed,
+    invert,
+    runs_needed,
+)
 from compensate import qualify as qualified
+from compensate.uncertainty._guaranteed import run_scores
 from hysteresis import InputError, Note, Record
+from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
 
 from ..intake._folders import folders_of
@@ -28,6 +39,7 @@ def qualify(
     *,
     max_error: float | None = None,
     rate: float | None = None,
+    guarantee: float | None = None,
     changes: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Qualify the compensator of a fit, or of each of several, and write DIR/qualify.json.
@@ -67,10 +79,19 @@ def qualify(
             f"The file has no value of {asked.each} that was fitted: {', '.join(folders)}.",
             place=str(file),
         )
-    result = _together(found) | {"notes": said, "file": str(folder / "qualify.json")}
+    bands = {}
+    if guarantee is not None:
+        for value in found:
+            record = records[value][1] or records[value][0]
+            bands[value] = guarantee_of(fits[value], record, guarantee)
+            said += [] if bands[value]["given"] else [bands[value]["text"]]
+    one_band = {"guarantee": bands.get("", bands or None)}
+    result = _together(found) | one_band | {"notes": said, "file": str(folder / "qualify.json")}
     identify.internal.write_json(folder / "qualify.json", result | {"source": file.name})
     head = {value: f"{asked.each} = {value}\n" if value else "" for value in found}
-    return result | {"text": "\n".join(head[value] + one.text for value, one in found.items())}
+    more = {value: f"\n{band['text']}" for value, band in bands.items() if band["given"]}
+    texts = (head[value] + one.text + more.get(value, "") for value, one in found.items())
+    return result | {"text": "\n".join(texts)}
 
 
 def _of_one(
@@ -98,6 +119,41 @@ def _of_one(
             facts.append(Note("no-posterior", said))
     found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+
+
+def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -> dict[str, Any]:
+    """What a band around the compensator's estimates can guarantee from the runs of a record.
+
+    Its shape is the deviation that the compensator is exported with.
+    """
+    inner = calibrated(invert(fitted.model), fitted.train)
+    compensator = GuardedCompensator(inner, *fitted.trained)
+    needed = runs_needed(guarantee)
+    known = {"asked": guarantee, "needed": needed}
+    applied = fitted.clocks.applied(record)
+    scores = run_scores(compensator, applied)
+    if len(scores) < needed:
+        most = len(scores) / (len(scores) + 1)
+        text = (
+            f"Cannot guarantee {100 * guarantee:g} %: that needs {needed} runs or cycles, and the file has"
+            f" {len(scores)}, which can guarantee {100 * most:.3g} % at most."
+        )
+        return known | {
+            "given": False,
+            "runs": len(scores),
+            "factor": None,
+            "half_width": None,
+            "text": text,
+        }
+    band = guaranteed(compensator, applied, guarantee)
+    found = estimate(band, applied)
+    half = (np.asarray(found.high) - np.asarray(found.low))[applied.mask] / 2
+    wide = quantity(float(half.mean()), fitted.train.input_unit, 3)
+    text = f"guaranteed band: +- {wide} in the mean. {band.statement}"
+    return known | {
+        "given": True, "runs": band.runs, "factor": float(band.factor), "half_width": float(half.mean()),
+        "text": text, "sha256": fitted.train.sha256,
+    }  # fmt: skip
 
 
 def _some_of(posterior: identify.Posterior, rows: int) -> Any:
