@@ -16,6 +16,7 @@ from ..figures._format import pretty, quantity
 from ..intake._command_words import as_words
 from ..intake._selection_options import HELD_OUT
 from . import _section_creep as _report_step
+from . import _section_motion as _motion
 from ._case import TARGET, Case, Section
 from ._section_channels import channels
 from ._section_diagnostics import believed
@@ -34,6 +35,10 @@ TAIL = 0.25
 """The share of a record that is held out where it has no second cycle."""
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
     loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
+    data,
+)  # fmt: skip
+MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    _motion.response, _motion.hysteresis, parameters, _motion.residuals, _motion.classes, baselines,
     data,
 )  # fmt: skip
 STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
@@ -66,9 +71,10 @@ def write_report(folder: str | Path, file: Path | None = None) -> Path:
             fix="Fit again.",
         ) from error
     of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
+    of_motion = isinstance(case.fit.detail, identify.Motion)
     sections = [
         make(case)
-        for make in (STEP_SECTIONS if of_step else SECTIONS)
+        for make in (STEP_SECTIONS if of_step else MOTION_SECTIONS if of_motion else SECTIONS)
         if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
         and (make is not channels or case.fit.channels is not None)
     ]
@@ -110,6 +116,8 @@ def facts(case: Case) -> list[tuple[str, str]]:
         facts.append(("fitted rows, of the range", quantity(share, "%")))
     if isinstance(case.fit.detail, identify.DiscreteSpectrum):
         return facts + _report_step.facts(case)
+    if isinstance(case.fit.detail, identify.Motion):
+        return [*facts, ("chi2 per row", quantity(case.fit.detail.chi2, "1"))]
     if not isinstance(case.round_trip, InputError):
         facts.append(
             (f"compensator on {word} rows, rms", quantity(case.round_trip.rms, case.units[0]))
@@ -188,6 +196,9 @@ def next_command(case: Case) -> tuple[str, str]:
     if isinstance(fit.detail, identify.DiscreteSpectrum):
         what = "Predict the times of this file, or of another, with their range"
         return what, f"hysid predict {folder} {source}"
+    if isinstance(fit.detail, identify.Motion):
+        steady = " --steady" if fit.detail.recorded.period else ""
+        return "Predict the motion under another force", f"hysid predict {folder} {source}{steady}"
     if case.posterior is None:
         return "Sample the posterior to quantify the uncertainty", f"hysid sample {folder}"
     if fit.channels is not None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from hysteresis import InputError, stages_of
 
-from ._duhem_search import EXPLAINED, SIZES, random_starts, refined, started
+from ._duhem_search import SIZES, random_starts, refined, started
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
 from ._output_error import Optimum, Setting, with_evidence
@@ -84,7 +84,7 @@ def search(
 
     if hysteresis != "GeneralizedPlays":
         best, chi2 = started(coarse, linear)
-        if hysteresis == "BoucWen" and best.chi > EXPLAINED:
+        if hysteresis == "BoucWen" and best.chi > motion.explained:
             more, others = random_starts(coarse, linear, max(starts - len(chi2), 0), seed)
             chi2 += others
             best = min((best, *more), key=lambda one: one.chi)
@@ -92,7 +92,7 @@ def search(
             note("BoucWen", best)
         if hysteresis != "BoucWen" and np.isfinite(best.chi):
             _more_knots(coarse, best, note)
-    explained = bool(tried) and min(one.found.chi for one in tried) < EXPLAINED
+    explained = bool(tried) and min(one.found.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
         for start in candidates(motion, linear):
             found = fitted(coarse, start)

@@ -19,9 +19,6 @@ from ._output_error import (
     with_evidence,
 )
 
-EXPLAINED = 1.3
-"""chi2 per row up to which a search for starts goes on no further."""
-
 SIZES = (5, 9, 17, 33)
 SHARES, LOSSES, SKEWS = (0.5, 0.25, 0.75), (0.5, 0.15), (-0.5, 0.5)
 """Starts: the part of the stiffness that is hysteretic; how much of it the rms force takes away; how
@@ -95,7 +92,7 @@ def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, lis
         tried.append(found.chi)
         if best is None or found.chi < best.chi:
             best = found
-        if found.chi < EXPLAINED:
+        if found.chi < motion.explained:
             break
     assert best is not None
     return best, tried
@@ -114,7 +111,7 @@ def random_starts(
         q = _start(setting.motion, linear, family, share, loss, skew)
         q[:3] *= np.exp(random.normal(0, 0.2, 3))
         found.append(levenberg_marquardt(setting, family, q))
-        if found[-1].chi < EXPLAINED:
+        if found[-1].chi < setting.motion.explained:
             break
     return found, [one.chi for one in found]
 

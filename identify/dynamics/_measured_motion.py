@@ -16,6 +16,9 @@ REPEATED = 0.02
 
 LEAST_PERIOD, LEAST_ROWS = 16, 64
 
+EXPLAINED = 1.3
+"""chi2 per row up to which the noise explains what a model leaves."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
@@ -40,6 +43,15 @@ class MeasuredMotion:
     @property
     def periodic(self) -> bool:
         return self.period > 0
+
+    @property
+    def explained(self) -> float:
+        """chi2 per row up to which noise explains what is left: more where its level is less certain."""
+        return (
+            EXPLAINED
+            if self.scatter is not None
+            else EXPLAINED + 10 / float(np.sqrt(len(self.force)))
+        )
 
     @property
     def frequencies(self) -> Float[np.ndarray, " lines"]:

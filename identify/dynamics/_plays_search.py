@@ -117,7 +117,8 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     q = np.zeros(len(root))
     for _ in range(PASSES):
         penalised = normal / variance + np.diag(root**2)
-        size = np.sqrt(np.diag(penalised)) + 1e-300
+        size = np.sqrt(np.diag(penalised))
+        size[size == 0] = 1.0  # a state at first is not in the equation of motion
         scaled = penalised / np.outer(size, size)
         values, vectors = np.linalg.eigh(scaled)
         keep = values > 1e-14 * values[-1]

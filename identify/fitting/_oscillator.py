@@ -22,7 +22,7 @@ from hysteresis import (
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict
 
-from ..dynamics._classes import CLASSES, EXPLAINED, Search, Tried, search
+from ..dynamics._classes import CLASSES, Search, Tried, search
 from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
 from ..dynamics._measured_motion import MeasuredMotion, measured_motion
 from ..dynamics._output_error import PLANT, STATE, Optimum, Setting, levenberg_marquardt
@@ -130,7 +130,7 @@ def fit_oscillator(
         residuals=residuals,
         used=used,
         metrics=figures,
-        success=optimum.converged or optimum.chi < EXPLAINED,
+        success=optimum.converged or optimum.chi < motion.explained,
         score=100 * float(np.sqrt(blocks.mean())) / range_,
         noise=estimate_noise([residuals[used]], len(covariance)),
         train=record,
@@ -335,7 +335,7 @@ def _warnings(
 
 def _misfit(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[Note, ...]:
     found = []
-    if detail.chi2 > EXPLAINED:
+    if detail.chi2 > motion.explained:
         left = quantity(
             float(np.sqrt(max(detail.chi2 - 1, 0)) * motion.sigma), fit.train.output_unit, 3
         )

@@ -1,0 +1,114 @@
+"""Report sections on an oscillator: frequency response, hysteretic force, residuals, classes."""
+
+from typing import Any
+
+import numpy as np
+
+from identify import Motion
+
+from ..figures._format import label, number, quantity
+from ._case import Case, Section, Table, picture
+
+LINES = 400
+"""Of a spectrum are shown, each the rms of its neighbours."""
+
+
+def response(case: Case) -> Section:
+    """The best linear approximation, with the levels of noise and of nonlinear distortion."""
+    from ..figures._motion import frequency_response
+
+    linear = motion_of(case).linear
+    x, y = _frequency(case), label("displacement / force", " / ".join(case.units[::-1]))
+    figure = frequency_response(
+        linear.frequencies, linear.response, linear.noise, linear.distortion,
+        linear.model(linear.frequencies), x, y,
+    )  # fmt: skip
+    resonance = quantity(linear.resonance, f"1 / {case.fit.train.time_unit}")
+    section = Section(
+        "Frequency response",
+        [f"The best linear oscillator has its undamped resonance at {resonance}."],
+    )
+    caption = (
+        "Distortion is what of the response is not smooth in frequency: where it lies above the noise, the"
+        " spring is not linear. Both levels need a force that repeats itself."
+    )
+    section.pictures.append(picture(figure, "Frequency response with its levels", caption))
+    return section
+
+
+def hysteresis(case: Case) -> Section:
+    """The hysteretic force of the model along the fitted motion."""
+    from ..figures._motion import hysteretic_force
+
+    motion, fit = motion_of(case), case.fit
+    rows = slice(0, motion.recorded.period or len(fit.train))
+    y = case.predicted["train"][rows]
+    z: Any = np.asarray(motion.recorded.model.hysteresis.simulate(None, y))
+    thin = slice(len(y) // 2, None) if len(y) > 200 else slice(None)
+    figure = hysteretic_force(
+        y[thin], z[thin], case.output_label, label("hysteretic force", case.units[0])
+    )
+    caption = "The hysteretic force over the displacement, of the second half of the fitted motion."
+    section = Section("Hysteretic force")
+    section.pictures.append(picture(figure, "Hysteretic force over displacement", caption))
+    return section
+
+
+def residuals(case: Case) -> Section:
+    """Spectra of output and residuals: what the model leaves at the resonance."""
+    from ..figures._motion import residual_spectrum
+
+    fit, motion = case.fit, motion_of(case)
+    used = fit.used
+    y = np.asarray(fit.train.output)[used]
+    left = fit.residuals[used]
+    f = np.fft.rfftfreq(len(y), motion.recorded.dt)
+    both = [np.abs(np.fft.rfft(x - x.mean())) / np.sqrt(len(x)) for x in (y, left)]
+    groups = np.array_split(np.arange(1, len(f)), min(LINES, len(f) - 1))
+    at = np.array([f[group].mean() for group in groups])
+    shown = [np.array([np.sqrt(np.mean(x[group] ** 2)) for group in groups]) for x in both]
+    figure = residual_spectrum(
+        at, shown[0], shown[1], fit.noise.sigma, _frequency(case),
+        label("rms per line", case.units[1]),
+    )  # fmt: skip
+    caption = (
+        f"chi2 per row of the averaged motion is {number(motion.chi2)}; noise alone leaves 1. Residuals"
+        " that rise at the resonance mean that the class of hysteresis is wrong."
+    )
+    section = Section("Residuals")
+    section.pictures.append(picture(figure, "Spectra of output and residuals", caption))
+    return section
+
+
+def classes(case: Case) -> Section:
+    """The classes of hysteresis that were tried."""
+    tried = motion_of(case).classes
+    least = min(one["bic"] for one in tried)
+    rows = [
+        (
+            str(one["class"]),
+            number(one["chi2"]),
+            number(one["effective_parameters"]),
+            number(one["bic"] - least),
+        )
+        for one in tried
+    ]
+    table = Table(
+        "Classes tried, the chosen one first. It was fitted in finer steps than the others.",
+        ("Class", "chi2 per row", "Effective parameters", "Criterion above the least"),
+        list(rows),
+        strong=0,
+    )
+    return Section("Classes of hysteresis", tables=[table])
+
+
+def motion_of(case: Case) -> Motion:
+    """The kind of fit that these sections are about."""
+    assert isinstance(case.fit.detail, Motion)
+    return case.fit.detail
+
+
+def _frequency(case: Case) -> str:
+    return label(
+        "frequency", "Hz" if case.fit.train.time_unit == "s" else f"1 / {case.fit.train.time_unit}"
+    )
