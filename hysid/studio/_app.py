@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from starlette.applications import Starlette
@@ -17,12 +18,13 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
 from hysteresis._format import plain
 
 from . import _configuration
-from ._equivalents import equivalents, header_name
-from ._folder import Folder, upload_to
+from ._equivalents import equivalents, header_name, target_name
+from ._folder import Folder, upload_to, zipped
 from ._guard import DOCUMENT_RULES
 from ._measurement import Measurement, as_document
 from ._processes import Jobs
@@ -30,6 +32,8 @@ from ._results import Fits, written_rows
 from ._views import of_loops, over_time
 
 STATIC = Path(__file__).parent / "static"
+COMPARISON = "comparison"
+"""The folder of the page that compares fits."""
 LARGEST = 4 * 2**30
 """Bytes of an upload."""
 
@@ -69,6 +73,7 @@ class Studio:
             "files": self.folder.listed(),
             "jobs": self.jobs.listed(),
             "models": self._models,
+            "targets": [target for target in TARGETS if target not in ("c", "runtime")],
         }
 
     def look(self, name: str) -> dict[str, Any]:
@@ -116,6 +121,12 @@ class Studio:
                 "--runtime",
                 _path(f"{at}/compensator.json"),
             ]
+            if target := str(options.get("target", "")):
+                if target not in TARGETS:
+                    raise InputError("bad-option", f"There is no target {target!r}.")
+                written = f"{at}/{target_name(place, target)}"
+                self.folder.inside(written)
+                words = ["export", _path(at), "--to", target, _path(written)]
         elif kind == "report":
             words = ["report", _path(at)]
         elif kind in ("qualify", "predict"):
@@ -128,6 +139,12 @@ class Studio:
         else:
             raise InputError("bad-option", f"There is no command {kind!r}.")
         return self.jobs.start(kind, name, words).document
+
+    def compare(self, names: Sequence[str]) -> dict[str, Any]:
+        """Start the page that compares the fits of several measurements."""
+        places = [self.place(name).relative_to(self.folder.root).as_posix() for name in names]
+        words = ["report", *map(_path, places), "--out", COMPARISON]
+        return self.jobs.start("compare", COMPARISON, words).document
 
 
 def app_of(studio: Studio) -> Starlette:
@@ -143,6 +160,7 @@ def app_of(studio: Studio) -> Starlette:
         Route("/api/again", _answer(studio, _again), methods=["POST"]),
         Route("/api/brush", _answer(studio, _brush), methods=["POST"]),
         Route("/api/start", _answer(studio, _start), methods=["POST"]),
+        Route("/api/compare", _answer(studio, _compare), methods=["POST"]),
         Route("/api/cancel", _answer(studio, _cancel), methods=["POST"]),
         Route("/api/curves", _answer(studio, _curves)),
         Route("/api/redraw", _answer(studio, _redraw), methods=["POST"]),
@@ -269,6 +287,10 @@ def _start(studio: Studio, asked: Any) -> Any:
     return studio.start(asked["kind"], asked["name"], asked)
 
 
+def _compare(studio: Studio, asked: Any) -> Any:
+    return studio.compare([str(name) for name in asked["names"]])
+
+
 def _cancel(studio: Studio, asked: Any) -> Any:
     studio.jobs.cancel(int(asked["number"]))
     return {}
@@ -306,7 +328,11 @@ def _fit_place(studio: Studio, asked: Any) -> Path:
 
 
 def _file(studio: Studio, asked: Any) -> Response:
-    """A file of the folder: a report to look at, which can run nothing; all else as a download."""
+    """A file of the folder: a report to look at, which can run nothing; else a download, folders as ZIP."""
+    file = studio.folder.inside(asked["name"])
+    if file.is_dir() and "download" in asked:
+        headers = {"content-disposition": f"attachment; filename*=utf-8''{quote(file.name)}.zip"}
+        return Response(zipped(file), media_type="application/zip", headers=headers)
     file = studio.folder.file(asked["name"])
     if file.suffix == ".html" and "download" not in asked:
         rules = {"content-security-policy": DOCUMENT_RULES}

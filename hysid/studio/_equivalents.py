@@ -129,6 +129,14 @@ def header_name(folder: Path) -> str:
     return f"{name if not name[:1].isdigit() else f'fit_{name}'}.h"
 
 
+def target_name(folder: Path, target: str) -> str:
+    """A name for what `hysid export --to TARGET` writes of a fit: a file, or a folder."""
+    stem = header_name(folder).removesuffix(".h")
+    return {"fmu": f"{stem}.fmu", "fmu3": f"{stem}_fmi3.fmu", "onnx": f"{stem}.onnx"}.get(
+        target, f"{stem}_{target}"
+    )
+
+
 def _on_lines(ranges: tuple[str, ...]) -> str:
     parts = []
     for one in ranges:

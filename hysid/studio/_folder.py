@@ -1,6 +1,8 @@
 """The folder of a studio: its measurements, and names that lead out of it refused."""
 
+import io
 import re
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -104,6 +106,20 @@ class Folder:
             return None
         same = path.is_file() and path.stat().st_size == content.stat().st_size
         return path if same and path.read_bytes() == content.read_bytes() else None
+
+
+def zipped(folder: Path) -> bytes:
+    """The files below a folder as a ZIP archive; links are left out."""
+    found = io.BytesIO()
+    with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.rglob("*")):
+            if (
+                file.is_file()
+                and not file.is_symlink()
+                and file.resolve().is_relative_to(folder.resolve())
+            ):
+                archive.write(file, file.relative_to(folder.parent))
+    return found.getvalue()
 
 
 def upload_to(path: Path) -> Any:

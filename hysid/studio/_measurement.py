@@ -137,12 +137,12 @@ class Measurement:
         if key in self._faults:
             raise self._faults[key]
         if key not in self._tables and self.file.stat().st_size > LARGE:
-            self._read_later(key, selection)
             if self._excerpt is None or self._excerpt[0] != stamp:
                 asked = {name: getattr(selection, name) for name in OF_READING}
                 excerpt = read_table(self.file, **asked, most=self.file.stat().st_size // PART)
                 if excerpt.share < 1:
                     self._excerpt = (stamp, _series(excerpt, selection, None))
+            self._read_later(key, selection)
             if self._excerpt is not None and self._excerpt[0] == stamp:
                 return self._excerpt[1], False, names
         with self._lock:

@@ -21,6 +21,8 @@ KEPT = 40
 """Finished jobs that are remembered."""
 LINES = 200
 """Lines of a job's log that are kept."""
+SHOWN = ("file", "files", "notes", "verdict", "flagged", "rows")
+"""Entries of a command's result that pages are sent."""
 SOURCES = Path(__file__).resolve().parents[2]
 
 
@@ -71,10 +73,16 @@ class Job:
             "total": self.total,
             "seconds": (self.end or time.monotonic()) - self.begin,
             "left": self.left,
-            # A page reads what a fit has written from its folder.
-            "result": None if self.kind in ("fit", "sample") else self.result,
+            "result": self.shown,
             "error": self.error,
         }
+
+    @property
+    def shown(self) -> dict[str, Any] | None:
+        """What a page needs of the result: the rest is in the files that the command has written."""
+        if not isinstance(self.result, dict):
+            return None
+        return {key: self.result[key] for key in SHOWN if key in self.result}
 
     def hear(self, line: str) -> None:
         """Take a line that the command has logged."""

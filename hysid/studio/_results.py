@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import identify
+from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 
 from ..figures._sliders import moved, sliders_of
@@ -17,12 +18,15 @@ from ..intake._folders import folders_of
 from ..intake._selection import Selection
 from ..operations._columns import selection_of_fit
 from ..reporting._fit_page import HEADLINES
+from ._equivalents import target_name
 from ._views import ALL, GAP, peaks
 
 BINS = 24
 """Bars of a parameter's marginal distribution."""
 EXPORTS = (".h", "compensator.json")
 """Ends of names of files that `hysid export` has written for the page."""
+WIDE = 30
+"""Ratio of the ends of a positive parameter from which its distribution is shown over the logarithm."""
 SHOWN = 6
 """Parameters whose marginal distribution is drawn."""
 
@@ -49,7 +53,10 @@ class Fits:
         level = document["verdict"]["level"]
         posterior = folder / places[value] / "posterior.json"
         at = "" if places[value] == "." else f"{places[value]}/"
-        there = sorted(file.name for file in (folder / places[value]).iterdir() if file.is_file())
+        own = folder / places[value]
+        there = sorted(file.name for file in own.iterdir() if file.is_file())
+        made = {target_name(own, target) for target in TARGETS}
+        made |= {name for name in there if name.endswith(EXPORTS)}
         return {
             "values": list(places) if "" not in places else [],
             "value": value,
@@ -81,7 +88,7 @@ class Fits:
             "invertible": not asked.is_step and not isinstance(asked.input, tuple),
             "posterior": _posterior(posterior),
             "report": f"{folder.name}/{at}report.html" if "report.html" in there else None,
-            "exports": [f"{folder.name}/{at}{name}" for name in there if name.endswith(EXPORTS)],
+            "exports": [f"{folder.name}/{at}{n}" for n in sorted(made) if (own / n).exists()],
             "folder": places[value],
         }  # fmt: skip
 
@@ -133,7 +140,7 @@ class Fits:
         return self._kept[folder][1]
 
     def posterior_marginals(self, folder: Path) -> list[dict[str, Any]]:
-        """A histogram of each parameter's draws."""
+        """A histogram of each parameter's draws, 99 % of them."""
         with self._lock:
             posterior = identify.load_posterior(folder)
         if posterior is None:
@@ -141,8 +148,12 @@ class Fits:
         draws = posterior.draws.reshape(-1, len(posterior.names))
         found = []
         for k, name in enumerate(posterior.names[:SHOWN]):
-            count, edges = np.histogram(draws[:, k], BINS)
-            found.append({"name": name, "count": count.tolist(), "edges": edges.tolist()})
+            low, high = np.quantile(draws[:, k], [0.005, 0.995])
+            wide = low > 0 and high > WIDE * low
+            to, back = (np.log, np.exp) if wide else (np.asarray, np.asarray)
+            count, edges = np.histogram(to(draws[:, k]), BINS, tuple(to([low, high])))
+            edges = back(edges)
+            found.append({"name": name, "count": count, "edges": edges, "logarithmic": bool(wide)})
         return found
 
 

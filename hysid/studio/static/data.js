@@ -27,8 +27,9 @@ export class DataPanel {
       this.columns(),
       sameLines(look.equivalents.data),
     );
-    if (!look.fault || this.time?.u) this.fetch().catch((error) => this.refused(error));
-    if (!look.fault) this.judge();
+    // The plots first: what is wrong with the rows is told when all of them are read.
+    const drawn = look.fault && !this.time?.u ? Promise.resolve() : this.fetch().catch((error) => this.refused(error));
+    if (!look.fault) drawn.then(() => this.judge());
   }
 
   refused(error) {

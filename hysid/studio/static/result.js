@@ -2,6 +2,7 @@
 import { faultBox, fill, getJson, h, number, post, quantity, sameLines, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
+const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
 const gapped = (record, y, more) => ({ x: record.u, y, gap: record.gap.map(Boolean), ...more });
 
 export class ResultPanel {
@@ -13,15 +14,15 @@ export class ResultPanel {
     this.written = {};
   }
 
-  async show(look, files, running) {
+  async show(look, files, targets) {
     this.look = look;
+    this.targets = targets;
     const found = look.result;
     if (!found) {
       fill(this.element, look.result_fault ? faultBox(look.result_fault) : "");
       return;
     }
     this.value = found.value;
-    this.running = running;
     const place = h("div");
     fill(this.element, this.verdict(found), place);
     const serial = this.serial = (this.serial ?? 0) + 1;
@@ -54,7 +55,7 @@ export class ResultPanel {
   async pick(value) {
     try {
       const result = await getJson("api/summary", { name: this.name, value });
-      this.show({ ...this.look, result }, this.filesThere, this.running);
+      this.show({ ...this.look, result }, this.filesThere, this.targets);
     } catch (error) {
       this.element.prepend(faultBox(error.fault ?? { message: String(error) }));
     }
@@ -178,11 +179,11 @@ export class ResultPanel {
       element.append(...children);
       return element;
     };
-    fill(this.histograms, ...found.map(({ name, count, edges }) => {
+    fill(this.histograms, ...found.map(({ name, count, edges, logarithmic }) => {
       const most = Math.max(...count), n = count.length;
       const bars = count.map((c, k) => svg("rect", { x: k, y: 1 - c / most, width: 0.92, height: c / most }));
       return h("figure", {}, svg("svg", { viewBox: `0 0 ${n} 1`, preserveAspectRatio: "none", role: "img", "aria-label": `Distribution of ${name} from ${number(edges[0])} to ${number(edges[n])}` }, ...bars),
-        h("figcaption", {}, `${name}: ${number(edges[0])} to ${number(edges[n])}`));
+        h("figcaption", {}, `${name}: ${number(edges[0])} to ${number(edges[n])}${logarithmic ? ", logarithmic" : ""}`));
     }));
   }
 
@@ -243,7 +244,7 @@ export class ResultPanel {
   }
 
   files(found) {
-    const link = (path, text) => h("a", { href: `files/${path.split("/").map(encodeURIComponent).join("/")}?download=1`, download: "" }, text);
+    const link = (path, text) => h("a", { href: `files/${path.split("/").map(encodeURIComponent).join("/")}?download=1`, download: "" }, text.includes(".") ? text : `${text} (ZIP)`);
     const list = h("ul", {}, found.exports.map((path) => h("li", {}, link(path, path.split("/").at(-1)))),
       found.report && h("li", {}, h("a", { href: `files/${found.report.split("/").map(encodeURIComponent).join("/")}`, target: "_blank", rel: "noopener" }, "Report (opens in a new tab)")));
     const deed = (kind, text) => h("button", { type: "button", onclick: () => this.start(kind, { value: this.folder }) }, text);
@@ -253,8 +254,10 @@ export class ResultPanel {
       fill(this.exportNotes, ...made.map((note) => h("p", { class: "soft" }, note)));
     };
     this.exportNotes ??= h("div");
+    const target = h("select", { "aria-label": "Another target" }, (this.targets ?? []).map((name) => h("option", { value: name, selected: name === this.target }, TARGETS[name] ?? name)));
+    const other = h("button", { type: "button", onclick: () => { this.target = target.value; this.start("export", { value: this.folder, target: target.value }); } }, "Export for it");
     return h("section", { class: "card", "aria-labelledby": "files-title" }, h("h2", { id: "files-title" }, "Files"),
-      h("div", { class: "row" }, found.invertible && deed("export", "Export the compensator"), deed("report", "Write the report")),
+      h("div", { class: "row" }, found.invertible && [deed("export", "Export the compensator"), h("span", { class: "pair" }, target, other)], deed("report", "Write the report")),
       found.exports.length > 0 || found.report ? list : h("p", { class: "soft" }, "The export is a C99 header and a JSON file for compensate.runtime. Neither needs JAX."),
       this.exportNotes, sameLines(this.look.equivalents.export), h("h3", {}, "Report"), sameLines(this.look.equivalents.report));
   }

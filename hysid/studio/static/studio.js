@@ -2,6 +2,7 @@
 import { DataPanel } from "./data.js";
 import { duration, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
 import { ResultPanel } from "./result.js";
+import { comparison } from "./compare.js";
 
 const main = document.getElementById("main");
 const page = { state: null, name: null, version: -1, ended: new Set(), compared: new Set() };
@@ -68,6 +69,8 @@ function listFiles() {
   fill(list, ...page.state.files.map((file) => h("li", {}, h("button", {
     type: "button", "data-name": file.name, "aria-current": file.name === page.name ? "page" : null, onclick: () => open(file.name),
   }, h("span", { class: "name" }, file.name), running.has(file.name) ? h("span", { class: "soft" }, "…") : file.fit ? word(file.fit.level) : ""))));
+  const fitted = page.state.files.filter((file) => file.fit).length;
+  fill(document.getElementById("compare"), fitted > 1 && h("button", { type: "button", class: "quiet", onclick: compare }, `Compare ${fitted} fits`));
   if (focused) [...list.querySelectorAll("button")].find((button) => button.dataset.name === focused)?.focus();
 }
 
@@ -79,11 +82,20 @@ function welcome() {
     h("label", { class: "drop", for: "upload" }, h("strong", {}, "Drop a file anywhere on this page"), h("span", {}, "CSV, spreadsheets, TDMS, MAT, HDF5, Parquet, ROS bags and what testing machines write"))));
 }
 
+function compare() {
+  page.name = null;
+  page.look = null;
+  location.hash = "";
+  document.title = "Comparison · hysid studio";
+  listFiles();
+  comparison(main, page.state.files.filter((file) => file.fit).map((file) => file.name), () => page.state.jobs, poll);
+}
+
 // The open measurement
 
 async function open(name) {
   if (page.name !== name) {
-    page.name = name;
+    Object.assign(page, { name, seenOf: null, titleShown: null, fitShown: null, look: null });
     location.hash = encodeURIComponent(name);
     document.title = `${name} · hysid studio`;
     page.data = new DataPanel(name, (look) => show(look));
@@ -113,7 +125,7 @@ function show(look) {
   Object.assign(page, { seen, seenOf: page.name, seenLook: look });
   const same = (key) => before && JSON.stringify(before[key]) === JSON.stringify(look[key]);
   if (!before || !["selection", "fault", "columns", "findings"].every(same)) page.data.show(look);
-  if (!before || !["result", "result_fault"].every(same)) page.result.show(look, page.state.files, false);
+  if (!before || !["result", "result_fault"].every(same)) page.result.show(look, page.state.files, page.state.targets);
   if (first) page.exportWanted = false;
 }
 
@@ -158,7 +170,7 @@ function fitSection() {
   if (job && page.progress) advance(job);
 }
 
-const DEEDS = { fit: "Fitting", sample: "Sampling the posterior", qualify: "Judging the compensator", predict: "Running the compensator", export: "Exporting", report: "Writing the report" };
+const DEEDS = { fit: "Fitting", sample: "Sampling the posterior", qualify: "Judging the compensator", predict: "Running the compensator", export: "Exporting", report: "Writing the report", compare: "Comparing" };
 
 function running(job) {
   const bar = h("progress", { max: "1", "aria-label": DEEDS[job.kind] }), left = h("span", { class: "said" }), said = h("pre", { tabIndex: 0, role: "region", "aria-label": "Log" });

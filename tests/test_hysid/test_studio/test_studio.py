@@ -1,22 +1,26 @@
 """The studio without a browser: names, configuration, brushing, commands, lines of code."""
 
 import contextlib
+import io
 import json
 import shutil
 import time
 import urllib.error
 import urllib.request
+import zipfile
 from http.cookiejar import CookieJar
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
+from hysid.cli._app import app
 from hysid.cli._fit import MODELS
 from hysid.operations import _check, _fit, _init
 from hysid.studio import _configuration, _processes
 from hysid.studio._app import Studio
-from hysid.studio._folder import Folder
+from hysid.studio._folder import Folder, zipped
 from hysid.studio._processes import Job, Jobs
 from hysid.studio._server import prepared
 from hysteresis import InputError
@@ -225,6 +229,43 @@ def test_only_the_page_is_answered(tmp_path):
             == 422
         )
         assert status("/api/change", body='{"name": 5}', **{"X-Hysid": "1"}) == 400
+
+
+def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, monkeypatch):
+    studio.measurement("run.csv").configured()
+    shutil.copy(tmp_path / "run.csv", tmp_path / "-other.csv")
+    given: list[list[str]] = []
+    monkeypatch.setattr(
+        studio.jobs,
+        "start",
+        lambda kind, name, words: given.append(list(words)) or Job(1, kind, name, words),
+    )
+    monkeypatch.chdir(tmp_path)
+    targets = studio.state()["targets"]
+    assert {"fmu", "ros2", "arduino"} <= set(targets)
+    for kind in ("fit", "sample", "export", "report"):
+        studio.start(kind, "run.csv", {})
+    for target in targets:
+        studio.start("export", "run.csv", {"target": target})
+    for kind in ("qualify", "predict"):
+        studio.start(kind, "run.csv", {"file": "-other.csv"})
+    studio.compare(["run.csv", "-other.csv"])
+    commands = typer.main.get_command(app).commands
+    for name, *words in given:
+        context = commands[name].make_context(name, words)
+        assert context.args == []
+    with pytest.raises(InputError):
+        studio.start("export", "run.csv", {"target": "../../x"})
+
+
+def test_a_folder_is_sent_as_zip_without_what_links_lead_to(tmp_path):
+    folder = tmp_path / "made"
+    (folder / "src").mkdir(parents=True)
+    (folder / "src" / "a.h").write_text("int a;")
+    (tmp_path / "secret").write_text("secret")
+    (folder / "link").symlink_to(tmp_path / "secret")
+    archive = zipfile.ZipFile(io.BytesIO(zipped(folder)))
+    assert archive.namelist() == ["made/src/a.h"]
 
 
 def test_files_of_several_folders_are_refused(tmp_path):
