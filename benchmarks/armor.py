@@ -2,7 +2,8 @@
 
 python -m benchmarks.armor [--quick] [--json] [--only TEXT]
 
-Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), errors (after twenty presses,
+Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), split (what each
+addition to the published method brings), errors (after twenty presses,
 with ellipsoids: minutes).
 """
 
@@ -10,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from hysid.reproduction._armor import Rig
+from hysid.reproduction._armor_paper import split
 from hysid.reproduction._armor_rows import PUBLISHED
 from hysid.reproduction._published import compared
 
@@ -44,9 +46,29 @@ def reproduced_rows(quick: bool) -> list[Row]:
     return rows
 
 
+def split_rows(quick: bool) -> list[Row]:
+    """What each addition to the published method brings, on rigs of two physics."""
+    count = 3 if quick else 20
+    found = split([Rig(seed) for seed in range(count)], lambda _: None)
+    _, line, *_, ours = found.values()
+    what = f"45 points at 15 N, {count} rigs outside our classes"
+    rows = [
+        judged(f"{what}: ours over the calibrated line", ours["outside"] / line["outside"], 0.6),
+        judged(f"{what}: ours, mm", ours["outside"], 2.5),
+    ]
+    for step, row in found.items():
+        for where in ("outside", "inside"):
+            gain = f"{row[f'{where}_gain_percent']:.0f} % of the gain"
+            rows.append(
+                noted(f"split, {where} our classes, {step.strip()}, mm", row[where], reason=gain)
+            )
+    return rows
+
+
 PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "contacts": contact_rows,
     "reproduced": reproduced_rows,
+    "split": split_rows,
     "errors": error_rows,
 }
 

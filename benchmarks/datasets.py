@@ -17,6 +17,8 @@ import numpy as np
 
 from hysteresis.rigs import SpongeRig
 
+from ._rig_records import SHEETS, Sheet
+
 FOLDER = Path(__file__).resolve().parent.parent / "datasets"
 READING_NOISE = 0.05  # mm; with 0.15 the largest gap of the paper would move to another force
 RATE = 1 / 3  # N/s, of all four tests: 2 N every 6 s
@@ -42,6 +44,11 @@ class Table(NamedTuple):
     label: np.ndarray
     label_name: str
     figures: dict[str, str]
+
+    @property
+    def rows(self) -> int:
+        """How many."""
+        return self.force.size
 
     def csv(self) -> str:
         """The file's text: UTF-8, comma, decimal point, line feed."""
@@ -106,21 +113,22 @@ def minor_loops(thickness_mm: float, seed: int) -> Table:
     )
 
 
-TABLES: dict[str, Callable[[], Table]] = {
+TABLES: dict[str, Callable[[], Table | Sheet]] = {
     "sponge-50mm-cycles": lambda: cycles(50.0, seed=50),
     "sponge-30mm-cycles": lambda: cycles(30.0, seed=30),
     "sponge-10mm-cycles": lambda: cycles(10.0, seed=10),
     "sponge-50mm-minor-loops": lambda: minor_loops(50.0, seed=51),
+    **SHEETS,
 }
 """Data set by file stem."""
 
 BEGIN, END = "<!-- figures: python -m benchmarks.datasets -->\n", "<!-- end of figures -->\n"
 
 
-def figures(table: Table, csv: str) -> str:
+def figures(table: Table | Sheet, csv: str) -> str:
     """The part of a card that is computed: rows, checksum, statistics, rig."""
     rows = {
-        "rows": str(table.force.size),
+        "rows": str(table.rows),
         "SHA-256": f"`{hashlib.sha256(csv.encode()).hexdigest()}`",
         **table.figures,
     }

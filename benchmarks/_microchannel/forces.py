@@ -34,7 +34,7 @@ def force_rows(quick: bool) -> list[Row]:
 
 def _single(seed: int, quick: bool) -> dict[str, float]:
     """RMSE of every kind over the four loops of four sessions."""
-    skin = Skin(seed, 200 if quick else 1000, sessions=4)
+    skin = Skin(seed, 200 if quick else 1000, sessions=4, inside=True)
     t, F, z = skin.taught
     everett = train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
     now = skin.by_filter.now
@@ -81,7 +81,7 @@ def pair_rows(quick: bool) -> list[Row]:
 
 
 def _pair(seed: int, quick: bool) -> dict[str, float]:
-    pair = SkinPair(seed, 4 if quick else 100)
+    pair = SkinPair(seed, 4 if quick else 100, inside=True)
     return {
         "peaks": found_peaks(pair.placed),
         "our_peaks": found_peaks(pair.placed, ours=True),

@@ -74,7 +74,7 @@ def _single(count: int) -> list[Row]:
 
 def of_sensor(seed: int) -> Places:
     """Train one sensor and ask it."""
-    skin = Skin(seed)
+    skin = Skin(seed, inside=True)
     rig, table = skin.rig, skin.votes
     known, many = rig.finger_presses(), rig.finger_presses(PRESSES // 5, session=2)
     noise = rig.readout.noise
@@ -159,14 +159,14 @@ def _several(count: int) -> list[Row]:
 
 def _of_21(seed: int) -> int:
     """The paper's table III: three presses of each of seven combinations."""
-    return sum(places == found.places for places, found in Skin(seed).decisions)
+    return sum(places == found.places for places, found in Skin(seed, inside=True).decisions)
 
 
 def _unknown() -> float:
     """Of presses of A, C and E and together, each to another force that nobody tells."""
     rig, force = MicrochannelRig(seed=0), np.random.default_rng(0).uniform(1.5, 8.0, 700)
     table = LogicTable(
-        LEVELS_OF_THREE, "ACE", unit=(level(1.5), level(8.0)), noise=rig.readout.noise
+        LEVELS_OF_THREE, "ACE", unit=(level(rig, 1.5), level(rig, 8.0)), noise=rig.readout.noise
     )
     pressed = [places for places in table.combinations for _ in range(100)]
     readings = rig.press_together(

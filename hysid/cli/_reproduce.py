@@ -35,6 +35,10 @@ def reproduce(
             min=1, help="Training epochs of kim2018's networks (default: the paper's 1,000)."
         ),
     ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Fewer laboratories and epochs: five minutes on two cores."),
+    ] = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -44,7 +48,7 @@ def reproduce(
     from .. import reproduction  # after JAX is set up; no other command imports it
 
     found = reproduction.reproduce(
-        paper, folder, rigs=rigs, seed=seed, with_ours=ours, epochs=epochs,
+        paper, folder, rigs=rigs, seed=seed, with_ours=ours, epochs=epochs, quick=quick,
         overwrite=overwrite, say=log,
     )  # fmt: skip
     print_result(found, as_json, [*reproduction.terminal(found), "", f"Results: {folder}"])

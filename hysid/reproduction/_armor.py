@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from compensate.armor import Armor, Box, Contact, ContactSolver
 from hysteresis import LinearSponge
-from hysteresis.rigs import ArmorPresses, ArmorRig, SpongeCycles
+from hysteresis.rigs import ArmorPresses, ArmorRig, FoamBlock, SpongeCycles
 
 from ..armor._calibration import CalibratedArmor
 from ._armor_ours import Block, calibrated, calibrated_line, calibrated_memory
@@ -26,6 +26,9 @@ OURS = "ours"
 
 AGED = 1_000_000
 """Added to a rig's seed for its second record, half a year later."""
+
+WORN = 0.05
+"""Part of the struts that a sponge loses in half a year, where it ages."""
 
 Errors = Float[np.ndarray, " points"]
 
@@ -70,8 +73,14 @@ class Rig:
 
     @cached_property
     def aged(self) -> SpongeCycles:
-        """Fig 9: the same test half a year later."""
+        """Fig 9: the same test half a year later, of a sponge that does not age."""
         return _read(_five_cycles(self.block), AGED + self.seed)
+
+    @cached_property
+    def worn(self) -> SpongeCycles:
+        """The same of a sponge that has lost the part `WORN` of its struts meanwhile."""
+        assert isinstance(self.block, FoamBlock)
+        return _read(_five_cycles(self.block.at_age(WORN)), AGED + self.seed)
 
     @cached_property
     def to_40(self) -> SpongeCycles:

@@ -1,5 +1,6 @@
 """Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,16 @@ import numpy as np
 from hysteresis._atomic_file import write_figure
 
 from . import _armor_figures as figures
-from ._armor import DISPLACEMENTS, METHODS, OURS, Rig, body_errors, surface_errors
+from ._armor import (
+    DISPLACEMENTS,
+    METHODS,
+    OURS,
+    STEPS,
+    Rig,
+    body_errors,
+    step_errors,
+    surface_errors,
+)
 from ._armor_rows import BETTER, PUBLISHED, findings
 from ._armor_touches import write_touches
 from ._frame import Asked, Paper
@@ -18,6 +28,10 @@ RIG = (
     "from a measurement. The foam is a finite-difference model with friction, flow and air, the frame "
     "sags in many modes, and the sensor is made of strain gauges: physics that our models do not contain."
 )
+
+
+SPLIT, SPLIT_TITLE = 6, "Split of the gain: what each addition to the published method brings"
+"""Rigs of either physics for the split."""
 
 
 def carry_out(asked: Asked) -> dict[str, Any]:
@@ -37,10 +51,52 @@ def carry_out(asked: Asked) -> dict[str, Any]:
         "methods": {name: _method(rigs, name) for name in _some(METHODS, asked.with_ours)},
         "points": _points(rigs, asked.with_ours),
     }
+    if asked.with_ours:
+        document["split"] = split(rigs[: 2 if asked.quick else SPLIT], asked.say)
+        document["tables"] = {SPLIT_TITLE: split_text(document["split"])}
     asked.say("drawing")
     drawn = _draw(rigs, asked)
     document["touches"] = write_touches(rigs[0], asked.out, asked.with_ours)
     return document | {"files": {"touches": "touches.json", **drawn}}
+
+
+def split(rigs: list[Rig], say: Callable[[str], None]) -> dict[str, Any]:
+    """Mean error in mm at the 45 points after each of `STEPS`, on the given rigs and on such `inside`."""
+    say(f"splitting the gain, on {len(rigs)} rigs of either physics")
+    found = {}
+    for where, labs in (
+        ("outside", rigs),
+        ("inside", [Rig(rig.seed, inside=True) for rig in rigs]),
+    ):
+        each = [step_errors(lab) for lab in labs]
+        for step in STEPS:
+            errors = np.array([one[step] for one in each])
+            sd = float(errors.std(ddof=1)) if len(errors) > 1 else 0.0
+            row = found.setdefault(step, {"rigs": len(rigs)})
+            row |= {where: float(errors.mean()), f"{where}_sd": sd}
+    first, last = (found[list(STEPS)[k]] for k in (0, -1))
+    for row in found.values():
+        for where in ("outside", "inside"):
+            gain = (first[where] - row[where]) / (first[where] - last[where])
+            row[f"{where}_gain_percent"] = 100 * gain
+    return found
+
+
+def split_text(found: dict[str, Any]) -> str:
+    """The table of `split`."""
+    width = max(map(len, found))
+    lines = [
+        f"{'':{width}}{'physics outside':>24}{'physics close':>24}",
+        f"{'mean error of 45 points':{width}}"
+        f"{'our models, mm':>17}{'gain':>7}{'to them, mm':>17}{'gain':>7}",
+    ]
+    for step, row in found.items():
+        line = f"{step:{width}}"
+        for where in ("outside", "inside"):
+            error = f"{row[where]:.2f} ± {row[f'{where}_sd']:.2f}"
+            line += f"{error:>17}{row[f'{where}_gain_percent']:6.0f}%"
+        lines.append(line)
+    return "\n".join(lines)
 
 
 def _method(rigs: list[Rig], name: str) -> dict[str, Any]:
@@ -84,5 +140,5 @@ def _draw(rigs: list[Rig], asked: Asked) -> dict[str, str]:
 
 
 PAPER = Paper(
-    "Tsuji et al. (2014) on virtual rigs", 60, "a second each, by ours some more", carry_out
+    "Tsuji et al. (2014) on virtual rigs", 60, 6, "a second each, by ours some more", carry_out
 )

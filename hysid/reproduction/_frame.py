@@ -4,10 +4,12 @@ import math
 import time
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import identify
+from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from identify.internal import versions
 
@@ -27,6 +29,7 @@ class Asked(NamedTuple):
     """What to do: the folder, how many virtual laboratories, the seed of the first.
 
     - `with_ours`: also by our methods. `epochs`: of a paper's networks; None for as many as it trained.
+    - `quick`: fewer laboratories and epochs, and the slow experiments on the first laboratory alone.
     - `say`: tells the user where the work stands.
     """
 
@@ -35,6 +38,7 @@ class Asked(NamedTuple):
     seed: int
     with_ours: bool
     epochs: int | None
+    quick: bool
     say: Callable[[str], None]
 
 
@@ -46,8 +50,11 @@ class Paper(NamedTuple):
 
     title: str
     laboratories: int
+    quick_laboratories: int
     seconds_a_laboratory: str
     carry_out: Callable[[Asked], dict[str, Any]]
+    needs: tuple[tuple[str, str], ...] = ()
+    """packages that it imports on the way, and the extra of each"""
 
 
 PAPERS = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
@@ -56,24 +63,39 @@ PAPERS = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
 
 def reproduce(
     paper: str, out: Path, *, rigs: int | None = None, seed: int = 0, with_ours: bool = True,
-    epochs: int | None = None, overwrite: bool = False, say: Callable[[str], None] = lambda _: None,
+    epochs: int | None = None, quick: bool = False, overwrite: bool = False,
+    say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
+    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds.
+
+    Raises `InputError` `missing-extra` before any work where a package that it needs is not installed.
+    """
     begin = time.perf_counter()
+    of = _paper(paper)
+    _check_packages(of.needs, paper)
     identify.internal.check_free(out, overwrite, RESULT)
     check_writable(out)
-    of = _paper(paper)
-    rigs = rigs or of.laboratories
+    rigs = rigs or (of.quick_laboratories if quick else of.laboratories)
     say(f"{rigs} virtual laboratories, {of.seconds_a_laboratory}")
     out.mkdir(parents=True, exist_ok=True)
-    document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed}
-    document |= of.carry_out(Asked(out, rigs, seed, with_ours, epochs, say))
+    document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed, "quick": quick}
+    document |= of.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
     document["files"] = {"table": "table.md"} | document["files"]
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))
     write_whole(out / "table.md", _markdown(document, of.title))
     identify.internal.write_json(out / RESULT, document)
     return document
+
+
+def _check_packages(needs: tuple[tuple[str, str], ...], paper: str) -> None:
+    missing = {extra: name for name, extra in needs if find_spec(name) is None}
+    if missing:
+        extras = ",".join(sorted(missing))
+        raise InputError(
+            "missing-extra", f"{paper} needs {', '.join(missing.values())}, which is not installed.",
+            fix=f"pip install 'hysid[{extras}]'",
+        )  # fmt: skip
 
 
 def _paper(name: str) -> Paper:

@@ -2,7 +2,7 @@
 (A) the force of one contact, (B) which place is pressed, (C) which places are pressed at once."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -19,8 +19,9 @@ from compensate.microchannel import (
     MotionFilter,
     MultiContactEstimator,
 )
-from hysteresis.rigs import ChannelRecord, MicrochannelRig, ResistiveReadout
+from hysteresis.rigs import AbstractSkinRig, ChannelGeometryRig, ChannelRecord, MicrochannelRig
 
+from ._skin_electronics import converted, converted_record, variants
 from ._skin_networks import Learnt, train_staircase
 
 SESSIONS, LENGTH = 28, 2025
@@ -39,8 +40,8 @@ STEADY: Final = {"acceleration": 0.3, "turn": 10.0, "turns": 0.8, "delay": DELAY
 
 PLACES = "ABCDE"
 LEVELS_OF_THREE = ((3.0, 2.0, 1.0), (1.0, 2.0, 3.0))
-FINGER_FORCE = 4.0
-"""N, of the presses of several places."""
+FINGER_FORCE, FINGER_FORCES = 4.0, (1.5, 8.0)
+"""N, of the presses of several places: equal ones, and the range of unequal ones."""
 
 Series = Float[np.ndarray, " _"]
 
@@ -68,30 +69,44 @@ class Followed(NamedTuple):
 class Skin:
     """One virtual laboratory with a sensor of its own.
 
-    `epochs`: of the networks of (A). `sessions`: how often the four test loops are pressed.
+    `epochs`: of the networks of (A). `sessions`: how often the four test loops are pressed. With `inside`
+    the sensor has stops and linear creep, all sensors are one design, and its voltages are not converted.
     """
 
     seed: int
     epochs: int = 1000
     sessions: int = 1
+    inside: bool = False
 
     @cached_property
-    def rig(self) -> MicrochannelRig:
+    def rig(self) -> AbstractSkinRig:
         """The sensor, its presses and its noise."""
-        return MicrochannelRig(seed=self.seed)
+        return (
+            MicrochannelRig(seed=self.seed) if self.inside else ChannelGeometryRig(seed=self.seed)
+        )
+
+    def _read(self, found: Sequence[ChannelRecord]) -> Records:
+        """Of location A in layer 1, through converter and `Readout`."""
+        return records(
+            found if self.inside else [converted_record(one, self.rig.readout) for one in found]
+        )
 
     # (A) One contact
 
     @cached_property
     def taught(self) -> Records:
         """A machine's presses of A, to learn from."""
-        return records([self.rig.cnc_loops(LENGTH, session=100 + k) for k in range(SESSIONS)])
+        return self._read([self.rig.cnc_loops(LENGTH, session=100 + k) for k in range(SESSIONS)])
 
     @cached_property
     def loops(self) -> Records:
         """Fig 6: loops that no network has seen."""
-        every = (self.rig.test_loops(session=session) for session in range(self.sessions))
-        return records([loop for four in every for loop in four])
+        return self._read(self.test_loops(self.rig))
+
+    def test_loops(self, rig: AbstractSkinRig) -> list[ChannelRecord]:
+        """The same of any rig, before the converter."""
+        every = (rig.test_loops(session=session) for session in range(self.sessions))
+        return [loop for four in every for loop in four]
 
     @cached_property
     def timeless(self) -> Learnt:
@@ -143,12 +158,11 @@ class Skin:
             each([one.deviation for one in found]),
         )
 
-    def by(self, learnt: Learnt) -> list[Series]:
+    def by(self, learnt: Learnt, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
         estimator = ForceEstimator(learnt.model, learnt.off, HIGH_N)
-        whole = zip(
-            _padded(self.loops.time), _padded(self.loops.reading), self.loops.time, strict=True
-        )
+        loops = self.loops if loops is None else loops
+        whole = zip(_padded(loops.time), _padded(loops.reading), loops.time, strict=True)
         return [np.asarray(estimator.simulate(t, z).value)[: len(own)] for t, z, own in whole]
 
     def rms(self, found: Sequence[Series]) -> float:
@@ -160,6 +174,16 @@ class Skin:
         """Of ours of the forces `DELAY` readings before, N."""
         pairs = zip(self.by_filter.late, self.loops.force, strict=True)
         return rms([late[DELAY:] - force[:-DELAY] for late, force in pairs])
+
+    @cached_property
+    def electronics(self) -> dict[str, float]:
+        """Error in N of our network on the loops, for other electronics than it was taught with."""
+        found = {}
+        for name, (electronics, believed) in variants().items():
+            rig = replace(self.rig, readout=electronics)
+            made = [converted_record(one, electronics, believed) for one in self.test_loops(rig)]
+            found[name] = self.rms(self.by(self.network, records(made)))
+        return found
 
     # (B) Which place
 
@@ -175,30 +199,86 @@ class Skin:
 
     def _confusion(self, method: str) -> Confusion:
         known, asked = self.rig.finger_presses(), self.rig.finger_presses(20, session=1)
+        taught, judged = self._volts(known.reading), self._volts(asked.reading)
         localizer = Localizer.train(
-            known.reading, known.location, method=method, noise=self.rig.readout.noise
+            taught, known.location, method=method, noise=self.rig.readout.noise
         )
-        counts = localizer.confusion(asked.reading, asked.location).counts
+        counts = localizer.confusion(judged, asked.location).counts
         return Confusion(tuple(PLACES), counts)
 
     # (C) Which places at once
 
+    def _volts(self, readings: Float[np.ndarray, "presses layers"]) -> Float[np.ndarray, "p l"]:
+        return readings if self.inside else converted(readings, self.rig.readout)
+
     @cached_property
     def logic(self) -> LogicTable:
-        """Table I, with the reading of one level known."""
+        """Table I, with the reading of one level known, and the scatter of presses learnt."""
+        common, differential = self.scatter
         return LogicTable(
-            LEVELS_OF_THREE, "ACE", unit=level(FINGER_FORCE), noise=self.rig.readout.noise
-        )
+            LEVELS_OF_THREE, "ACE", unit=level(self.rig, FINGER_FORCE),
+            noise=self.rig.readout.noise, common=common, differential=differential,
+        )  # fmt: skip
+
+    @cached_property
+    def unknown_force(self) -> LogicTable:
+        """The same where the force is anywhere in the range of fingers."""
+        common, differential = self.scatter
+        return LogicTable(
+            LEVELS_OF_THREE, "ACE", unit=[level(self.rig, force) for force in FINGER_FORCES],
+            noise=self.rig.readout.noise, common=common, differential=differential,
+        )  # fmt: skip
+
+    @cached_property
+    def scatter(self) -> tuple[float, float]:
+        """Standard deviations of ln p, common to the layers and between them, of twenty taught presses
+        on each of A, C and E whose force a gauge read."""
+        made = self.rig.finger_presses((20, 0, 20, 0, 20), session=2)
+        volts = np.maximum(self._volts(made.reading), self.rig.readout.noise)
+        log = np.log(volts / made.force[:, None])
+        left = []
+        for place in (0, 2, 4):
+            own, force = log[made.location == place], made.force[made.location == place]
+            for layer in own.T:  # a section closes as the force grows
+                left.append(layer - np.polyval(np.polyfit(force, layer, 2), force))
+        off = np.reshape(left, (3, 2, -1))
+        mean = off.mean(axis=1)
+        return float(np.std(mean)), float(np.std((off[:, 0] - off[:, 1]) / 2))
+
+    @cached_property
+    def pressed_together(self) -> list[frozenset[Hashable]]:
+        """Three presses of each of seven combinations."""
+        return [places for places in self.logic.combinations for _ in range(3)]
 
     @cached_property
     def decisions(self) -> list[tuple[frozenset[Hashable], Decision]]:
-        """Table III: three presses of each of seven combinations, and what the table says of each."""
-        pressed = [places for places in self.logic.combinations for _ in range(3)]
-        readings = self.rig.press_together(
-            [[FINGER_FORCE * (name in places) for name in PLACES] for places in pressed]
+        """Table III with all fingers pressing alike, and what the table says of each."""
+        found = [self.logic.decide(one) for one in self._together(equal=True)]
+        return list(zip(self.pressed_together, found, strict=True))
+
+    @cached_property
+    def unequal(self) -> list[tuple[frozenset[Hashable], Decision]]:
+        """The same with fingers whose forces differ and are not known."""
+        found = [self.unknown_force.decide(one) for one in self._together(equal=False)]
+        return list(zip(self.pressed_together, found, strict=True))
+
+    @cached_property
+    def by_ranks(self) -> list[tuple[frozenset[Hashable], frozenset[Hashable]]]:
+        """The unequal presses by the published table: the nearest sums of ranks 3, 2 and 1."""
+        unit, table = level(self.rig, FINGER_FORCE), self.logic
+        nearest = [
+            table.combinations[int(np.argmin(np.sum((one / unit - table.sums) ** 2, axis=1)))]
+            for one in self._together(equal=False)
+        ]
+        return list(zip(self.pressed_together, nearest, strict=True))
+
+    def _together(self, equal: bool) -> Float[np.ndarray, "presses layers"]:
+        places = np.array(
+            [[name in one for name in PLACES] for one in self.pressed_together], float
         )
-        found = [self.logic.decide(reading) for reading in readings]
-        return list(zip(pressed, found, strict=True))
+        random = np.random.default_rng([self.seed, 9])
+        forces = FINGER_FORCE if equal else random.uniform(*FINGER_FORCES, places.shape)
+        return self._volts(self.rig.press_together(places * forces))
 
 
 def records(found: Sequence[ChannelRecord]) -> Records:
@@ -210,12 +290,11 @@ def records(found: Sequence[ChannelRecord]) -> Records:
     )
 
 
-def level(force: float) -> float:
-    """V of one level: location E in layer 1 at the end of a centred press."""
-    centred = MicrochannelRig(
-        placement_common=0.0, placement_differential=0.0, readout=ResistiveReadout(noise=0.0)
-    )
-    return float(centred.press_together([[0, 0, 0, 0, force]])[0, 0])
+def level(rig: AbstractSkinRig, force: float) -> float:
+    """V of one level: location E in layer 1 at the end of a press in its middle, without noise."""
+    rise = np.sin(np.linspace(0, np.pi / 2, 12))
+    pressed = force * rise[:, None] * (np.arange(5) == 4)
+    return float(rig.follow(pressed, 0.05)[-1, 0])
 
 
 def rms(errors: Sequence[np.ndarray]) -> float:

@@ -11,10 +11,11 @@ import scipy
 from jaxtyping import Float
 
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
-from hysteresis.rigs import ChannelRecord, MicrochannelRig
+from hysteresis.rigs import AbstractSkinRig, ChannelGeometryRig, ChannelRecord, MicrochannelRig
 
 from ..soft_sensor._force_records import ForceRecord
 from ._skin import FORCE, HIGH_N, NOISE_V, rms
+from ._skin_electronics import converted_record
 from ._skin_networks import train_channels, train_recurrent
 
 PAIR, NAMES, SAMPLES, DT = (1, 3), "BD", (3960, 3651), 0.05
@@ -64,15 +65,24 @@ class Pressed:
 
 @dataclass(frozen=True, eq=False)
 class SkinPair:
-    """Two locations of one virtual sensor. `epochs`: at most, of the paper's recurrent networks."""
+    """Two locations of one virtual sensor. `epochs`: at most, of the paper's recurrent networks.
+
+    `inside`: as that of a `Skin`.
+    """
 
     seed: int
     epochs: int = 100
+    inside: bool = False
 
     @cached_property
-    def rig(self) -> MicrochannelRig:
+    def rig(self) -> AbstractSkinRig:
         """The sensor."""
-        return MicrochannelRig(seed=self.seed)
+        return (
+            MicrochannelRig(seed=self.seed) if self.inside else ChannelGeometryRig(seed=self.seed)
+        )
+
+    def _read(self, made: ChannelRecord) -> ChannelRecord:
+        return made if self.inside else converted_record(made, self.rig.readout)
 
     @cached_property
     def taught(self) -> list[list[ForceRecord]]:
@@ -80,7 +90,11 @@ class SkinPair:
         every = []
         for place, count in zip(PAIR, SAMPLES, strict=True):
             made = [
-                self.rig.cnc_loops(count // PARTS, location=place, dt=DT, session=10 * place + k)
+                self._read(
+                    self.rig.cnc_loops(
+                        count // PARTS, location=place, dt=DT, session=10 * place + k
+                    )
+                )
                 for k in range(PARTS)
             ]
             every.append([ForceRecord(one.time, one.reading, one.force[:, place]) for one in made])
@@ -131,7 +145,7 @@ class SkinPair:
         return _us(self.ours, self.together.record)
 
     def _found(self, **presses: Any) -> Pressed:
-        return Pressed(self, self.rig.simultaneous(**presses))
+        return Pressed(self, self._read(self.rig.simultaneous(**presses)))
 
 
 def peaks(truth: Forces, found: Forces) -> list[Peak]:

@@ -19,6 +19,7 @@ from ._gauge_sensor import Gauges as Gauges
 from ._gauge_sensor import GaugeSensor as GaugeSensor
 from ._microchannel import MicrochannelRig as MicrochannelRig
 from ._plate_frame import PlateFrame as PlateFrame
+from ._skin_presses import AbstractSkinRig as AbstractSkinRig
 from ._skin_presses import ChannelPresses as ChannelPresses
 from ._skin_presses import ChannelRecord as ChannelRecord
 from ._sponge import SpongeCycles as SpongeCycles

@@ -19,6 +19,15 @@ AIR = 1.8e-8
 SUBSTEPS = 2
 """Equal steps in which each ramp of force is integrated."""
 
+MIXED_CYCLES = (
+    (20, 0.5, 5), (20, 2.0, 0), (12, 1.0, 20), (16, 0.5, 5), (8, 2.0, 10), (18, 1.0, 0),
+    (10, 0.5, 30), (20, 1.0, 5), (14, 2.0, 0), (6, 1.0, 10), (17, 1.5, 15), (11, 0.7, 0), (19, 0.4, 5),
+)  # fmt: skip
+"""Peak in N, rate in N/s, and the rest afterwards in s, cycle by cycle."""
+
+MIXED_STEP = 0.5
+"""s from sample to sample of these cycles."""
+
 _ENOUGH = 1e-11  # of the strain
 _MOST = 60  # steps of Newton's method
 
@@ -181,6 +190,22 @@ class FoamBlock:
         displacement = self.follow(force)
         displacement += np.random.default_rng(seed).normal(0.0, noise, force.size)
         return SpongeCycles(time, force, displacement, cycle)
+
+    def mixed_cycles(self, noise: float = 0.0, seed: int | None = None) -> SpongeCycles:
+        """Cycles of which no two have the same peak, rate and rest (`MIXED_CYCLES`), every 0.5 s.
+
+        A rest belongs to the cycle before it.
+        """
+        force, cycle = [0.0], [1]
+        for n, (peak, rate, rest) in enumerate(MIXED_CYCLES, start=1):
+            up = np.linspace(0, peak, round(peak / rate / MIXED_STEP) + 1)
+            part = [*up[1:], *up[-2::-1], *[0.0] * round(rest / MIXED_STEP)]
+            force += part
+            cycle += [n] * len(part)
+        depth = self.follow(force, dt=MIXED_STEP)
+        depth += np.random.default_rng(seed).normal(0.0, noise, len(depth))
+        time = MIXED_STEP * np.arange(len(force))
+        return SpongeCycles(time, np.array(force), depth, np.array(cycle))
 
     def at_age(self, aged: float) -> "FoamBlock":
         """The block with this part of its struts broken."""

@@ -285,7 +285,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(folder):
 
 
 def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):
-    shipped = _demo.DATASETS / "sponge-50mm-cycles.csv"
+    shipped = _demo.DATASETS / "sponge-50mm-mixed-cycles.csv"
     assert _demo.demo_data(tmp_path) == shipped
     made = _demo.demo_data(tmp_path / "out", datasets=tmp_path)
     assert made.read_bytes() == shipped.read_bytes()
