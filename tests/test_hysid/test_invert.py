@@ -1,0 +1,46 @@
+"""`hysid.invert` of a fit: its estimates have the band that holds, and say how often it held."""
+
+import numpy as np
+import pytest
+
+import hysid
+from compensate import Status
+from hysteresis import Record, Units
+from identify import FitResult
+
+RANDOM = np.random.default_rng(8)
+U = 10 + 9 * np.sin(2 * np.pi * np.arange(600) / 100)
+Y = 0.5 * U + 1 + 0.1 * RANDOM.normal(size=600)
+RECORD = Record.from_arrays(U, Y, input_unit="N", output_unit="mm")
+
+
+@pytest.fixture(scope="module")
+def fit() -> FitResult:
+    return hysid.fit(RECORD, "LinearSponge", noise="gaussian", test_cycles=2)
+
+
+def test_the_default_band_holds_and_says_so(fit: FitResult):
+    compensator = hysid.invert(fit)
+    found = compensator.simulate(None, fit.test.output)
+    held = np.abs(np.asarray(found.value) - U) <= 1.645 * np.asarray(found.deviation)
+    # 200 rows give 0.9 to 0.021, and so do the residuals that the band was learnt from.
+    assert compensator.coverage == pytest.approx(held[fit.test.mask].mean())
+    assert compensator.coverage == pytest.approx(0.9, abs=0.06)
+    assert np.median(found.deviation) == pytest.approx(0.1 / 0.5, rel=0.3)
+    assert found.draws is None  # 200 numbers a sample would fill the memory
+    assert compensator.units == Units("mm", "N", "1")
+
+
+def test_guards_are_those_that_are_asked_for(fit: FitResult):
+    far = [30.0, 1.0]
+    assert float(hysid.invert(fit).simulate(None, far).value.max()) == pytest.approx(U.max())
+    free = hysid.invert(fit, beyond="free").simulate(None, far)
+    assert float(free.value.max()) > 50
+    assert free.status[0] == Status.EXTRAPOLATED
+    late = hysid.invert(fit, start="unknown").simulate(None, [5.0])
+    assert late.status[0] in (Status.RUN_IN, Status.OK)
+
+
+def test_without_test_rows_no_coverage_is_claimed():
+    alone = hysid.fit(RECORD, "LinearSponge", noise="gaussian")
+    assert np.isnan(hysid.invert(alone).coverage)
