@@ -1,5 +1,6 @@
 """Oscillators with a plane of plays: starts by equation error, then output error."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ almost without noise."""
 
 FINER, PASSES, ROUNDS = 8, 5, 2
 LEAST_REACH = 0.15
+SIDE_BY_SIDE = 2
 
 
 class Equation(NamedTuple):
@@ -141,10 +143,9 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
 def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equation]:
     """Ranges of the radii and sizes of the curves by equation error, the least criterion first."""
     largest = float(np.abs(motion.displacement).max())
-    found = []
-    for knots in KNOTS:
 
-        def at(part: float, knots: int = knots) -> Equation:
+    def best_of(knots: int) -> Equation:
+        def at(part: float) -> Equation:
             family = plays_family(part * largest, knots, linear.stiffness, not motion.periodic)
             return equation_error(motion, linear, family)
 
@@ -160,8 +161,11 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
             ]
             new = max(gaps)[1]
             tried[new] = at(new)
-        found.append(min(tried.values(), key=lambda one: one.bic))
-    return sorted(found, key=lambda one: one.bic)
+        return min(tried.values(), key=lambda one: one.bic)
+
+    # FFTs and products of matrices let other threads run.
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        return sorted(pool.map(best_of, KNOTS), key=lambda one: one.bic)
 
 
 def fitted(setting: Setting, start: Equation) -> Optimum:
