@@ -3,8 +3,9 @@
 These functions are documented and tested, and hysid uses them. They are not part of the public interface:
 they may change with any release.
 
-- Files: `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`, `read_fit`,
-  `write_fit`, `write_set`, `whole_files`, `check_unedited`, `to_json`, `posterior_json`, `versions`.
+- Files: `candidate_residuals`, `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`,
+  `read_fit`, `write_fit`, `write_set`, `whole_files`, `check_unedited`, `to_json`, `posterior_json`,
+  `versions`.
 - Units: `check_unit`.
 - Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
@@ -12,7 +13,7 @@ they may change with any release.
 
 from hysteresis._format import plain
 
-from .files._fit_folder import read_document, read_fit, to_json, write_fit
+from .files._fit_folder import candidate_residuals, read_document, read_fit, to_json, write_fit
 from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .records._folds import block_errors, root_difference
@@ -23,6 +24,7 @@ from .storage._provenance import versions
 
 __all__ = [
     "block_errors",
+    "candidate_residuals",
     "check_free",
     "check_unedited",
     "check_unit",

@@ -112,6 +112,7 @@ class Fits:
             except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
                 sliders = []
             found["sliders"] = [one._asdict() for one in sliders]
+            found["candidates"] = _candidates(fit, identify.internal.candidate_residuals(folder))
             found["axes"] = {
                 "x": f"time ({record.time_unit})" if record.time is not None else "row",
                 "u": record.input_name, "y": record.output_name,
@@ -189,6 +190,17 @@ def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
         "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
         **series,
     }  # fmt: skip
+
+
+def _candidates(fit: identify.FitResult, residuals: np.ndarray | None) -> list[dict[str, Any]]:
+    """The loops of the models that were not taken, on the training rows."""
+    if residuals is None or len(residuals) != len(fit.candidates):
+        return []
+    found = []
+    for one, residual in list(zip(fit.candidates, residuals, strict=True))[1:]:
+        curve = _curve(one.name, fit.train, fit.train.output + residual, np.isfinite(residual))
+        found.append({key: curve[key] for key in ("word", "rms", "u", "model", "gap")})
+    return found
 
 
 def _number(cell: str) -> float:

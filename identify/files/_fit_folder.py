@@ -40,6 +40,8 @@ from ..storage._provenance import versions
 SCHEMA = 1
 ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
 """How often a folder is looked at that another process may be writing, and for which faults."""
+MOST_RESIDUALS = 4_000_000
+"""Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
 _KINDS: dict[str, type] = {
     **dict.fromkeys(
         ("each", "failed", "folders", "files", "records", "metrics", "data", "verdict"), dict
@@ -340,12 +342,23 @@ def summary(fit: FitResult | Candidate) -> dict[str, Any]:
     }
 
 
+def candidate_residuals(folder: Path) -> np.ndarray | None:
+    """Predicted - measured of each candidate on the training record, (candidates, samples).
+
+    NaN where not counted. None for a fit that was saved without them: they are too many, or it was loaded.
+    """
+    return _read_arrays(folder / "fit.npz").get("candidate_residuals")
+
+
 def _fit_arrays(fit: FitResult) -> dict[str, Any]:
     arrays = {
         "residuals": fit.residuals,
         "covariance": fit.covariance,
         "used": fit.used,
     }
+    tried = [one.residuals for one in fit.candidates if isinstance(one, FitResult)]
+    if len({len(one) for one in tried}) == 1 and len(tried) * len(fit.residuals) <= MOST_RESIDUALS:
+        arrays["candidate_residuals"] = np.array(tried, np.float32)
     if fit.starts is not None:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
     return arrays | fit.detail.arrays()

@@ -8,7 +8,7 @@ import pytest
 from hysid import plots
 from hysteresis import LinearSponge, Record
 from identify import Candidate, FitResult, compare_candidates, fit, load, save
-from identify.internal import to_json
+from identify.internal import candidate_residuals, to_json
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,13 @@ def test_candidates_come_back_with_their_figures(both: FitResult, tmp_path) -> N
             "metrics",
         ):
             assert getattr(read, name) == getattr(tried, name)
+
+
+def test_residuals_of_candidates_are_saved_by_the_fit_that_tried_them(both: FitResult, tmp_path):
+    first = save(both, tmp_path / "one")
+    tried = np.array([candidate.residuals for candidate in both.candidates])
+    np.testing.assert_allclose(candidate_residuals(first), tried, rtol=1e-6)
+    assert candidate_residuals(save(load(first), tmp_path / "two")) is None
 
 
 def test_a_loaded_fit_says_and_compares_what_the_fit_does(both: FitResult, tmp_path) -> None:

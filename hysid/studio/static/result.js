@@ -3,6 +3,7 @@ import { faultBox, fill, getJson, h, number, post, quantity, sameLines, table, w
 import { LoopPlot } from "./plots.js";
 
 const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
+const OTHERS = ["--held", "--moved", "--input", "--measured"];
 const gapped = (record, y, more) => ({ x: record.u, y, gap: record.gap.map(Boolean), ...more });
 
 export class ResultPanel {
@@ -63,10 +64,16 @@ export class ResultPanel {
 
   loops(found, curves) {
     const row = (one, extra) => ({
-      ...extra, cells: [one.model, number(one.score_percent), number((one.test ?? one.train)?.nrmse_percent), quantity((one.test ?? one.train)?.rmse, found.data.output.unit),
+      ...extra, cells: [one.drawn ?? one.model, number(one.score_percent), number((one.test ?? one.train)?.nrmse_percent), number((one.test ?? one.train)?.rmse),
         one.level ? word(one.level) : ""],
     });
-    const rows = [...found.candidates.map((one, k) => row(one, { class: k ? "" : "strong" })), ...found.baselines.map((one) => row(one, { class: "baseline" }))];
+    this.overlaid = new Set();
+    const drawn = (one, k) => curves.candidates.length > 0 && k > 0 && h("label", { class: "field" }, h("input", { type: "checkbox", onchange: (event) => {
+      if (event.target.checked) this.overlaid.add(k - 1);
+      else this.overlaid.delete(k - 1);
+      this.drawLoops();
+    } }), h("span", { class: "unseen" }, "Draw the loop of "), one.model);
+    const rows = [...found.candidates.map((one, k) => row({ ...one, drawn: drawn(one, k) || one.model }, { class: k ? "" : "strong" })), ...found.baselines.map((one) => row(one, { class: "baseline" }))];
     const skipped = Object.entries(found.skipped);
     this.loopAt = h("div");
     this.residualAt = h("div");
@@ -74,12 +81,12 @@ export class ResultPanel {
     const chart = (caption, at) => h("figure", {}, h("figcaption", {}, caption), at);
     return h("section", { class: "card", "aria-labelledby": "models-title" },
       h("h2", { id: "models-title" }, "Models and baselines"),
-      h("div", { class: "plots even" },
+      h("div", { class: "plots models" },
         h("figure", {}, h("figcaption", {}, "Loops: the thin line of the model should lie inside the broad measured one."), this.loopAt,
           h("ul", { class: "key" }, h("li", { class: "k-under" }, "measured"), curves.records.length > 1 && h("li", { class: "k-held-under" }, "measured, held out"),
             h("li", { class: "k-model" }, `${found.model}`),
-            curves.excluded && h("li", { class: "k-excluded" }, "excluded from the fit"), curves.sliders.length > 0 && h("li", { class: "k-moved" }, "with the sliders"))),
-        h("div", {}, table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first`, ["Model, or baseline in italics", "folds, %", "of range, %", "rms", "verdict"], rows),
+            curves.excluded && h("li", { class: "k-excluded" }, "excluded from the fit"), curves.sliders.length > 0 && h("li", { class: "k-moved" }, "with the sliders")), this.otherKey = h("ul", { class: "key" })),
+        h("div", {}, curves.candidates.length > 0 && h("p", { class: "soft" }, "Tick a model to draw its loop over the training rows."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
           skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))))),
       h("h3", {}, "Residuals"),
       h("div", { class: "plots even" }, chart(`Over ${curves.axes.x}: a pattern shows what the model misses.`, this.residualAt), chart("Over the input.", this.residualInput)),
@@ -111,6 +118,9 @@ export class ResultPanel {
     curves.push(gapped(train, train.y, { colour: "--under", width: 5 }));
     if (test) curves.push(gapped(test, test.y, { colour: "--held-under", width: 5 }));
     curves.push(gapped(judged, judged.model, { colour: "--model", width: 1.4 }));
+    const others = [...this.overlaid].map((k, place) => ({ ...this.curves.candidates[k], colour: OTHERS[place % OTHERS.length] }));
+    for (const one of others) curves.push(gapped(one, one.model, { colour: one.colour, width: 1.6 }));
+    fill(this.otherKey, others.map((one) => h("li", { class: `k${one.colour.slice(1)}` }, `${one.word}, on the training rows`)));
     if (moved) curves.push(gapped(moved, moved.model, { colour: "--moved", width: 1.6 }));
     this.loopPlot.show(curves, axes.u, axes.y);
   }

@@ -8,6 +8,7 @@ import time
 import urllib.error
 import urllib.request
 import zipfile
+from dataclasses import replace
 from http.cookiejar import CookieJar
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import typer
 
+import identify
 from hysid.cli._app import app
 from hysid.cli._fit import MODELS
 from hysid.operations import _check, _fit, _init
@@ -22,6 +24,7 @@ from hysid.studio import _configuration, _processes
 from hysid.studio._app import Studio
 from hysid.studio._folder import Folder, zipped
 from hysid.studio._processes import Job, Jobs
+from hysid.studio._results import _candidates
 from hysid.studio._server import prepared
 from hysteresis import InputError
 from tests.test_hysid.test_studio.served import serving
@@ -141,6 +144,11 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     studio.change("run.csv", {"selection": {"test_cycles": 2}})
     assert studio.look("run.csv")["result"]["stale"]
     curves = studio.fits.curves(tmp_path / "run")
+    assert curves["candidates"] == []  # one model was tried
+    loaded = identify.load(tmp_path / "run")
+    tried = replace(loaded, candidates=2 * loaded.candidates)
+    (other,) = _candidates(tried, np.array([loaded.residuals, loaded.residuals]))
+    np.testing.assert_allclose(other["model"], loaded.predict(loaded.train)[loaded.train.mask])
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
     same, moved = (
         studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}) for k in (1.0, 1.5)
