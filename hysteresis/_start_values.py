@@ -6,9 +6,12 @@ from ._errors import InputError
 from ._quantities import FORCE, Units, conversion
 from ._registry import register
 from .models._bouc_wen import BoucWen
-from .models._burgers import Burgers
+from .models._burgers import Burgers, StandardLinearSolid
+from .models._degrading_bouc_wen import DegradingBoucWen
 from .models._foam_curve import FoamCurve
 from .models._linear_sponge import LinearSponge
+from .models._prandtl_ishlinskii import PrandtlIshlinskii
+from .models._prony import GeneralizedKelvinVoigt, GeneralizedMaxwell
 from .records._data_warnings import loop_direction
 from .records._record import Record
 
@@ -76,8 +79,60 @@ def _bouc_wen(record: Record) -> BoucWen:
     return BoucWen(k, after / k, yield_at, 1.5, 0.0, (y.max() + y.min()) / 2)
 
 
+def _plays(record: Record) -> PrandtlIshlinskii:
+    """Half of the record's slope in the line, the rest spread over plays of a part of its span each."""
+    u, y = record.input[record.mask], record.output[record.mask]
+    gain, half = np.ptp(y) / np.ptp(u), np.ptp(u) / 2
+    widths = half * np.array([0.04, 0.12, 0.3, 0.6])
+    leading = loop_direction(record) < 0
+    return PrandtlIshlinskii(
+        widths, np.full(4, gain / 8), gain / 2, float(np.mean(y) - gain * np.mean(u)),
+        leading=leading,
+    )  # fmt: skip
+
+
+def _degrading(record: Record) -> DegradingBoucWen:
+    """The new model, which loses a hundredth of strength and of stiffness for each energy of its yield."""
+    return DegradingBoucWen(_bouc_wen(record), 0.01, 0.01)
+
+
+def _solid(record: Record) -> StandardLinearSolid:
+    """The spring and the delayed part of Burgers."""
+    start = _burgers(record)
+    return StandardLinearSolid(start.E1, start.E2, start.eta2, start.offset, leading=start.leading)
+
+
+def _creep_chain(record: Record) -> GeneralizedKelvinVoigt:
+    """The spring of Burgers and two elements, a decade on either side of its delay."""
+    start = _burgers(record)
+    decade = np.sqrt(10.0) ** np.array([-1.0, 1.0])
+    stiff = np.full(2, 2 * float(start.E2))
+    return GeneralizedKelvinVoigt(
+        start.E1, stiff, float(start.eta2) * decade, None, start.offset, leading=start.leading
+    )
+
+
+def _relaxation_chain(record: Record) -> GeneralizedMaxwell:
+    """Two thirds of the record's slope in the spring, the rest in two elements."""
+    start = _burgers(record)
+    u, y = record.input[record.mask], record.output[record.mask]
+    gain, delay = float(np.ptp(y) / np.ptp(u)), float(start.eta2 / start.E2)
+    leading = start.leading
+    stiffness = gain if leading else 1 / gain
+    offset = float(np.mean(y) - gain * np.mean(u)) if leading else 0.0
+    decade = np.sqrt(10.0) ** np.array([-1.0, 1.0])
+    return GeneralizedMaxwell(
+        2 * stiffness / 3, np.full(2, stiffness / 6), delay * decade, offset, leading=leading
+    )
+
+
 register(LinearSponge, guess=_sponge)
 register(Burgers, guess=_burgers)
 register(FoamCurve, guess=_foam)
 register(BoucWen, guess=_bouc_wen)
+register(PrandtlIshlinskii, guess=_plays)
+register(DegradingBoucWen, guess=_degrading)
+register(StandardLinearSolid, guess=_solid)
+register(GeneralizedKelvinVoigt, guess=_creep_chain)
+register(GeneralizedMaxwell, guess=_relaxation_chain)
 register(Units)

@@ -22,7 +22,8 @@ from ._selection import takes_selection
 
 MODELS = (
     "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "FoamCurve", "BoucWen",
-    "Oscillator",
+    "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
+    "GeneralizedMaxwell", "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
 
