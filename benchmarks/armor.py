@@ -2,9 +2,9 @@
 
 python -m benchmarks.armor [--quick] [--json] [--only TEXT]
 
-Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), split (what each addition to the
-published method brings), classes (no class of models contains a rig), errors (after twenty presses, with
-ellipsoids: minutes).
+Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), split (what each addition
+to the published method brings), classes (no class of models contains a rig), errors (after twenty presses,
+with ellipsoids: minutes).
 """
 
 import sys
