@@ -4,7 +4,8 @@ import numpy as np
 
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING
 from ..recalibration._adaptive import AdaptiveCompensator
-from ._element_tree import Tree, is_search, node, tree_of
+from ._element_tree import is_search, tree_of
+from ._node import Tree, node
 
 
 def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth: int = 64) -> Tree:

@@ -225,14 +225,15 @@ class _Header:
             walk = [f"    value = {self._call(i, 'look')};" for i in part.inner]
             bodies["look"] = [*walk, "    return value;"]
             bodies["move"] = [line.replace("_look", "_move") for line in bodies["look"]]
-            bodies["find"] = [f"    s->n{k}.status = {self.stem.upper()}_OK;"]
-            for i in reversed(part.inner):
-                bodies["find"] += [
-                    f"    value = {self._call(i, 'find')};",
-                    f"    if (s->n{k}.status == {self.stem.upper()}_OK) {{",
-                    f"        s->n{k}.status = s->n{i.number}.status;", "    }",
-                ]  # fmt: skip
-            bodies["find"].append("    return value;")
+            if "find" in part.cost:
+                bodies["find"] = [f"    s->n{k}.status = {self.stem.upper()}_OK;"]
+                for i in reversed(part.inner):
+                    bodies["find"] += [
+                        f"    value = {self._call(i, 'find')};",
+                        f"    if (s->n{k}.status == {self.stem.upper()}_OK) {{",
+                        f"        s->n{k}.status = s->n{i.number}.status;", "    }",
+                    ]  # fmt: skip
+                bodies["find"].append("    return value;")
         elif part.inner:
             bodies = self._wrapped(part)
         else:

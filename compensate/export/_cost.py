@@ -13,7 +13,9 @@ def cost(
 ) -> dict[str, int]:
     """Operations of `look`, `move` and `find` of a node; `inner`: those of the nodes in it."""
     names = ("look", "move", "find")
-    both = {name: sum(one.get(name, 0) + 12 for one in inner) for name in names}
+    # A part of a sum needs no inverse of its own, and then a series of such has none either.
+    shared = [name for name in names if all(name in one for one in inner)]
+    both = {name: sum(one[name] + 12 for one in inner) for name in shared}
     if tree["kind"] == "series":
         return both
     home, p = elements[tree["kind"]], tree["parameters"]

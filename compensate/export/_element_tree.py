@@ -9,6 +9,7 @@ import numpy as np
 from hysteresis import (
     AbstractModel,
     AbstractViscoelastic,
+    BoucWen,
     Conditioned,
     CyclicDrift,
     FoamCurve,
@@ -28,8 +29,9 @@ from hysteresis import (
     VelocityFriction,
 )
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
+from hysteresis.models._bouc_wen import NODES
 from hysteresis.models._conditioned import AXES
-from hysteresis.preisach import AbstractGridDensity, saturated_outputs
+from hysteresis.preisach import saturated_outputs
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
@@ -37,11 +39,9 @@ from ..guards._run_in import RunIn
 from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
-from ..inverses._preisach import PreisachCompensator
-from ..runtime._status import Status
 from ..uncertainty._calibrated import CalibratedCompensator
-
-Tree = dict[str, Any]
+from ._node import Tree, node
+from ._preisach_tree import preisach_node, preisach_parts
 
 
 def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
@@ -93,20 +93,6 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     }  # fmt: skip
 
 
-def node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
-    """One element, its numbers plain."""
-    plain = {"parameters": parameters, "state": {"status": int(Status.OK)} | (state or {})}
-    values = {name: {k: _flat(v) for k, v in part.items()} for name, part in plain.items()}
-    return {"kind": kind, **values, **({"parts": list(parts)} if parts else {})}
-
-
-def _flat(value: Any) -> Any:
-    if isinstance(value, bool | int):
-        return int(value)
-    array = np.asarray(value)
-    return array.ravel().tolist() if array.ndim else array.item()
-
-
 @singledispatch
 def _tree(model: AbstractModel, eps: float, depth: int) -> Tree:
     raise InputError(
@@ -142,45 +128,24 @@ def _(model: AbstractViscoelastic, eps: float, depth: int) -> Tree:
 
 @_tree.register
 def _(model: Preisach, eps: float, depth: int) -> Tree:
-    grid = model.density
-    if not isinstance(grid, AbstractGridDensity) or model.up is not None or model.dead_band:
-        what = (
-            "a fitted first state" if model.up is not None
-            else "a dead band" if model.dead_band
-            else f"a {type(grid).__name__}"
-        )  # fmt: skip
-        raise InputError(
-            "not-exportable",
-            f"a Preisach model with {what} cannot be exported.",
-            fix="fit a GridDensity from a known first state, without a dead band.",
-        )
-    compensator = PreisachCompensator(model)
-    begin = compensator.init()
-    held = int(begin.loops.depth)
-    if held > depth:
-        raise InputError(
-            "bad-option",
-            f"the first state alone has {held} reversals, and the stack holds {depth}.",
-            fix=f"give a depth of {held} or more.",
-        )
-    table = compensator.table
-    even = np.allclose(np.diff(grid.edges), (grid.high - grid.low) / grid.cells, rtol=1e-12)
-    flat = max(1e-12, 64 * eps) * (compensator.ceiling - compensator.floor) / grid.cells
+    if model.up is not None or model.dead_band:
+        return _bracketed(model, preisach_parts(model, eps, depth), eps)
+    return preisach_node(model, eps, depth)
+
+
+@_tree.register
+def _(model: BoucWen, eps: float, depth: int) -> Tree:
+    x, weights = np.polynomial.legendre.leggauss(NODES)
+    x = (1 + x) / 2
     return node(
-        "preisach",
+        "bouc_wen",
         {
-            "cells": grid.cells, "scale": grid.cells / (grid.high - grid.low) if even else 0.0,
-            "edges": grid.edges, "everett": table.node, "diagonal": table.diagonal,
-            "reversible": compensator.begin, "orientation": float(model.orientation),
-            "offset": model.offset, "floor": compensator.floor, "ceiling": compensator.ceiling,
-            "flat": flat, "margin": 4 * eps * (compensator.ceiling - compensator.floor),
-            "capacity": depth,
+            "nodes": NODES, "powers": x ** (3 * float(model.n)), "cubes": x**3,
+            "weights": 1.5 * x**2 * weights, "k": model.k, "alpha": model.alpha,
+            "yield_at": model.yield_at, "n": model.n, "descent": model.descent(),
+            "offset": model.offset, "rounding": ROUNDING * eps, "finest": max(1e-12, 32 * eps),
         },
-        {
-            "extremum": np.resize(np.asarray(begin.loops.extremum), depth),
-            "level": np.resize(np.asarray(begin.loops.level), depth),
-            "depth": held, "forgotten": 0, "rising": int(begin.rising > 0), "u": begin.u, "z": begin.z,
-        },
+        {"u": 0.0, "w": 0.0},
     )  # fmt: skip
 
 

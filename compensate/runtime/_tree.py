@@ -13,8 +13,9 @@ Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 KINDS = (
-    "adaptive", "chain", "clip", "curve", "drift", "foam", "friction", "line", "maxwell", "moving", "plays",
-    "polynomial", "preisach", "scaled", "series", "share", "softening", "stops", "sum",
+    "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band", "drift", "foam", "friction", "line",
+    "maxwell", "moving", "occupancy", "plays", "polynomial", "preisach", "scaled", "series", "share",
+    "softening", "stops", "sum",
 )  # fmt: skip
 
 

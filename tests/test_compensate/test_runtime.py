@@ -13,16 +13,16 @@ import pytest
 from compensate import Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import Compensator, FileError, load
 from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Record, Sum
-from hysteresis.preisach import GridDensity
+from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import INVERTIBLE, Problem, random_histories, weights
 
 ROOT = Path(__file__).parents[2]
 ROWS = 240
-NOT_EXPORTED = {"preisach-up", "preisach-dead-band", "bouc-wen", "degrading-bouc-wen"}
+NOT_EXPORTED = {"degrading-bouc-wen"}
 EXPORTED = [p for p in INVERTIBLE if p.name not in NOT_EXPORTED]
 every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
-DEPTH = 128
+DEPTH, GOLDEN = 128, 200
 
 
 class Run(NamedTuple):
@@ -304,6 +304,26 @@ def test_a_file_that_replays_otherwise_is_refused(tmp_path: Path):
 
 def refused(code: str):
     return pytest.raises(InputError, match=rf"\[{code}\]")
+
+
+def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
+    """A note says how far outputs are off: the readings come back as closely. Its own cells are kept."""
+    model = Preisach(GaussianDensity(-1.0, 2.0, 1.0, 0.3, 0.3, 0.3, 0.5), np.full(5, 0.1))
+    u = random_histories(np.random.default_rng(0), -1.0, 2.0, (1, ROWS))[0]
+    y = np.asarray(model.simulate(None, u))
+    done = export_runtime(model, tmp_path / "it.json", y, depth=DEPTH)
+    (note,) = done.notes
+    told = float(note.rsplit("at most ")[1].split()[0]) / 100
+    assert 0 < told < 5e-4
+    compensator = load(done.path)
+    again = np.asarray(model.simulate(None, [compensator.step(x).value for x in y.tolist()]))
+    assert np.abs(again - y)[:GOLDEN].max() <= 1.1 * told * np.ptp(y[:GOLDEN])
+    own = Preisach(FactorisedDensity(-1.0, 2.0, np.arange(1.0, 6), np.ones(5)), np.full(5, 0.1))
+    y = np.asarray(own.simulate(None, u))
+    done = export_runtime(own, tmp_path / "own.json", y, depth=DEPTH)
+    assert done.notes == ()
+    found = [load(done.path).step(float(y[0])).value]
+    np.testing.assert_allclose(found, u[:1], atol=1e-12)
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):

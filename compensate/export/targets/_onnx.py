@@ -188,7 +188,11 @@ class _Step:
                 lambda dt, y: one.find(dt, plain("back", y)),
                 one.status,
             )
-        assert kind == "moving", kind
+        if kind != "moving":
+            raise InputError(
+                "not-exportable", f"The target onnx has no element {kind!r}.",
+                fix="Export a compensator that does not recalibrate itself.",
+            )  # fmt: skip
 
         def less_feedback(dt: Value, y: Value) -> Value:
             seen = one.find(dt, y)

@@ -7,7 +7,15 @@ from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 
 RUNTIME = Path(_file.__file__).parent
-MODULES = ("_compensator.py", "_file.py", "_status.py", "_tree.py", "_elements/*.py")
+MODULES = (
+    "_compensator.py",
+    "_file.py",
+    "_status.py",
+    "_tree.py",
+    "_elements/*.py",
+    "_adaptation/*.py",
+    "_operators/*.py",
+)
 
 
 def sklearn(program: Program, out: Path, real: str) -> Exported:

@@ -15,12 +15,12 @@ included.
 from importlib import import_module
 from types import ModuleType
 
-ADAPTIVE = ("adaptive",)
-"""Kinds in `_adaptation`."""
+HOMES = {"adaptive": "_adaptation"} | dict.fromkeys(
+    ("bouc_wen", "dead_band", "occupancy"), "_operators"
+)
+"""Folders of the elements that are not in this one."""
 
 
 def module_of(kind: str) -> ModuleType:
     """The file of an element."""
-    if kind in ADAPTIVE:
-        return import_module(f"compensate.runtime._adaptation.{kind}")
-    return import_module(f"compensate.runtime._elements.{kind}")
+    return import_module(f"..{HOMES.get(kind, '_elements')}.{kind}", __package__)
