@@ -13,6 +13,7 @@ from .comparison._change import Change, ParameterChange, change
 from .comparison._compare import Compared, Comparison, Difference, Pair, compare, compare_candidates
 from .comparison._pooling import Interval, Pooled, PooledParameter, pool
 from .comparison._psis_loo import Loo, loo
+from .comparison._repeatability import Repeatability, repeatability
 from .comparison._trend import ChangeOverTime, ParameterTrend, change_over_time
 from .diagnostics._profile_likelihood import Profile, profile, profiles
 from .diagnostics._residual_breakdown import Breakdown, breakdown
@@ -105,6 +106,7 @@ __all__ = [
     "Posterior",
     "Profile",
     "RecordedMotion",
+    "Repeatability",
     "ReversalCurves",
     "RowsBeyond",
     "Sensitivity",
@@ -146,6 +148,7 @@ __all__ = [
     "predictive",
     "profile",
     "profiles",
+    "repeatability",
     "sample",
     "save",
     "save_posterior",

@@ -13,8 +13,9 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from ..posterior._posterior import Posterior
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
+from ._repeatability import Repeatability, repeatability
 
-CLEAR = 0.05
+CLEAR = 0.01
 """A change counts as significant if its p value, corrected by Holm, is below this."""
 
 
@@ -44,7 +45,7 @@ class ParameterChange(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether the change is statistically significant: `p_holm` is below 0.05."""
+        """Whether the change is statistically significant: `p_holm` is below 0.01."""
         return self.p_holm < CLEAR
 
 
@@ -88,8 +89,11 @@ def change(
         p_k = 2 Phi(-|d_k| / sqrt(V_kk)),                  corrected by Holm's method,
         P(more than the margin m) = 1 - P(z_before(1 - m) < z_after < z_before(1 + m)).
 
-    V is the covariance of the posterior's draws if there is a posterior, otherwise that of the fit
-    (Laplace). The fits must be of different records; `compare` ranks fits of the same record.
+    V is the covariance of the posterior's draws if there is a posterior; otherwise that of repeated cycles,
+    see `repeatability`, if both records have three or more, with Student's and Hotelling's distributions in
+    place of the Gaussian and chi-square, because few cycles know it only roughly; otherwise that of the fit
+    (Laplace). So a model that misses both records alike does not hide a change. The fits must be of
+    different records; `compare` ranks fits of the same record.
 
     **Arguments:**
 
@@ -125,15 +129,47 @@ def change(
             fix="compare their models (hysid compare DIR DIR), or name a fit of another record.",
         )
     estimates = [estimate(fit, posterior) for fit, posterior in zip(fits, found, strict=True)]
+    repeated = (
+        [repeatability(fit) for fit in fits] if posteriors is None and found == [None] * 2 else []
+    )
+    cycles = [one.cycles for one in repeated if one is not None]
+    if len(cycles) == 2:
+        pairs = zip(estimates, repeated, strict=True)
+        estimates = [_repeated(of, one) for of, one in pairs if one is not None]
     (one, other), left_out = in_common(estimates)
-    return between(one, other, margin, left_out)
+    degrees = sum(cycles) - 2 if len(cycles) == 2 else None
+    if degrees is not None and degrees < len(one.free):
+        raise InputError(
+            "too-few-cycles",
+            f"{sum(cycles)} cycles do not tell whether {len(one.free)} parameters have changed.",
+            fix="measure more cycles of each specimen, or fix parameters.",
+        )
+    return between(one, other, margin, left_out, degrees)
 
 
-def between(one: Estimate, other: Estimate, margin: float, left_out: dict[str, str]) -> Change:
-    """The change from one estimate to another of the same parameters."""
+def _repeated(of: Estimate, found: Repeatability) -> Estimate:
+    """The estimate with the covariance of repeated cycles in place of the fit's."""
+    at = [found.names.index(name) for name in of.bounds.names]
+    slope = of.bounds.slope(of.free)
+    covariance = found.covariance[np.ix_(at, at)] / (slope[:, None] * slope)
+    return of._replace(covariance=covariance)
+
+
+def between(
+    one: Estimate,
+    other: Estimate,
+    margin: float,
+    left_out: dict[str, str],
+    degrees: int | None = None,
+) -> Change:
+    """The change from one estimate to another of the same parameters.
+
+    `degrees`: of freedom of the covariances, None where they are known.
+    """
     d, V = other.free - one.free, one.covariance + other.covariance
     error = np.sqrt(np.diagonal(V))
-    p = 2 * scipy.stats.norm.sf(np.abs(d) / error)
+    law = scipy.stats.norm if degrees is None else scipy.stats.t(degrees)
+    p = 2 * law.sf(np.abs(d) / error)
     corrected = holm(p)
     before, after = one.values(one.free), other.values(other.free)
     slopes = one.bounds.slope(one.free), other.bounds.slope(other.free)
@@ -156,6 +192,9 @@ def between(one: Estimate, other: Estimate, margin: float, left_out: dict[str, s
         listed.append(ParameterChange(name, one.units[k], *map(_number, numbers)))
     chi_square = float(d @ np.linalg.solve(V, d))
     together = float(scipy.stats.chi2.sf(chi_square, len(d)))
+    if degrees is not None:  # Hotelling
+        rest = degrees - len(d) + 1
+        together = float(scipy.stats.f.sf(chi_square * rest / (degrees * len(d)), len(d), rest))
     return Change(tuple(listed), left_out, margin, chi_square, len(d), together)
 
 

@@ -50,7 +50,7 @@ class ParameterTrend(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether the trend is statistically significant: `p_holm` is below 0.05."""
+        """Whether the trend is statistically significant: `p_holm` is below 0.01."""
         return self.p_holm < CLEAR
 
 
