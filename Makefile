@@ -1,5 +1,6 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
+# make pages   the code that docs/ and docstrings show, run as tests without building the pages
 # make lint    formatting, style, import directions, types
 # make docs    the documentation, its code run: out/docs/index.html
 # make datasets   rewrites datasets/
@@ -16,13 +17,16 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test lint docs datasets picture package targets minimum clean
+.PHONY: demo test pages lint docs datasets picture package targets minimum clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q
+
+pages: $(READY)
+	$(BIN)/python -m pytest -n $(WORKERS) -q -m pages tests/test_docs.py tests/test_examples.py
 
 lint: $(READY)
 	$(BIN)/ruff check

@@ -46,6 +46,7 @@ def python_of(page: Path) -> list:
     return [block for block in found if block.kind == "python"]
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("page", sorted(DOCS.glob("targets/*.md")), ids=lambda p: p.stem)
 def test_a_page_of_a_target_runs(page: Path) -> None:
     names: dict = {}
@@ -53,6 +54,7 @@ def test_a_page_of_a_target_runs(page: Path) -> None:
         tool("cells").run(block.code, names, f"{page.name}:{block.line}")
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("page", [p for p in RUN if python_of(p)], ids=lambda p: p.stem)
 def test_a_page_runs_and_draws(page: Path) -> None:
     names: dict = {}
@@ -64,6 +66,7 @@ def test_a_page_runs_and_draws(page: Path) -> None:
     assert drawn == len(DRAWS.findall(page.read_text("utf-8"))) > 0
 
 
+@pytest.mark.pages
 def test_the_picture_of_the_readme_is_what_the_code_draws(tmp_path: Path):
     picture = tool("picture")
     shown = picture.computed()

@@ -253,6 +253,7 @@ def run_example(name: str, text: str, folder: Path) -> str:
     return "".join(said)
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("name", WITH)
 def test_an_example_gives_what_it_shows(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
