@@ -16,6 +16,10 @@ REPEATED = 0.02
 
 LEAST_PERIOD, LEAST_ROWS = 16, 64
 
+LEAST_NOISE = 1e-3
+"""Part of the motion's standard deviation that its noise is taken for at least: of records without noise
+chi2 would tell the error of the integration."""
+
 EXPLAINED = 1.3
 """chi2 per row up to which the noise explains what a model leaves."""
 
@@ -87,7 +91,8 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     if rows:
         _check_period(u, rows)
     if not rows:
-        return MeasuredMotion(dt, u, y, noise_level(y, u), 0, (0, len(u)), None)
+        sigma = max(noise_level(y, u), LEAST_NOISE * float(np.std(y)))
+        return MeasuredMotion(dt, u, y, sigma, 0, (0, len(u)), None)
     count = len(u) // rows
     parts = y[: count * rows].reshape(count, rows)
     first = 0
@@ -103,6 +108,7 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
         scatter = np.var(np.fft.rfft(parts, axis=1), axis=0, ddof=1) / len(parts)
     else:
         sigma = noise_level(mean, used, periodic=True)
+    sigma = max(sigma, LEAST_NOISE * float(np.std(mean)))
     text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
     notes.insert(0, Note("periods", text))
     return MeasuredMotion(

@@ -131,7 +131,7 @@ def fit_oscillator(
         used=used,
         metrics=figures,
         success=optimum.converged or optimum.chi < motion.explained,
-        score=100 * float(np.sqrt(blocks.mean())) / range_,
+        score=np.nan if blocks is None else 100 * float(np.sqrt(blocks.mean())) / range_,
         noise=estimate_noise([residuals[used]], len(covariance)),
         train=record,
         test=test,
@@ -179,9 +179,10 @@ def _parameters(
 ) -> tuple[tuple[Parameter, ...], Float[np.ndarray, "free free"]]:
     """Plant, and the coefficients of Bouc-Wen's force, with 90 % intervals; of others the plant alone.
 
-    The covariance is that of the normal equations, wider where more than the noise is left.
+    The covariance is that of the normal equations, times chi2: the noise is what the fit leaves.
     """
-    covariance = np.linalg.pinv(optimum.normal, rcond=1e-15, hermitian=True) * max(optimum.chi, 1.0)
+    chi2 = optimum.chi * optimum.rows / max(optimum.rows - optimum.effective, 1.0)
+    covariance = np.linalg.pinv(optimum.normal, rcond=1e-15, hermitian=True) * chi2
     size = len(optimum.q)
     rows = [np.eye(size)[k] for k in range(3)]
     force, displacement = record.input_unit, record.output_unit
@@ -234,8 +235,9 @@ def _tested(fit: FitResult) -> FitResult:
 
 def _held_out(
     motion: MeasuredMotion, record: Record, found: Search, optimum: Optimum
-) -> Float[np.ndarray, " blocks"]:
-    """Squared errors of the last period, or quarter, predicted from a fit to the others, in blocks."""
+) -> Float[np.ndarray, " blocks"] | None:
+    """Squared errors of the last period, or quarter, predicted from a fit to the others, in blocks; None
+    of a single period."""
     y = np.asarray(record.output, float)
     coarse = max(1, found.setting.substeps // 4)
     warm = max(found.setting.warm, 1)
@@ -243,7 +245,7 @@ def _held_out(
         first, end = motion.rows
         parts = y[first:end].reshape(-1, motion.period)
         if len(parts) < 2:
-            return np.full(1, np.nan)
+            return None
         own = replace(motion, displacement=parts[:-1].mean(0), sigma=motion.sigma)
         setting = Setting.of(own, coarse, (), warm)
         new = levenberg_marquardt(

@@ -15,7 +15,7 @@ from ..parameters._priors import Prior
 from ..parameters._settings import Setting
 from ..parameters._transform import Transform, Vector, transform, transform_for
 from ..records._run_model import prepare
-from ..results._detail import Parametric
+from ..results._detail import Motion, Parametric
 from ..results._fit_result import FitResult
 
 NOISE_PRIORS = {
@@ -116,6 +116,12 @@ def target(fit: FitResult) -> Target:
         >>> identify.target(fit).names
         ('K', 'b', 'sigma')
     """
+    if isinstance(fit.detail, Motion):
+        raise InputError(
+            "no-posterior",
+            f"{fit.name} has no posterior by sampling.",
+            fix="its standard errors and 90 % intervals are in the fit.",
+        )
     if not isinstance(fit.detail, Parametric):
         raise InputError(
             "no-posterior", f"{fit.name} was fitted by linear weights, not by parameters."

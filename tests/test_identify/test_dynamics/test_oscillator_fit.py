@@ -89,6 +89,15 @@ def test_a_short_record_without_a_period_gets_its_state_too():
     assert fit.noise.sigma == pytest.approx(NOISE, rel=0.1)
 
 
+def test_a_record_without_noise_is_explained():
+    u, y = true_steady()
+    fit = identify.fit(recorded(u, y), "Oscillator(BoucWen)", period=SAMPLES)
+    assert fit.blocks is None  # of a single period nothing is held out
+    assert [p.value for p in fit.parameters] == pytest.approx(
+        [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0], rel=1e-3
+    )
+
+
 def test_a_wrong_class_is_said_to_be_wrong():
     fit = identify.fit(
         recorded(*training(1, "iwan", 3, samples=SAMPLES)), "Oscillator(BoucWen)", starts=12
