@@ -12,6 +12,7 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 
+from ..catalogue._synthetic import is_synthetic
 from ..figures._format import pretty, quantity
 from ..intake._command_words import as_words
 from ..intake._selection_options import HELD_OUT
@@ -85,7 +86,8 @@ def write_report(folder: str | Path, file: Path | None = None) -> Path:
         if of_step
         else f"{case.fit.name} model of {case.output} from {case.input}",
         subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
-        f" {data['rows_test']:,} held-out rows",
+        f" {data['rows_test']:,} held-out rows"
+        + (", synthetic data of a virtual rig" if is_synthetic(data.get("sha256")) else ""),
         level=case.fit.verdict.level,
         headline=HEADLINES[case.fit.verdict.level],
         reasons=case.fit.verdict.reasons,

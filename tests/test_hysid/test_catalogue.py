@@ -15,6 +15,7 @@ import pytest
 import typer
 
 from hysid.catalogue._catalogue import SHIPPED, catalogue
+from hysid.catalogue._synthetic import SYNTHETIC
 from hysid.cli._app import app
 from hysid.cli._config_file import read_config
 from tests.test_hysid.command import Result, refused, run
@@ -264,3 +265,10 @@ def test_columns_have_to_be_in_the_line(address: str):
 
 def test_an_unknown_name_finds_the_nearest():
     refused(run("datasets", "fetch", "steel-cupon"), "no-dataset", "steel-coupon")
+
+
+def test_every_shipped_record_is_known_to_be_synthetic():
+    files = sorted(SHIPPED.parent.glob("*.csv"))
+    assert {hashlib.sha256(file.read_bytes()).hexdigest() for file in files} == SYNTHETIC
+    for file in files:
+        assert "**Synthetic.**" in file.with_suffix(".md").read_text(encoding="utf-8")
