@@ -34,7 +34,7 @@ HEAVY = (
 BROUGHT = {
     "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
     "xarray": "arviz", "click": "typer", "mpl_toolkits": "matplotlib", "sklearn": "scikit-learn",
-    "typing_extensions": "optimistix",
+    "typing_extensions": "optimistix", "traitlets": "anywidget",
 }  # fmt: skip
 """Import names of what a dependency cannot do without and brings along, or is known by."""
 

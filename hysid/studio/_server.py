@@ -11,6 +11,7 @@ from urllib.parse import quote
 import uvicorn
 
 from hysteresis import InputError
+from hysteresis.records._units import is_unit
 
 from ._app import Studio, app_of
 from ._folder import Folder
@@ -31,6 +32,8 @@ class Prepared(NamedTuple):
 
     def run(self) -> None:
         """Serve until interrupted, or until `server.should_exit`; then end every command that runs."""
+        # The table of units takes half a second to load, which the first file need not wait for.
+        threading.Thread(target=is_unit, args=("furlong",), daemon=True).start()
         try:
             self.server.run(sockets=[self.listening])
         finally:
