@@ -210,13 +210,13 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
                     z = z + part.after(own.z, at.velocity, v1, h)
             return model.mass * a1 + model.damping * v1 + model.stiffness * y1 + z - u
 
-        def newton(model: "Oscillator", at: OscillatorState, a1: Array) -> Array:
+        def newton(model: "Oscillator", at: OscillatorState, a1: Any) -> Any:
             error, by_a = jax.jvp(lambda x: off(model, at, x), (a1,), (jnp.ones_like(a1),))
             return a1 - error / jax.lax.stop_gradient(by_a)
 
-        frozen = jax.lax.stop_gradient((self, at))
+        frozen: Any = jax.lax.stop_gradient((self, at))
         a1: Any = frozen[1].acceleration
-        for _ in range(NEWTON_STEPS - 1):
+        for _turn in range(NEWTON_STEPS - 1):
             a1 = jax.lax.stop_gradient(newton(frozen[0], frozen[1], a1))
         a1 = newton(self, at, a1)
         y1, v1 = motion(self, at, a1)
