@@ -5,6 +5,7 @@ import numpy as np
 from hysid.reproduction._skin import DELAY, HIGH_N, Skin
 from hysid.reproduction._skin_networks import train_everett
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
+from hysteresis.rigs import MicrochannelRig
 
 from .._measure import Row, judged, means, noted
 from .floor import floor, placement_floor
@@ -40,7 +41,7 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
     now = skin.by_filter.now
     off = [np.abs(a - b) for a, b in zip(now, skin.loops.force, strict=True)]
     pairs = zip(off, skin.by_filter.deviation, strict=True)
-    least, least_late = floor(skin.rig, skin.loops)
+    least, least_late = floor(MicrochannelRig(seed=seed), skin.loops)
     return {
         "network": skin.rms(skin.by_network),
         "timeless": skin.rms(skin.by_timeless),
@@ -90,8 +91,16 @@ def _pair(seed: int, quick: bool) -> dict[str, float]:
         "ratio": error(pair.placed, ours=True) / error(pair.placed),
         "finger": error(pair.together, ours=True),
         "finger_paper": error(pair.together),
-        "finger_floor": placement_floor(pair.rig, pair.together),
+        "finger_floor": placement_floor(MicrochannelRig(seed=seed), pair.together),
         "finger_peaks": found_peaks(pair.together),
         "speed": pair.paper_us / pair.ours_us,
         "step_us": pair.ours_us,
     }
+
+
+def electronics_rows(quick: bool) -> list[Row]:
+    """What each part of the electronics costs in force, on a skin by its geometry."""
+    found = Skin(0, 60 if quick else 1000).electronics
+    return [
+        noted(f"electronics, {name}: force of four loops, N", off) for name, off in found.items()
+    ]

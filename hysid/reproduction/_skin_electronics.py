@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import Readout
-from hysteresis.rigs import ChannelRecord, ResistiveReadout
+from hysteresis.rigs import CapacitiveReadout, ChannelRecord, ResistiveReadout
 
 
 def readout_of(
@@ -26,7 +26,7 @@ def readout_of(
 
 def converted(
     volts: Float[np.ndarray, "samples channels"],
-    electronics: ResistiveReadout,
+    electronics: ResistiveReadout | CapacitiveReadout,
     current: float | None = None,
 ) -> Float[np.ndarray, "samples channels"]:
     """What is left of volts after the converter and the way back through `Readout`.
@@ -35,13 +35,16 @@ def converted(
     network sees the same numbers whatever the current is. Where the current is another than the `Readout`
     takes it for, all changes are off by its factor.
     """
+    assert isinstance(electronics, ResistiveReadout)  # as all sensors of the paper have
     back = readout_of(electronics, volts.shape[1], current)
     changes = back.simulate(np.arange(float(len(volts))), electronics.counts(volts)).value
     return ResistiveReadout().scale * np.asarray(changes)
 
 
 def converted_record(
-    record: ChannelRecord, electronics: ResistiveReadout, current: float | None = None
+    record: ChannelRecord,
+    electronics: ResistiveReadout | CapacitiveReadout,
+    current: float | None = None,
 ) -> ChannelRecord:
     """The same of a record."""
     return record._replace(reading=converted(record.reading, electronics, current))
