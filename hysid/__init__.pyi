@@ -14,13 +14,16 @@ from hysid.soft_sensor._positions import fit_positions as fit_positions
 from hysid.soft_sensor._sensor_file import load_sensor as load_sensor
 from hysteresis import AbstractModel as AbstractModel
 from hysteresis import BoucWen as BoucWen
+from hysteresis import BoucWenForce as BoucWenForce
 from hysteresis import Burgers as Burgers
 from hysteresis import Conditioned as Conditioned
 from hysteresis import CyclicDrift as CyclicDrift
 from hysteresis import DegradingBoucWen as DegradingBoucWen
+from hysteresis import DuhemForce as DuhemForce
 from hysteresis import FoamCurve as FoamCurve
 from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
+from hysteresis import GeneralizedPlays as GeneralizedPlays
 from hysteresis import InputError as InputError
 from hysteresis import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
 from hysteresis import LinearSponge as LinearSponge
@@ -29,6 +32,7 @@ from hysteresis import MonotoneCurve as MonotoneCurve
 from hysteresis import MovingPreisach as MovingPreisach
 from hysteresis import NonlinearMaxwell as NonlinearMaxwell
 from hysteresis import Note as Note
+from hysteresis import Oscillator as Oscillator
 from hysteresis import OutputDependentPreisach as OutputDependentPreisach
 from hysteresis import PrandtlIshlinskii as PrandtlIshlinskii
 from hysteresis import Preisach as Preisach

@@ -8,10 +8,8 @@ import numpy as np
 from compensate import AbstractCompensator, CalibratedCompensator, calibrated, estimate
 from compensate import invert as invert_model
 from hysteresis import AbstractModel, Record
+from hysteresis.numerics._normal import NORMAL_95
 from identify import FitResult
-
-NINETY = 1.645
-"""Deviations to either side that hold 90 % of a normal distribution."""
 
 
 def invert(
@@ -62,5 +60,7 @@ def _coverage(band: CalibratedCompensator, record: Record) -> float:
     used = record.mask & np.isfinite(record.output)
     off = np.abs(np.asarray(found.value) - record.input)
     return (
-        float((off <= NINETY * np.asarray(found.deviation))[used].mean()) if used.any() else np.nan
+        float((off <= NORMAL_95 * np.asarray(found.deviation))[used].mean())
+        if used.any()
+        else np.nan
     )

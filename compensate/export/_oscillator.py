@@ -45,7 +45,7 @@ def export_oscillator(
         >>> spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0)
         >>> plant = hysteresis.Oscillator(2.0, 10.0, 5e4, spring)
         >>> file = compensate.export_oscillator(plant, folder / "mount.json", 1 / 750, np.ones(64))
-        >>> step = compensate.runtime.load(file).step
+        >>> step = compensate.runtime.load_oscillator(file).step
         >>> [round(1e6 * step(40.0), 1) for _ in range(3)]
         [0.0, 17.6, 68.7]
     """

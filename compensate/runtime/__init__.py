@@ -15,4 +15,5 @@ from ._load import load as load
 from ._network import ForceEstimator as ForceEstimator
 from ._network import load_force as load_force
 from ._oscillator import OscillatorStep as OscillatorStep
+from ._oscillator import load_oscillator as load_oscillator
 from ._status import Status as Status

@@ -24,7 +24,10 @@ LONGEST = 1e30
 _NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
 _WRITTEN_BY = {
-    "hysid compensator": "not a compensator. Write one with hysid export DIR --runtime FILE.",
+    "hysid compensator": (
+        "not a compensator. Write one with hysid export DIR --runtime FILE; an oscillator, a forward model,"
+        " is read by load_oscillator."
+    ),
     "hysid force estimator": (
         "not a force estimator. Write one with compensate.microchannel.export_force."
     ),

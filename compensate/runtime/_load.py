@@ -7,12 +7,10 @@ from ._compensator import Compensator
 from ._compensator import load as load_compensator
 from ._network import KIND as FORCE
 from ._network import ForceEstimator, load_force
-from ._oscillator import KIND as OSCILLATOR
-from ._oscillator import OscillatorStep, load_oscillator
 
 
-def load(path: str | Path) -> Compensator | ForceEstimator | OscillatorStep:
-    """The compensator, force estimator or oscillator of a file, once it has replayed the golden pair in it.
+def load(path: str | Path) -> Compensator | ForceEstimator:
+    """The compensator or force estimator of a file, once it has replayed the golden pair in it.
 
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
@@ -23,10 +21,7 @@ def load(path: str | Path) -> Compensator | ForceEstimator | OscillatorStep:
         >>> compensate.runtime.load(file).rates
         False
     """
-    kind = _kind(path)
-    if kind == OSCILLATOR:
-        return load_oscillator(path)
-    return load_force(path) if kind == FORCE else load_compensator(path)
+    return load_force(path) if _kind(path) == FORCE else load_compensator(path)
 
 
 def _kind(path: str | Path) -> str | None:

@@ -21,7 +21,7 @@ class OscillatorStep:
         >>> spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0)
         >>> plant = hysteresis.Oscillator(2.0, 10.0, 5e4, spring)
         >>> file = compensate.export_oscillator(plant, folder / "mount.json", 1 / 750, np.ones(64))
-        >>> mount = compensate.runtime.load(file)
+        >>> mount = compensate.runtime.load_oscillator(file)
         >>> mount.step(40.0)
         0.0
     """
@@ -112,7 +112,17 @@ class OscillatorStep:
 
 
 def load_oscillator(path: str | Path) -> OscillatorStep:
-    """The oscillator of a file, once it has moved as the golden pair in it says."""
+    """The oscillator of a file, once it has moved as the golden pair in it says.
+
+    Raises `FileError` where the file cannot be used.
+
+    **Example:**
+
+        >>> plant = hysteresis.Oscillator(2.0, 10.0, 5e4, hysteresis.BoucWenForce(5e4, 800.0))
+        >>> file = compensate.export_oscillator(plant, folder / "mount.json", 1 / 750, np.ones(64))
+        >>> compensate.runtime.load_oscillator(file).step(40.0)
+        0.0
+    """
 
     def replay(document: dict[str, Any]) -> tuple[OscillatorStep, float]:
         made, golden = OscillatorStep(document), document["golden"]

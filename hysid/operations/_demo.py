@@ -24,7 +24,7 @@ def demo(
     file = demo_data(out)
     selection = Selection(
         input="force (N)", output="displacement (mm)", time="time (s)",
-        test_where=["cycle=11,12,13"],
+        test_where=("cycle=11,12,13",),
     )  # fmt: skip
     if (out / "fit.json").exists():
         before = identify.internal.read_document(out).get("data", {}).get("source", "")

@@ -58,7 +58,7 @@ def decimated(
     for factor in stages:
         if len(x) <= half:
             raise InputError(
-                "too-few-samples",
+                "too-few-rows",
                 f"{len(x)} steps cannot be low-passed by a filter of {TAPS} taps.",
                 fix="give a longer record.",
             )

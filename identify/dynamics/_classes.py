@@ -71,7 +71,7 @@ def search(
 ) -> Search:
     """Fit the class `hysteresis`, or all of them where it is None, and take the one of greatest evidence.
 
-    Raises `InputError` `did-not-converge` where no start led to a motion that stays finite.
+    Raises `InputError` `fit-broke` where no start led to a motion that stays finite.
     """
     warm = _periods_to_steady_state(motion, linear)
     coarse = Setting.of(motion, max(1, oversampling // COARSER), (), warm)
@@ -101,7 +101,7 @@ def search(
                 break
     if not tried:
         raise InputError(
-            "did-not-converge",
+            "fit-broke",
             "no oscillator with hysteresis follows this motion from any start.",
             cause="the record is too short, too noisy, or not that of a mass on a spring.",
             fix="measure a longer record about the resonance.",

@@ -63,14 +63,14 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
 
     A record without a period gets two more unknowns: what its ends add to the spectrum of a derivative.
 
-    Raises `InputError` `resonance-not-excited` where the record does not show a mass on a spring.
+    Raises `InputError` `no-excitation` where the record does not show a mass on a spring.
     """
     U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
     w = 2 * np.pi * motion.frequencies
     lines = excited(motion)
     if lines.sum() < 4:
         raise InputError(
-            "resonance-not-excited",
+            "no-excitation",
             f"the force has {int(lines.sum())} frequencies; mass, damping and stiffness need more.",
             fix="excite with a multisine, a sweep or noise about the resonance.",
         )
@@ -109,7 +109,7 @@ def _check(linear: LinearApproximation) -> None:
     else:
         said = f"{seen}, and the resonance seems to be at {at:.4g}."
     raise InputError(
-        "resonance-not-excited",
+        "no-excitation",
         said,
         cause="the force never excites the resonance, the columns are exchanged, or another unit.",
         fix="excite a band about the resonance; --input is the force, --output the displacement.",

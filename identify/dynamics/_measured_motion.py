@@ -68,7 +68,7 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
 
     **Arguments:** `period`: rows of a period; None to look for one, 0 for a force that does not repeat.
 
-    Raises `InputError`: `no-time`, `several-sequences`, `uneven-clock`, `too-few-samples`, `not-periodic`,
+    Raises `InputError`: `no-time`, `several-sequences`, `uneven-clock`, `too-few-rows`, `not-periodic`,
     `constant-input`.
     """
     dt = even_clock(record)
@@ -76,7 +76,7 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     u, y = _uninterrupted(record, u, y)
     if len(u) < LEAST_ROWS:
         raise InputError(
-            "too-few-samples",
+            "too-few-rows",
             f"{len(u)} rows do not show an oscillation.",
             fix=f"measure at least {LEAST_ROWS} rows.",
         )
@@ -123,8 +123,8 @@ def _uninterrupted(record: Record, u: np.ndarray, y: np.ndarray) -> tuple[np.nda
         return u[:count], y[:count]
     gap = int(np.argmin(record.mask))
     raise InputError(
-        "masked-rows",
-        f"{len(u) - count} of {len(u)} rows are excluded, and a motion cannot be cut.",
+        "several-sequences",
+        f"{len(u) - count} of {len(u)} rows are excluded, which cuts the motion.",
         place=f"line {int(record.line[gap])}",
         fix="fit one uninterrupted run of rows from the beginning of the record (--where, --test-tail).",
     )

@@ -15,6 +15,9 @@ SURFACE = "EverettSurface"
 AUTO = ("LinearSponge", "Burgers", "Preisach", SURFACE, COMPOSITION)
 """What `model="auto"` tries, the simplest first; a surface only where a record consists of such curves."""
 
+OSCILLATOR = "Oscillator"
+"""A mass on a hysteretic spring, fitted by a search of its own and never beside models without a mass."""
+
 SEARCHES = (SURFACE, COMPOSITION)
 """Names that are no models: a way to find one."""
 
@@ -71,7 +74,7 @@ def candidates(model: Any) -> tuple[Candidate, ...]:
 
 def names() -> tuple[str, ...]:
     """Every name that `fit` takes but auto, the candidates of auto first."""
-    return (*AUTO, *(name for name in model_names() if name not in AUTO))
+    return (*AUTO, *(name for name in model_names() if name not in AUTO), OSCILLATOR)
 
 
 def _named(name: str) -> list[Candidate]:

@@ -21,6 +21,7 @@ from hysteresis import (
 )
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict
+from hysteresis.numerics._normal import NORMAL_95
 
 from ..dynamics._classes import CLASSES, Search, Tried, search
 from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
@@ -33,13 +34,12 @@ from ..results._baseline import Baseline
 from ..results._fit_result import Candidate, FitResult, Parameter
 from ..results._metrics import Metrics, metrics
 from ..results._motion_detail import Motion, digest_of
+from ._candidates import OSCILLATOR
 from ._verdict import judge
 
-NAME = "Oscillator"
-NAMES = (NAME, *(f"{NAME}({one})" for one in CLASSES))
+NAMES = (OSCILLATOR, *(f"{OSCILLATOR}({one})" for one in CLASSES))
 """What `fit` and --model call them; without a class, all classes are tried."""
 
-NORMAL_90 = 1.6448536269514722
 HELD_OUT = 0.25
 """Part of a record without a period that is held out while its error is judged."""
 
@@ -51,13 +51,13 @@ def oscillator_asked(model: Any) -> str | None:
     models are asked for beside it.
     """
     if model is Oscillator:
-        return NAME
+        return OSCILLATOR
     if isinstance(model, list | tuple) and len(model) == 1:
         (model,) = model
     if not isinstance(model, str):
         return None
     parts = [part.strip() for part in re.split(r",(?![^(]*\))", model)]
-    ours = [part for part in parts if part.casefold().startswith(NAME.casefold())]
+    ours = [part for part in parts if part.casefold().startswith(OSCILLATOR.casefold())]
     if not ours:
         return None
     if len(parts) > 1:
@@ -95,7 +95,7 @@ def fit_oscillator(
     motion = measured_motion(record, period)
     linear = linear_approximation(motion)
     warnings = [*_warnings(motion, linear, oversampling)]
-    asked = name[len(NAME) + 1 : -1] or None
+    asked = name[len(OSCILLATOR) + 1 : -1] or None
     found = search(
         motion, linear, asked, oversampling=oversampling, starts=starts, seed=seed, say=say
     )
@@ -123,7 +123,7 @@ def fit_oscillator(
     blocks = _held_out(motion, record, found, optimum)
     range_ = float(np.ptp(record.output[used]))
     fitted = FitResult(
-        name=f"{NAME}({best.name})",
+        name=f"{OSCILLATOR}({best.name})",
         model=model,
         parameters=parameters,
         covariance=covariance,
@@ -213,7 +213,7 @@ def _parameters(
     listed = tuple(
         Parameter(
             name, value, unit, float(error), "free",
-            value - NORMAL_90 * float(error), value + NORMAL_90 * float(error),
+            value - NORMAL_95 * float(error), value + NORMAL_95 * float(error),
         )
         for (name, value, unit), error in zip(named, errors, strict=True)
     )  # fmt: skip
@@ -360,7 +360,7 @@ def _candidate(tried: Tried, fit: FitResult, motion: MeasuredMotion) -> Candidat
     text = f"chi2 per row {found.chi:.4g}, {found.effective:.0f} effective parameters"
     text += f", BIC {found.bic:.0f}."
     return Candidate(
-        name=f"{NAME}({tried.name})",
+        name=f"{OSCILLATOR}({tried.name})",
         parameters=(),
         metrics={"train": Metrics(rmse, 100 * rmse / span, float("nan"), r2), "test": None},
         success=found.converged,

@@ -50,7 +50,7 @@ def plant(name: str) -> Oscillator:
 def test_plain_python_steps_as_the_model(name: str, tmp_path):
     model = plant(name)
     file = compensate.export_oscillator(model, tmp_path / "plant.json", 1 / 750, FORCE)
-    step = compensate.runtime.load(file)
+    step = compensate.runtime.load_oscillator(file)
     assert isinstance(step, compensate.runtime.OscillatorStep)
     wanted = model.displacement(T, FORCE)
     for _ in range(2):
@@ -80,7 +80,7 @@ def test_a_changed_file_is_refused(tmp_path):
     file = compensate.export_oscillator(plant("mixed"), tmp_path / "plant.json", 1 / 750, FORCE)
     file.write_text(file.read_text().replace("1.7", "1.8"))
     with pytest.raises(compensate.runtime.FileError):
-        compensate.runtime.load(file)
+        compensate.runtime.load_oscillator(file)
 
 
 def test_what_has_no_step_in_c_is_refused(tmp_path):

@@ -189,7 +189,7 @@ def test_the_force_is_found_again_with_the_noise_that_is_said():
         (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),
         (lambda: BoucWenForce(alpha=-1.0), "parameter-out-of-bounds"),
         (lambda: hysteresis.input_force(plant(), T, FORCE, band=400.0), "bad-option"),
-        (lambda: hysteresis.decimated(np.zeros(8), (2,)), "too-few-samples"),
+        (lambda: hysteresis.decimated(np.zeros(8), (2,)), "too-few-rows"),
     ],
 )
 def test_bad_arguments_are_refused(make, code: str):

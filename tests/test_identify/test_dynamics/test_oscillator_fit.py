@@ -149,7 +149,7 @@ def test_a_resonance_that_is_not_excited_is_said_to_be():
     u, y = steady(Plant(), period, 2)
     with pytest.raises(InputError) as caught:
         identify.fit(recorded(u, y + 1e-8), "Oscillator")
-    assert caught.value.code == "resonance-not-excited"
+    assert caught.value.code == "no-excitation"
 
 
 def test_the_linear_approximation_tells_noise_from_distortion():
