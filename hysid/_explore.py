@@ -52,6 +52,13 @@ class Explorer:
 
         - `low`, `high`: on the axis of the time plot; None is its end.
         - `box`: least and greatest input, least and greatest output.
+
+        **Example:**
+
+            >>> explorer = hysid.explore(record)
+            >>> explorer.choose(None, None, box=(-np.inf, np.inf, -np.inf, np.inf))
+            >>> bool(explorer.rows.all())
+            True
         """
         self.widget.chosen = [low, high, None if box is None else [float(x) for x in box]]
 
