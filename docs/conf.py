@@ -46,7 +46,7 @@ author = "The hysid developers"
 project_copyright = author
 version = release = version_of("hysid")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "mathematics"]
-exclude_patterns = ["tools"]
+exclude_patterns = ["tools", "template"]
 nitpicky = True
 smartquotes = False  # options begin with two dashes
 highlight_language = "none"

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.path import Path
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00", "#56B4E9"
 GREY, DIM, INK = "#8c8c8c", "#b5b5b5", "#222222"
@@ -305,6 +305,20 @@ def _corner_range(draws: np.ndarray, fitted: float, see: Callable[..., Any]) -> 
     if np.isfinite(fitted):
         low, high = min(low, see(fitted)), max(high, see(fitted))
     return _widened(np.array([low, high]))
+
+
+def log_ticks(axis: Any) -> None:
+    """Four labels at most of a logarithmic axis, without mathematical text."""
+    axis.set_major_locator(LogLocator(numticks=4))
+    axis.set_major_formatter(
+        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else _power(x))
+    )
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _power(x: float) -> str:
+    raised = f"{np.log10(x):.3g}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}"
 
 
 def _ticks(log: bool) -> FuncFormatter:

@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identify import Bands, Profile, Sloppiness, Starts, Whiteness
 
-from ._base import BLUE, DIM, GREEN, GREY, INK, SIZE, SKY, VERMILLION, styled
+from ._base import BLUE, DIM, GREEN, GREY, INK, SIZE, SKY, VERMILLION, log_ticks, styled
 from ._format import label, pretty
 
 ACROSS = 4
@@ -99,7 +99,7 @@ def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
         finite = y[np.isfinite(y) & (y > 0)]
         if len(finite) and finite.max() < 3 * finite.min():
             axes.set_ylim(0.5 * finite.min(), 3 * finite.max())
-        _log_ticks(axes.yaxis)
+        log_ticks(axes.yaxis)
     above.set_ylabel(label("rms error", unit))
     below.set(
         xlabel="start, best first" + (" (filled: optimised to convergence)" if refined else "")
@@ -269,7 +269,7 @@ def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
     if is_log:
         axes.set_xscale("log")
         axes.set_xlim(low / 1.2, high * 1.2)
-        _log_ticks(axes.xaxis)
+        log_ticks(axes.xaxis)
     else:
         margin = 0.08 * (high - low) or abs(high) or 1.0
         axes.set_xlim(low - margin, high + margin)
@@ -277,19 +277,6 @@ def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.5g}".replace("-", "−")))
     axes.set_xlabel(label(name, pretty(unit)))
     return is_log
-
-
-def _log_ticks(axis: Any) -> None:
-    axis.set_major_locator(LogLocator(numticks=4))
-    axis.set_major_formatter(
-        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else _power(x))
-    )
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _power(x: float) -> str:
-    raised = f"{np.log10(x):.3g}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{raised}"
 
 
 def _factor(error: float) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ._base import BLUE, GREY, ORANGE, SIZE, VERMILLION, styled
+from ._base import BLUE, GREY, ORANGE, SIZE, VERMILLION, log_ticks, styled
 
 
 @styled
@@ -25,6 +25,7 @@ def frequency_response(
         if np.isfinite(level).any():
             axes.semilogy(frequencies, level, lw=0.9, color=colour, label=word)
     axes.set(xlabel=x_label, ylabel=y_label)
+    log_ticks(axes.yaxis)
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.4, handlelength=1.6)
     return figure
 
@@ -53,5 +54,6 @@ def residual_spectrum(
     axes.semilogy(frequencies, residual, lw=0.8, color=VERMILLION, label="residuals")
     axes.axhline(sigma, lw=0.9, ls="--", color=GREY, label="noise")
     axes.set(xlabel=x_label, ylabel=y_label)
+    log_ticks(axes.yaxis)
     figure.legend(loc="outside upper left", ncols=3, columnspacing=1.4, handlelength=1.6)
     return figure

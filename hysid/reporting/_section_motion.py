@@ -23,7 +23,7 @@ def response(case: Case) -> Section:
         linear.frequencies, linear.response, linear.noise, linear.distortion,
         linear.model(linear.frequencies), x, y,
     )  # fmt: skip
-    resonance = quantity(linear.resonance, f"1 / {case.fit.train.time_unit}")
+    resonance = quantity(linear.resonance, _rate(case))
     section = Section(
         "Frequency response",
         [f"The best linear oscillator has its undamped resonance at {resonance}."],
@@ -109,6 +109,10 @@ def motion_of(case: Case) -> Motion:
 
 
 def _frequency(case: Case) -> str:
-    return label(
-        "frequency", "Hz" if case.fit.train.time_unit == "s" else f"1 / {case.fit.train.time_unit}"
-    )
+    return label("frequency", _rate(case))
+
+
+def _rate(case: Case) -> str:
+    """The unit of a frequency."""
+    unit = case.fit.train.time_unit
+    return "Hz" if unit == "s" else f"1 / {unit}"
