@@ -190,6 +190,8 @@ def next_command(case: Case) -> tuple[str, str]:
     if fit.test is None:
         count = 0 if chosen.get("step") else int(fit.train.cycle_counts.min())
         held = "--test-cycles 1" if count > 1 else f"--test-tail {TAIL}"
+        if isinstance(fit.detail, identify.Motion):
+            held = f"--model {shell_word(fit.name)} --test-tail {TAIL}"
         elsewhere = shell_word(f"{case.folder}-held-out")
         return (
             "Hold out some rows and fit again",
