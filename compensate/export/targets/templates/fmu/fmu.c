@@ -1,4 +1,5 @@
 {% set F = "fmi" ~ version %}
+{% set STATE = "FMUstate" if version == 2 else "FMUState" %}
 {# A function of the interface that has nothing to do here, written out with the types it takes. #}
 {% macro absent(name, types, result) %}
 
@@ -213,6 +214,54 @@ EXPORT {{ F }}Status API({{ F }}Reset)({{ F }}Instance instance)
     reset(instance);
     return OK;
 }
+
+EXPORT {{ F }}Status API({{ F }}Get{{ STATE }})({{ F }}Instance instance, {{ F }}FMUState *kept)
+{
+    return copy_state(instance, kept);
+}
+
+EXPORT {{ F }}Status API({{ F }}Set{{ STATE }})({{ F }}Instance instance, {{ F }}FMUState kept)
+{
+    memcpy(instance, kept, sizeof(state));
+    return OK;
+}
+
+EXPORT {{ F }}Status API({{ F }}Free{{ STATE }})({{ F }}Instance instance, {{ F }}FMUState *kept)
+{
+    (void)instance;
+    free(*kept);
+    *kept = NULL;
+    return OK;
+}
+
+EXPORT {{ F }}Status API({{ F }}Serialized{{ STATE }}Size)({{ F }}Instance instance, {{ F }}FMUState kept, size_t *size)
+{
+    (void)instance;
+    (void)kept;
+    *size = sizeof(state);
+    return OK;
+}
+
+EXPORT {{ F }}Status API({{ F }}Serialize{{ STATE }})(
+    {{ F }}Instance instance, {{ F }}FMUState kept, {{ F }}Byte bytes[], size_t size)
+{
+    (void)instance;
+    if (size < sizeof(state)) {
+        return ERROR;
+    }
+    memcpy(bytes, kept, sizeof(state));
+    return OK;
+}
+
+EXPORT {{ F }}Status API({{ F }}{{ "DeSerialize" if version == 2 else "Deserialize" }}{{ STATE }})(
+    {{ F }}Instance instance, const {{ F }}Byte bytes[], size_t size, {{ F }}FMUState *kept)
+{
+    (void)instance;
+    if (size != sizeof(state) || copy_state((void *)bytes, kept) != OK) {
+        return ERROR;
+    }
+    return OK;
+}
 {% if version == 2 %}
 EXPORT const char *API(fmi2GetTypesPlatform)(void)
 {
@@ -265,54 +314,6 @@ EXPORT fmi2Status API(fmi2GetInteger)(
     fmi2Instance instance, const fmi2ValueReference r[], size_t n, int value[])
 {
     return get_integers(instance, r, n, value);
-}
-
-EXPORT fmi2Status API(fmi2GetFMUstate)(fmi2Instance instance, fmi2FMUState *kept)
-{
-    return copy_state(instance, kept);
-}
-
-EXPORT fmi2Status API(fmi2SetFMUstate)(fmi2Instance instance, fmi2FMUState kept)
-{
-    memcpy(instance, kept, sizeof(state));
-    return OK;
-}
-
-EXPORT fmi2Status API(fmi2FreeFMUstate)(fmi2Instance instance, fmi2FMUState *kept)
-{
-    (void)instance;
-    free(*kept);
-    *kept = NULL;
-    return OK;
-}
-
-EXPORT fmi2Status API(fmi2SerializedFMUstateSize)(fmi2Instance instance, fmi2FMUState kept, size_t *size)
-{
-    (void)instance;
-    (void)kept;
-    *size = sizeof(state);
-    return OK;
-}
-
-EXPORT fmi2Status API(fmi2SerializeFMUstate)(
-    fmi2Instance instance, fmi2FMUState kept, fmi2Byte bytes[], size_t size)
-{
-    (void)instance;
-    if (size < sizeof(state)) {
-        return ERROR;
-    }
-    memcpy(bytes, kept, sizeof(state));
-    return OK;
-}
-
-EXPORT fmi2Status API(fmi2DeSerializeFMUstate)(
-    fmi2Instance instance, const fmi2Byte bytes[], size_t size, fmi2FMUState *kept)
-{
-    (void)instance;
-    if (size != sizeof(state) || copy_state((void *)bytes, kept) != OK) {
-        return ERROR;
-    }
-    return OK;
 }
 
 EXPORT fmi2Status API(fmi2DoStep)(
@@ -387,54 +388,6 @@ EXPORT fmi3Status API(fmi3GetInt32)(
     fmi3Instance instance, const fmi3ValueReference r[], size_t n, int32_t value[], size_t values)
 {
     return values < n ? ERROR : get_integers(instance, r, n, value);
-}
-
-EXPORT fmi3Status API(fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *kept)
-{
-    return copy_state(instance, kept);
-}
-
-EXPORT fmi3Status API(fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState kept)
-{
-    memcpy(instance, kept, sizeof(state));
-    return OK;
-}
-
-EXPORT fmi3Status API(fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *kept)
-{
-    (void)instance;
-    free(*kept);
-    *kept = NULL;
-    return OK;
-}
-
-EXPORT fmi3Status API(fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState kept, size_t *size)
-{
-    (void)instance;
-    (void)kept;
-    *size = sizeof(state);
-    return OK;
-}
-
-EXPORT fmi3Status API(fmi3SerializeFMUState)(
-    fmi3Instance instance, fmi3FMUState kept, fmi3Byte bytes[], size_t size)
-{
-    (void)instance;
-    if (size < sizeof(state)) {
-        return ERROR;
-    }
-    memcpy(bytes, kept, sizeof(state));
-    return OK;
-}
-
-EXPORT fmi3Status API(fmi3DeserializeFMUState)(
-    fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *kept)
-{
-    (void)instance;
-    if (size != sizeof(state) || copy_state((void *)bytes, kept) != OK) {
-        return ERROR;
-    }
-    return OK;
 }
 
 EXPORT fmi3Status API(fmi3EnterStepMode)(fmi3Instance instance)
