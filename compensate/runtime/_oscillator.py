@@ -27,7 +27,7 @@ class OscillatorStep:
     """
 
     def __init__(self, document: dict[str, Any]):
-        self.dt = float(document["dt"])
+        self.dt: float = float(document["dt"])
         self._substeps = int(document["substeps"])
         self._plant = tuple(float(document[key]) for key in ("mass", "damping", "stiffness"))
         self._rate = [[float(x) for x in side] for side in document["rate"]]
