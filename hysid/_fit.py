@@ -6,6 +6,7 @@ from typing import Any
 import identify
 from hysteresis import InputError, Record
 
+from ._compile_cache import keep_compiled_by_python
 from .operations._compensated import fitted_to_compensate
 
 _OF_RECORDS = (
@@ -44,6 +45,10 @@ def fit(
 
     **Returns:** the `FitResult`.
 
+    Compiled programs are kept in the user's cache folder, as the command line keeps them, so that the first
+    fit of the next process does not wait for them. A folder given to JAX is taken instead, and
+    `JAX_ENABLE_COMPILATION_CACHE=0` keeps none.
+
     **Raises:** `InputError` as `Record.from_arrays`, `Record.from_columns` and `identify.fit` do.
 
     **Example:**
@@ -51,6 +56,7 @@ def fit(
         >>> hysid.fit(record.input, record.output, model="LinearSponge", noise="gaussian").name
         'LinearSponge'
     """
+    keep_compiled_by_python()
     if isinstance(data, Record):
         if (input, output, time, group) != (None,) * 4 or condition:
             raise InputError(

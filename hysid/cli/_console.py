@@ -13,7 +13,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from ._compile_cache import keep_compiled
+from .._compile_cache import keep_compiled
 
 PURPOSES = {
     "predict": "to predict", "compensate": "to compensate", "constants": "for its constants",

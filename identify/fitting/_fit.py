@@ -94,6 +94,8 @@ def fit(
     - `allow_float32`: fit although JAX's double precision is off.
     - `progress`: called with a line of text now and then.
 
+    Ctrl-C ends the search: the best candidate so far is the result, and `skipped` names the others.
+
     Raises `InputError` where the record cannot identify anything, or double precision is off.
 
     **Example:**
@@ -225,6 +227,13 @@ def _tried(
             said = f"{candidate.name}: skipped. {error}"
             say(ProgressNote("skipped", said, done, len(asked)))
             continue
+        except KeyboardInterrupt:
+            # What was found is worth more than a clean end: the best of it is the result.
+            if not tried:
+                raise
+            skipped |= {one.name: "interrupted before it was fitted." for one in asked[done - 1 :]}
+            say(ProgressNote("interrupted", f"{candidate.name}: interrupted.", done, len(asked)))
+            break
         seconds = time.perf_counter() - since
         for fit, search in new:
             tried.append(_Trial(data.tested(replace(fit, seconds=seconds)), search))

@@ -8,8 +8,8 @@ from unittest.mock import patch
 
 import pytest
 
-from hysid.cli import _compile_cache as _compiled
-from hysid.cli._compile_cache import keep_compiled
+from hysid import _compile_cache as _compiled
+from hysid._compile_cache import keep_compiled, keep_compiled_by_python
 from tests.test_hysid.command import ENVIRONMENT
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
@@ -23,15 +23,26 @@ def kept(**environment: str) -> dict[str, str]:
         return dict(os.environ)
 
 
-def test_the_second_process_compiles_nothing(tmp_path: Path):
-    code = """if True:
-        from hysid.cli._compile_cache import keep_compiled
-        keep_compiled()
-        import jax
-        hits = []
-        jax.monitoring.register_event_listener(lambda name, **_: hits.append("cache_hits" in name))
-        jax.jit(lambda x: 2 * x + 1)(3.0)
-        print(sum(hits))"""
+COMMAND = """
+from hysid._compile_cache import keep_compiled
+keep_compiled()
+import jax
+"""
+PROGRAM = """
+import jax
+jax.jit(lambda x: x - 1)(3.0)
+from hysid._compile_cache import keep_compiled_by_python
+keep_compiled_by_python()
+"""
+
+
+@pytest.mark.parametrize("begin", [COMMAND, PROGRAM])
+def test_the_second_process_compiles_nothing(begin: str, tmp_path: Path):
+    code = f"""{begin}
+hits = []
+jax.monitoring.register_event_listener(lambda name, **_: hits.append("cache_hits" in name))
+jax.jit(lambda x: 2 * x + 1)(3.0)
+print(sum(hits))"""
 
     def hits() -> int:
         environment = OURS | {"XDG_CACHE_HOME": str(tmp_path), "JAX_PLATFORMS": "cpu"}
@@ -54,6 +65,13 @@ def test_the_users_word_counts(tmp_path: Path):
     assert FOLDER not in kept(**place, JAX_ENABLE_COMPILATION_CACHE="0")
     assert kept(**place, **{FOLDER: "elsewhere"})[FOLDER] == "elsewhere"
     assert not any(tmp_path.iterdir())
+
+
+def test_the_word_of_a_program_counts():
+    """It has given JAX a folder of its own, or turned the cache off, as these tests do."""
+    before = dict(os.environ)
+    keep_compiled_by_python.__wrapped__()
+    assert dict(os.environ) == before
 
 
 def test_without_a_home_nothing_is_kept(tmp_path: Path):

@@ -181,6 +181,22 @@ def test_an_input_that_only_rises_is_left_to_the_models_without_memory() -> None
     assert result.name == "LinearSponge"
 
 
+def test_an_interrupted_fit_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And says what was not tried; before anything was fitted there is no result."""
+    u = np.sin(np.linspace(0.0, 20.0, 200))
+    record = Record.from_arrays(u, 2 * u + 0.01 * u**3)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("identify.fitting._fit.fit_grid", interrupted)
+    result = fit(record, "LinearSponge, Preisach, Composition")
+    assert result.name == "LinearSponge"
+    assert set(result.skipped) == {"Preisach", "Composition"}
+    with pytest.raises(KeyboardInterrupt):
+        fit(record, "Preisach, LinearSponge")
+
+
 def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
     text = json.dumps(to_json(sponge_fit), allow_nan=False)
     document = json.loads(text)

@@ -1,4 +1,4 @@
-"""Compiled programs, kept from one command to the next."""
+"""Compiled programs, kept from one process to the next."""
 
 import contextlib
 import hashlib
@@ -7,6 +7,7 @@ import platform
 import re
 import stat
 import warnings
+from functools import cache
 from pathlib import Path
 
 MOST = 500_000_000
@@ -45,6 +46,24 @@ def keep_compiled() -> str:
     # What cannot be read, since a disk was full or another process is writing it, is compiled again.
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     return ""
+
+
+@cache
+def keep_compiled_by_python() -> None:
+    """The same where a program of the user's has loaded JAX, which then reads its variables no more.
+
+    A folder that the program has given to `jax.config`, or a cache that it has turned off there, stays.
+    """
+    import jax  # late: the command line sets its variables before
+
+    if jax.config.jax_compilation_cache_dir or not jax.config.jax_enable_compilation_cache:
+        return
+    if refused := keep_compiled():
+        warnings.warn(refused, stacklevel=3)
+    if (folder := os.environ.get("JAX_COMPILATION_CACHE_DIR")) is not None:
+        least = os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"]
+        jax.config.update("jax_compilation_cache_dir", folder)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", float(least))
 
 
 def _shared(above: Path) -> str:
