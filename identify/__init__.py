@@ -51,6 +51,7 @@ from .results._baseline import Baseline
 from .results._detail import (
     Composition,
     DiscreteSpectrum,
+    FoldedState,
     GridWeights,
     Parametric,
     ReversalCurves,
@@ -87,6 +88,7 @@ __all__ = [
     "EverettSurface",
     "Extrapolation",
     "FitResult",
+    "FoldedState",
     "Forc",
     "ForcDiagram",
     "GridWeights",

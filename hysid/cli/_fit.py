@@ -21,8 +21,8 @@ from ._console import (
 from ._selection import takes_selection
 
 MODELS = (
-    "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "FoamCurve", "BoucWen",
-    "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
+    "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "Butterfly", "FoamCurve",
+    "BoucWen", "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
     "GeneralizedMaxwell", "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""

@@ -12,13 +12,17 @@ COMPOSITION = "Composition"
 SURFACE = "EverettSurface"
 """A Preisach model read off first-order reversal curves."""
 
-AUTO = ("LinearSponge", "Burgers", "Preisach", SURFACE, COMPOSITION)
-"""What `model="auto"` tries, the simplest first; a surface only where a record consists of such curves."""
+BUTTERFLY = "Butterfly"
+"""A composition of a state that the output is an even curve of, or nearly."""
+
+AUTO = ("LinearSponge", "Burgers", "Preisach", SURFACE, COMPOSITION, BUTTERFLY)
+"""What `model="auto"` tries, the simplest first; a surface only where a record consists of such curves, a
+butterfly only where most branches have a valley or a peak."""
 
 OSCILLATOR = "Oscillator"
 """A mass on a hysteretic spring, fitted by a search of its own and never beside models without a mass."""
 
-SEARCHES = (SURFACE, COMPOSITION)
+SEARCHES = (SURFACE, COMPOSITION, BUTTERFLY)
 """Names that are no models: a way to find one."""
 
 Asked = str | AbstractModel | type[AbstractModel]

@@ -17,8 +17,9 @@ from ..parameters._settings import with_settings
 from ..parameters._transform import transform_for
 from ..records._folds import as_good
 from ..results._fit_result import FitResult
-from ._candidates import SURFACE, Asked, Candidate, candidates
-from ._linear import fit_composition, fit_grid
+from ._butterfly import fit_butterfly, unfolded
+from ._candidates import BUTTERFLY, SURFACE, Asked, Candidate, candidates
+from ._linear import fit_composition, fit_grid, state_of
 from ._oscillator import fit_oscillator, oscillator_asked
 from ._parametric import LeastSquares, explained, least_squares
 from ._reversal_curves import consists_of_curves, fit_surface
@@ -61,7 +62,7 @@ def fit(
     **Arguments:**
 
     - `record`: the measurements; its mask says which rows count.
-    - `model`: `"auto"`; a name, whatever its case, out of Composition, EverettSurface and
+    - `model`: `"auto"`; a name, whatever its case, out of Composition, EverettSurface, Butterfly and
       `hysteresis.model_names()`; Oscillator, or Oscillator(BoucWen) and others, which are fitted alone; a
       registered class; or a model to start from: its fixed parameters stay, the others are fitted. A list
       holds several of them.
@@ -151,6 +152,8 @@ def fit(
         bars = data.falls or data.condition is not None or purpose == "compensate"
         if bars or not consists_of_curves(data.record):
             asked = tuple(one for one in asked if one.name != SURFACE)
+        if data.condition is not None or unfolded(data.record) is None:
+            asked = tuple(one for one in asked if one.name != BUTTERFLY)
     tried, skipped = _tried(asked, data, options, say)
     chosen, *others = _ranked(tried)
     best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
@@ -268,6 +271,8 @@ def _fitted(
     name, template = candidate.name, candidate.template
     if candidate.kind is None and name == SURFACE:
         return [_Trial(fit_surface(name, data))]
+    if candidate.kind is None and name == BUTTERFLY:
+        return [_Trial(fit_butterfly(name, data, state_of(options.initial)))]
     if candidate.kind is None:
         path = fit_composition(data, options.initial, options.seed, say)
         return [_Trial(fit) for fit in path]

@@ -49,7 +49,7 @@ def fit_composition(
     data: TrainingData, initial: str, seed: int, say: Callable[[str], None]
 ) -> list[FitResult]:
     """Compositions from a curve alone to the best one; see `fit_compositions`."""
-    state = "negative" if initial in ("auto", "fit") else initial
+    state = state_of(initial)
     path: tuple[LinearFit, ...]
     if data.condition is None:
         choices = path_of(data.record, data.parts, data.leadings, state)
@@ -73,6 +73,11 @@ def fit_composition(
         draws = DRAWS if linear is path[-1] else FEW_DRAWS
         results.append(_result(name, linear, detail, data, tuple(notes), seed, draws))
     return results
+
+
+def state_of(initial: str) -> Any:
+    """The relays of a composition before the first sample, where the user left that open: all down."""
+    return "negative" if initial in ("auto", "fit") else initial
 
 
 def _result(

@@ -15,7 +15,13 @@ from jaxtyping import Array, Float
 from hysteresis import InputError
 from hysteresis._serialisation import described
 
-from ..results._detail import Composition, DiscreteSpectrum, GridWeights, ReversalCurves
+from ..results._detail import (
+    Composition,
+    DiscreteSpectrum,
+    FoldedState,
+    GridWeights,
+    ReversalCurves,
+)
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, Identity
 from ..storage._checkpoint_file import digest
@@ -99,6 +105,13 @@ def sample(
             "no-posterior",
             "a model read off reversal curves has no posterior to draw from.",
             fix="fit Preisach to the same record.",
+        )
+    if isinstance(detail, FoldedState):
+        raise InputError(
+            "no-posterior",
+            "a model of butterfly loops has no posterior to draw from.",
+            cause="its weights are those of a state that was not measured.",
+            fix="hold out cycles: their error says what the model is worth.",
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+from jaxtyping import Float
 
 from hysteresis import AbstractModel, Record
+from hysteresis.curves import PolynomialCurve
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
@@ -160,6 +162,42 @@ class ReversalCurves:
 
 
 @dataclass(frozen=True, eq=False)
+class FoldedState:
+    """Butterfly loops: a composition of a state without a unit, and the curve that makes the output of it.
+
+    `linear.meaning.parts` names the parts of the state.
+
+    **Example:**
+
+        >>> identify.FoldedState.kind
+        'butterfly'
+    """
+
+    linear: LinearFit[CompositionUnknowns]
+    curve: PolynomialCurve
+    kind: ClassVar[str] = "butterfly"
+    is_linear: ClassVar[bool] = True
+    least_parameter: ClassVar[float] = -np.inf
+    key: ClassVar[str] = "butterfly"
+
+    def words(self) -> Words:
+        return {self.key: self.linear.meaning._asdict()}
+
+    def arrays(self) -> dict[str, Any]:
+        return _linear_arrays(self.linear) | {"rows": self.linear.rows}
+
+    def outputs(self, record: Record) -> np.ndarray | None:
+        state = self.linear.outputs(record)
+        return None if state is None else folded(self.curve, state)
+
+    @classmethod
+    def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "FoldedState":
+        """The inverse of `words` and `arrays`."""
+        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
+        return cls(_linear_fit(CompositionUnknowns(**words), arrays), model.parts[-1])
+
+
+@dataclass(frozen=True, eq=False)
 class DiscreteSpectrum:
     """A discrete spectrum of time constants, of creep or relaxation under a constant input.
 
@@ -208,14 +246,29 @@ class DiscreteSpectrum:
         return cls(Spectrum(**words | changed))
 
 
+def folded(curve: PolynomialCurve, state: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
+    """The curve at these states, in NumPy: no program is compiled for every number of rows."""
+    low, high = float(curve.low), float(curve.high)
+    polynomial = np.polynomial.Polynomial(np.asarray(curve.coefficients))
+    x = (2 * state - low - high) / (high - low)
+    inside = np.clip(x, -1.0, 1.0)
+    return np.asarray(polynomial(inside) + polynomial.deriv()(inside) * (x - inside))
+
+
 Detail: TypeAlias = (
-    Parametric | GridWeights | Composition | ReversalCurves | DiscreteSpectrum | Motion
+    Parametric
+    | GridWeights
+    | Composition
+    | ReversalCurves
+    | FoldedState
+    | DiscreteSpectrum
+    | Motion
 )
 
 
 def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel) -> Detail:
     """The kind of a saved fit, from its fit.json and fit.npz."""
-    for kind in (GridWeights, Composition, ReversalCurves, DiscreteSpectrum, Motion):
+    for kind in (GridWeights, Composition, ReversalCurves, FoldedState, DiscreteSpectrum, Motion):
         if kind.key in document:
             return kind.rebuilt(document[kind.key], arrays, model)
     return Parametric()

@@ -115,7 +115,7 @@ class FitResult:
     - `starts`: the objective of every start, for parametric models.
     - `used`: rows that were fitted, (samples,).
     - `detail`: what kind of fit it is, and what that kind holds: `Parametric`, `GridWeights`,
-      `Composition`, `ReversalCurves` or `DiscreteSpectrum`.
+      `Composition`, `ReversalCurves`, `FoldedState` or `DiscreteSpectrum`.
     - `candidates`: all models tried, this one included, best first; of a loaded fit their figures alone.
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.

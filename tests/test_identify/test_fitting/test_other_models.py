@@ -91,8 +91,8 @@ def test_a_name_is_given_once():
         "Preisach",
         "EverettSurface",
         "Composition",
+        "Butterfly",
         "FoamCurve",
-        "BoucWen",
     )
 
 

@@ -1,0 +1,96 @@
+"""Butterfly loops: what an output that is even in a hysteretic state unfolds into, and fits of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks._other_rigs import RIGS, motion, record_of
+from compensate import invert
+from hysteresis import InputError, Record
+from identify import FitResult, FoldedState, fit, load, sample, save
+from identify.fitting._butterfly import folding, unfolded
+from identify.results._detail import folded
+
+
+def tanh_of_play(u: np.ndarray) -> np.ndarray:
+    """A state that lags its input, between -1 and 1."""
+    play, found = 0.0, []
+    for x in u:
+        play = np.clip(play, x - 0.3, x + 0.3)
+        found.append(np.tanh(3 * play))
+    return np.array(found)
+
+
+U = motion(RIGS["magnetostriction"])
+STATE = tanh_of_play(U)
+
+
+@pytest.mark.parametrize("peak", [False, True])
+@pytest.mark.parametrize("level", [-3.0, 0.0])
+def test_the_state_is_found_behind_a_square(peak: bool, level: float):
+    """Up to the sampling: the lowest row of a way is within one step of where the state is zero."""
+    y = level + (-1 if peak else 1) * STATE**2
+    found = unfolded(Record.from_arrays(U, y))
+    assert found is not None
+    assert found.peak == peak
+    step = np.abs(np.diff(STATE)).max()
+    assert abs(found.level - level) <= step**2
+    behind_first = slice(60, None)  # the way from rest has no valley of its own height
+    size = np.abs(STATE).max()
+    off = np.abs(found.state * size - STATE)[behind_first]
+    assert off.max() <= 2 * step
+
+
+@pytest.mark.parametrize(
+    "y", [STATE, -STATE, np.sin(40 * U) / 100 + STATE, U, np.abs(U) * 0.0 + U**3]
+)
+def test_loops_without_valleys_are_no_butterflies(y: np.ndarray):
+    record = Record.from_arrays(U, y)
+    assert unfolded(record) is None
+    with pytest.raises(InputError, match="no-butterfly"):
+        fit(record, "Butterfly", test_cycles=1)
+
+
+def test_the_curve_is_that_of_the_model():
+    state = np.linspace(-1, 1.2, 50)
+    curve = folding(state, state**2 - 0.2 * state)
+    far = np.linspace(-2, 2, 41)
+    np.testing.assert_allclose(
+        folded(curve, far), curve.simulate(None, far), rtol=1e-12, atol=1e-12
+    )
+
+
+@pytest.fixture(scope="module", params=["magnetostriction", "piezo strain"])
+def found(request: pytest.FixtureRequest) -> FitResult:
+    """At amplitudes of which some were trained and some not."""
+    rig = RIGS[request.param]
+    return fit(record_of(rig), "Composition,Butterfly", test_cycles=rig.tested)
+
+
+def test_a_rig_is_predicted_better_than_by_the_best_baseline(found: FitResult):
+    assert found.name == "Butterfly"
+    test = found.metrics["test"]
+    assert test is not None
+    assert test.rmse < 0.4 * min(baseline.judged[0] for baseline in found.baselines)
+    assert found.verdict.level != "FAIL"
+
+
+def test_the_model_gives_what_the_fit_predicts(found: FitResult):
+    """Columns in NumPy and the model in JAX: both to rounding."""
+    record = found.train
+    want = found.model.simulate(record.time, record.input)
+    np.testing.assert_allclose(found.predict(record), want, atol=1e-9 * np.ptp(record.output))
+
+
+def test_it_comes_back_from_its_folder(found: FitResult, tmp_path: Path):
+    again = load(save(found, tmp_path / "fit"))
+    assert isinstance(again.detail, FoldedState)
+    np.testing.assert_array_equal(again.predict(found.train), found.predict(found.train))
+
+
+def test_what_has_two_inputs_has_no_inverse_and_no_posterior(found: FitResult):
+    with pytest.raises(InputError, match="not-invertible"):
+        invert(found.model)
+    with pytest.raises(InputError, match="no-posterior"):
+        sample(found, steps=20)
