@@ -6,7 +6,8 @@ Of every model and number of rows: the whole of `hysid fit FILE --model NAME`, f
 the written folder, in seconds and peak memory; cold, with no compiled programs kept, and warm, a second
 time. Growth is the exponent of time and of memory between neighbouring numbers of rows. The peer is a whole
 process too, on the same file. "Second fit" is one of another length in a process that has fitted before.
-`--quick` takes 1,000 rows alone.
+The multisine has 8,192 rows, and a fit in blocks 1e7, whatever `--rows` says; `--rows 1e8` takes as many in
+blocks. `--quick` takes 1,000 rows alone.
 """
 
 import math
@@ -53,6 +54,9 @@ class Case(NamedTuple):
       what is said to it.
     - `bars`: what is allowed, by number of rows. `second`: seconds allowed for a second fit.
     - `over_peer`: how many times the peer's seconds a warm fit of `LONG` rows may take.
+    - `growth`: exponents allowed of seconds and of memory. `report`: the fit of so many rows and more has a
+      report, which is timed too.
+    - `sizes`: its own numbers of rows.
     """
 
     name: str
@@ -62,6 +66,9 @@ class Case(NamedTuple):
     over_peer: float | None = None
     second: float | None = None
     model: str = ""
+    growth: tuple[float, float] | None = None
+    report: float = math.inf
+    sizes: tuple[int, ...] = ()
 
     @property
     def fitted(self) -> str:
@@ -111,6 +118,17 @@ def sliders(rows: int) -> tuple[np.ndarray, ...]:
     return t, u, play @ share + 0.3 * (u - slow) + 0.2 * u**3 + noise
 
 
+def multisine(rows: int) -> tuple[np.ndarray, ...]:
+    """The same sliders under 175 sines of random phase: some 700 cycles of ever other sizes."""
+    t, random = np.arange(rows) / rows, np.random.default_rng(0)
+    lines, phases = np.arange(600, 775), random.uniform(0, 2 * np.pi, 175)
+    u = np.cos(2 * np.pi * np.outer(t, lines) + phases).sum(axis=1)
+    u /= np.abs(u).max()
+    radii, share = np.array([0.05, 0.15, 0.3, 0.5]), np.array([0.3, 0.25, 0.2, 0.15])
+    play = clamped(u[:, None] - radii, u[:, None] + radii, np.zeros(4))
+    return t, u, play @ share + 0.2 * u**3 + random.normal(0.0, 0.005, rows)
+
+
 CASES = (
     Case(
         "Burgers",
@@ -138,6 +156,15 @@ CASES = (
         "auto",
         sliders,
         {1_000: Bar(warm=8.0), 100_000: Bar(warm=25.0), 1_000_000: Bar(warm=90.0, memory=2.0)},
+        growth=(0.8, 0.6),
+        report=1_000_000,
+    ),
+    Case(
+        "multisine",
+        multisine,
+        {8_192: Bar(warm=15.0, memory=1.0)},
+        model="auto",
+        sizes=(8_192,),
     ),
 )
 
@@ -184,7 +211,39 @@ def rows_of_size(case: Case, rows: int, folder: Path) -> tuple[list[Row], Taken]
         # Of few rows the start of Python and of JAX is all the time there is.
         allowed = case.over_peer if rows >= LONG else None
         found.append(_within(f"{what}: warm over {name}", ratio, allowed))
+    if rows >= case.report:
+        page = run(("hysid", "report", out), folder / f"cache{rows}")
+        found += [
+            judged(f"{what}: report, s", page.seconds, 15.0),
+            judged(f"{what}: report, MB", (out / "report.html").stat().st_size / 1e6, 5.0),
+        ]
     return found, warm
+
+
+def in_blocks(rows: int) -> list[Row]:
+    """A grid of 50 x 50 cells fitted to a Parquet file of so many rows, a block at a time in memory.
+
+    The file repeats 4,325 rows, after which the sliders' input starts again.
+    """
+    import pyarrow
+    import pyarrow.parquet
+
+    print(f"in blocks, {rows:,} rows ...", file=sys.stderr, flush=True)
+    _, u, y = (np.tile(column, 232) for column in sliders(4_325))
+    block = pyarrow.table({"input": u, "output": y})
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "long.parquet"
+        with pyarrow.parquet.ParquetWriter(file, block.schema) as writer:
+            for first in range(0, rows, len(u)):
+                writer.write_table(block.slice(0, min(len(u), rows - first)))
+        taken = run(("benchmarks._scale.in_blocks", file), Path(folder))
+    what = f"in blocks, {rows:,} rows of Parquet"
+    long = rows >= 1e8
+    return [
+        _within(f"{what}: s", taken.seconds, 900.0 if long else None),
+        _within(f"{what}: peak memory, GB", taken.memory, 2.0 if long else None),
+        noted(f"{what}: rms error, output's deviation {y.std():.3g}", float(taken.output)),
+    ]
 
 
 def second_fit(case: Case, rows: int) -> Row:
@@ -213,11 +272,11 @@ def rows_of(case: Case, sizes: Sequence[int]) -> list[Row]:
     if case.second is not None:
         found.append(second_fit(case, sizes[0]))
     for few, many in pairwise(sizes):
-        for name in ("seconds", "memory"):
+        for name, bar in zip(("seconds", "memory"), case.growth or (None, None), strict=True):
             ratio = getattr(taken[many], name) / getattr(taken[few], name)
             exponent = math.log(ratio) / math.log(many / few)
             what = f"{case.name}, {few:,} to {many:,} rows: exponent of {name}"
-            found.append(noted(what, exponent))
+            found.append(_within(what, exponent, bar))
     return found
 
 
@@ -235,11 +294,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     said = (chosen.rows or ("1e3" if chosen.quick else "1e3,1e5")).split(",")
     sizes = sorted(int(float(word)) for word in said)
     names = [word.casefold() for word in (chosen.model or "").split(",") if word]
-    some = [case for case in CASES if not names or case.fitted.casefold() in names]
-    if not some:
-        print(f"have {', '.join(case.name for case in CASES)}", file=sys.stderr)
+    some = [
+        case
+        for case in CASES
+        if not names or {case.name.casefold(), case.fitted.casefold()} & set(names)
+    ]
+    blocks = "in blocks" in names or not (names or chosen.quick)
+    if not (some or blocks):
+        print(f"have {', '.join(case.name for case in CASES)}, in blocks", file=sys.stderr)
         return 2
-    report([row for case in some for row in rows_of(case, sizes)], chosen.json)
+    rows = [row for case in some for row in rows_of(case, case.sizes or sizes)]
+    if blocks:
+        rows += in_blocks(max(*sizes, 10_000_000))
+    report(rows, chosen.json)
     return 0
 
 

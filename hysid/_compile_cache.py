@@ -56,7 +56,9 @@ def keep_compiled_by_python() -> None:
     """
     import jax  # late: the command line sets its variables before
 
-    if jax.config.jax_compilation_cache_dir or not jax.config.jax_enable_compilation_cache:
+    given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    wanted = jax.config.jax_enable_compilation_cache  # type: ignore[attr-defined]
+    if given or not wanted:
         return
     if refused := keep_compiled():
         warnings.warn(refused, stacklevel=3)

@@ -1,0 +1,18 @@
+"""A Preisach grid fitted to a Parquet file that need not fit into memory.
+
+python -m benchmarks._scale.in_blocks FILE
+
+FILE has the columns input, from -1 to 1, and output. Prints the rms error.
+"""
+
+import sys
+
+import jax
+
+import hysteresis
+import identify
+
+if __name__ == "__main__":
+    jax.config.update("jax_enable_x64", True)
+    blocks = hysteresis.row_blocks(sys.argv[1], ("input", "output"))
+    print(identify.fit_density_in_blocks(blocks, 50, low=-1.0, high=1.0).rmse)
