@@ -27,7 +27,7 @@ from .figures._diagnostics import bands as bands
 from .figures._diagnostics import profiles as profiles
 from .figures._diagnostics import residual_correlation as residual_correlation
 from .figures._diagnostics import waterfall as waterfall
-from .figures._format import label
+from .figures._format import label, power_of_ten
 
 EDGE = "#666666"
 DOWN = "#ececec"
@@ -355,8 +355,7 @@ def _bar(figure: Figure, axes: Any, drawn: Any, text: str, unit: str | None = No
     power = int(np.floor(np.log10(np.abs(drawn.get_clim()).max() or 1.0)))
     if unit is not None and not -2 <= power <= 3:
         bar.formatter = FuncFormatter(lambda x, _: f"{x / 10.0**power:.3g}".replace("-", "−"))
-        raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        unit = f"10{raised}" + (f" {unit}" if unit != "1" else "")
+        unit = power_of_ten(power) + (f" {unit}" if unit != "1" else "")
     bar.set_label(text if unit is None else label(text, unit))
 
 

@@ -20,7 +20,7 @@ from compensate.armor import (
     export_armor,
 )
 from hysteresis import AbstractModel, InputError, conversion
-from hysteresis._atomic_file import open_csv
+from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._limits import DAMAGE, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
@@ -54,11 +54,12 @@ def calibrate(
     Raises `InputError` for tables, shapes and fits that cannot be used, and where results are there.
     """
     identify.internal.check_free(out, overwrite, DOCUMENT)
-    known, material = read_description(shape, unit), _material(sponge)
+    known, fit = read_description(shape, unit), identify.load(sponge)
+    material = fit.model
     armor = known.armor(material)
     made = read_presses(presses, armor.solver.shape)
     noise = np.asarray(known.noise_of_wrench)
-    scatter = max(1e-4, _scatter(sponge))
+    scatter = max(1e-4, _scatter(fit))
     found = calibrate_armor(armor, made, noise=noise, scatter=scatter)
     structure, arrays = described(material)
     draws = [np.asarray(leaf) for leaf in jax.tree.leaves(found.uncertain.draws)]
@@ -75,9 +76,10 @@ def calibrate(
         "presses": len(made.surface), "table": found.calibration.text,
     }  # fmt: skip
     document["armor"]["thickness"] = None if np.isinf(known.thickness) else known.thickness
+    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
     identify.internal.write_set(
         out, DOCUMENT, document,
-        {ARRAYS: partial(_write_arrays, arrays=arrays)},
+        {ARRAYS: pack},
         remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     runtime, note = _exported(found.armor, out / RUNTIME, material)
@@ -110,8 +112,9 @@ def solve(
         assert sponge is not None
         assert shape is not None
         known = replace(read_description(shape, unit), dwell=dwell)
-        material = _material(sponge)
-        uncertain = _by_noise(known.armor(material), known.noise_of_wrench, _scatter(sponge))
+        fit = identify.load(sponge)
+        material = fit.model
+        uncertain = _by_noise(known.armor(material), known.noise_of_wrench, _scatter(fit))
     table = read_wrenches(wrenches)
     if stream and table.time is None:
         raise InputError(
@@ -184,13 +187,8 @@ def load_calibration(
     return UncertainArmor(armor, draws, noise, scatter), material
 
 
-def _material(sponge: Path) -> AbstractModel:
-    return identify.load(sponge).model
-
-
-def _scatter(sponge: Path) -> float:
+def _scatter(fit: identify.FitResult) -> float:
     """How far a fit is off in m, on the rows that were held out, or else on those of the training."""
-    fit = identify.load(sponge)
     figures = fit.metrics["test"] or fit.metrics["train"]
     record, units = fit.train, fit.model.units
     if figures is None or units is None:
@@ -234,13 +232,8 @@ def _write_contacts(
             contact.displacement, contact.normal_force, contact.spin, contact.outside)),
         *covariance[:, UPPER[0], UPPER[1]].T.tolist(), np.asarray(found.probability).tolist(),
     ]  # fmt: skip
-    with open_csv(file) as handle:
+    with atomic_file(file) as new, open_csv(new) as handle:
         writer = csv.writer(handle)
         writer.writerow(HEADER)
         for row in zip(*columns, strict=True):
             writer.writerow(["" if x != x else x for x in row])
-
-
-def _write_arrays(file: Path, arrays: dict[str, np.ndarray]) -> None:
-    with file.open("wb") as handle:
-        np.savez_compressed(handle, allow_pickle=False, **arrays)

@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from ._format import power_of_ten
+
 BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00", "#56B4E9"
 GREY, DIM, INK = "#8c8c8c", "#b5b5b5", "#222222"
 MOST = 4000
@@ -311,21 +313,13 @@ def log_ticks(axis: Any) -> None:
     """Four labels at most of a logarithmic axis, without mathematical text."""
     axis.set_major_locator(LogLocator(numticks=4))
     axis.set_major_formatter(
-        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else _power(x))
+        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else power_of_ten(np.log10(x), 3))
     )
     axis.set_minor_formatter(NullFormatter())
 
 
-def _power(x: float) -> str:
-    raised = f"{np.log10(x):.3g}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{raised}"
-
-
 def _ticks(log: bool) -> FuncFormatter:
-    power = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-    if log:
-        return FuncFormatter(lambda x, _: "10" + f"{x:g}".translate(power))
-    return FuncFormatter(lambda x, _: f"{x:.4g}")
+    return FuncFormatter(lambda x, _: power_of_ten(x) if log else f"{x:.4g}")
 
 
 def _short(text: str, most: int = 44) -> str:

@@ -12,10 +12,14 @@ def number(x: float, error: float | None = None) -> str:
         digits = min(max(3, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
     if x != 0 and not 1e-4 <= abs(x) < 1e5:
         mantissa, power = f"{x:.{digits - 1}e}".split("e")
-        raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        return f"{mantissa.replace('-', '−')} × 10{raised}"
+        return f"{mantissa.replace('-', '−')} × {power_of_ten(int(power))}"
     text = f"{x:#.{digits}g}" if abs(x) < 10 ** (digits - 1) else f"{float(f'{x:.{digits}g}'):,.0f}"
     return (text.rstrip(".") if x else "0").replace("-", "−")
+
+
+def power_of_ten(exponent: float, digits: int = 6) -> str:
+    """10 with its exponent raised, without mathematical text."""
+    return "10" + f"{exponent:.{digits}g}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def quantity(x: float, unit: str) -> str:
