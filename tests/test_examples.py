@@ -198,6 +198,46 @@ def estimator() -> compensate.microchannel.ForceEstimator:
     return compensate.microchannel.ForceEstimator(backwards, 0.05, 6.0)
 
 
+def alone(place: str) -> list[hysid.ForceRecord]:
+    """Six sequences of the shipped skin that press one of its two places."""
+    table = hysteresis.read_table(DATASETS / "skin-two-places.csv")
+    session, time = table.number("session"), table.number("time (s)")
+    reading = np.column_stack([table.number(f"layer {k} (V)") for k in (1, 2)])
+    force = table.number(f"force {place} (N)")
+    rows = [session == k for k in np.unique(session[(force > 0) & (session < 13)])]
+    return [hysid.ForceRecord(time[at], reading[at], force[at]) for at in rows]
+
+
+@prepared
+def presses_of_b() -> list[hysid.ForceRecord]:
+    """Sequences of the shipped skin that press its place B alone."""
+    return alone("B")
+
+
+@prepared
+def presses_of_d() -> list[hysid.ForceRecord]:
+    """Sequences of the shipped skin that press its place D alone."""
+    return alone("D")
+
+
+@prepared
+def learnt() -> hysid.ContactTraining:
+    """The two places of the shipped skin, after a training of a moment."""
+    return hysid.train_contacts({"B": presses_of_b(), "D": presses_of_d()}, updates=20)
+
+
+@prepared
+def contacts_file() -> Path:
+    """`learnt` as a file that runs without JAX."""
+    volts = [compensate.Quantity(f"layer {k}", "V") for k in (1, 2)]
+    newtons = [compensate.Quantity(name, "N") for name in "BD"]
+    record = presses_of_b()[0]
+    return compensate.microchannel.export_contacts(
+        learnt().estimator, Path(mkdtemp()) / "contacts.json", record.reading, record.time,
+        channels=volts, contacts=newtons,
+    )  # fmt: skip
+
+
 @prepared
 def sensor_folder() -> Path:
     """A folder as `hysid microchannel train` writes it, with an estimator of the place of `presses`."""

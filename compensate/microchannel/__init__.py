@@ -2,6 +2,7 @@
 
 from ._everett_network import EverettNetwork as EverettNetwork
 from ._export import export_force as export_force
+from ._export_contacts import export_contacts as export_contacts
 from ._force import BackwardsModel as BackwardsModel
 from ._force import ForceEstimator as ForceEstimator
 from ._gains import gains_in_use as gains_in_use

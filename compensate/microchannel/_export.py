@@ -105,7 +105,7 @@ def _program(
 ) -> tuple[dict[str, Any], bool]:
     """The model as plain numbers, and whether it needs times."""
     if isinstance(model, StaircaseNetwork):
-        return _network(model), bool(model.times)
+        return network_document(model), bool(model.times)
     if y.ndim > 1:
         raise InputError(
             "not-exportable", f"a {type(model).__name__} of several channels cannot be exported.",
@@ -147,7 +147,7 @@ def _behind(compensator: Any) -> AbstractModel:
     return compensator.model
 
 
-def _network(model: StaircaseNetwork) -> dict[str, Any]:
+def network_document(model: StaircaseNetwork) -> dict[str, Any]:
     """Layers that take x as it is and give y: what scales them is put into the first and the last."""
     W = [np.asarray(matrix, float) for matrix in model.matrices]
     b = [np.asarray(bias, float) for bias in model.biases]

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from hysteresis import InputError
+from hysteresis import InputError, register
 from hysteresis._type_variables import State
 
 ITERATIONS = 2
@@ -74,6 +74,7 @@ class Moved(NamedTuple):
     surprise: Float[Array, ""]
 
 
+@register
 class MotionFilter(eqx.Module):
     """A filter for forces F whose rates r change little except at turns, on average every 1 / `turns` s:
 

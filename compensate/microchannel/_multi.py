@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError
+from hysteresis import InputError, register
 
 from .._contract import Status, scan_steps
 from ._motion import AbstractSensor, Motion, MotionFilter
@@ -39,6 +39,7 @@ class MultiContactState(NamedTuple):
     last: ContactForces
 
 
+@register
 class MultiContactEstimator(eqx.Module):
     """Forces of several contacts from a differentiable sensor model with memory, by Gauss-Newton:
 

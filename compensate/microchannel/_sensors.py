@@ -8,16 +8,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError
+from hysteresis import AbstractModel, InputError, register
 from hysteresis._type_variables import PyTree
 
 from ._motion import AbstractSensor
 
 
+@register
 class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
     """Channels in series: every contact adds its own part to every layer's reading,
 
-        z_l = sum_k G_lk M_k[F_k],
+        z_l = zero_l + sum_k G_lk M_k[F_k],
 
     with a model M_k, force -> reading, of each location, and the layers' gains. So models that were
     fitted to presses of one location at a time predict the reading of several contacts.
@@ -25,6 +26,7 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
     **Arguments:**
 
     - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
+    - `zero` (layers,): the reading where nothing is pressed; 0 by default.
 
     **Raises:** `InputError` where these do not fit.
 
@@ -38,8 +40,14 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
 
     models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
     gains: Float[Array, "layers locations"]
+    zero: Float[Array, " layers"]
 
-    def __init__(self, models: Iterable[AbstractModel], gains: ArrayLike | None = None):
+    def __init__(
+        self,
+        models: Iterable[AbstractModel],
+        gains: ArrayLike | None = None,
+        zero: ArrayLike | None = None,
+    ):
         self.models = tuple(models)
         self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
         if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
@@ -47,6 +55,14 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
                 "wrong-channels",
                 f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
                 fix="give one row for each layer, one column for each location's model.",
+            )
+        layers = len(self.gains)
+        self.zero = jnp.zeros(layers) if zero is None else jnp.asarray(zero, float)
+        if self.zero.shape != (layers,):
+            raise InputError(
+                "wrong-channels",
+                f"zero of shape {self.zero.shape} for {layers} layers.",
+                fix="give one reading at rest for each layer.",
             )
 
     @property
@@ -62,7 +78,7 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
             for model, own, F in zip(self.models, state, force, strict=True)
         ]
         y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
-        return self.gains @ y, self.gains * slope[None]
+        return self.zero + self.gains @ y, self.gains * slope[None]
 
     def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
         each = zip(self.models, state, force, strict=True)

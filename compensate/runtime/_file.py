@@ -31,6 +31,9 @@ _WRITTEN_BY = {
     "hysid force estimator": (
         "not a force estimator. Write one with compensate.microchannel.export_force."
     ),
+    "hysid contact forces": (
+        "not an estimator of several contacts. Write one with compensate.microchannel.export_contacts."
+    ),
     "hysid oscillator": "not an oscillator. Write one with hysid export DIR --runtime FILE.",
     "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
 }

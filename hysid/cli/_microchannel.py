@@ -128,13 +128,69 @@ def train(
 
 
 @microchannel.command(
+    "train-pairs",
+    epilog=example(
+        "hysid microchannel train-pairs run.csv --input 'layer 1 (V)' --input 'layer 2 (V)'"
+        " --force 'force B (N)' --force 'force D (N)' --time 'time (s)' --group session --out pair"
+    ),
+)
+@takes_selection(
+    "input", "time", "dt", "group", "where", "test_where", "nan", "segments", "decimal", "units_row",
+    "na_values", "input_unit", needs_input=True,
+)  # fmt: skip
+def train_pairs(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="CSV files; each is one session.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the estimator.")],
+    selection: dict[str, Any],
+    force: Annotated[
+        list[str], typer.Option(help="COL: the force on one place; repeat it for each.")
+    ],
+    epochs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Epochs per network (default: 20,000 steps of 64 rows)."),
+    ] = None,
+    high: Annotated[
+        float | None,
+        typer.Option(help="Largest force to find, N (default: 1.1 of the largest in the files)."),
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(min=0, help="Least standard deviation of a reading.")
+    ] = 0.0,
+    seed: Seed = 0,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Train an estimator of the forces on several places at once; write it to a folder.
+
+    Each place is learnt from the sequences that press it alone. Sequences that press several judge it.
+    The folder also gets runtime.json, which runs without JAX.
+    """
+    start_jax()
+    from ..intake._selection import Selection  # after JAX is set up
+    from ..soft_sensor import _contacts_command
+
+    chosen = Selection(**selection, output=force[0])
+    with Progress("training") as progress:
+        document = _contacts_command.train_pairs(
+            files, chosen, force, out, noise=noise, high=high, epochs=epochs, seed=seed,
+            overwrite=overwrite, say=log, progress=progress,
+        )  # fmt: skip
+    lines = [*warnings(document["notes"]), *_contact_lines(document["metrics"])]
+    print_result(document, as_json, [*lines, f"Estimator: {out}"])
+
+
+@microchannel.command(
     epilog=example("hysid microchannel estimate sensor new.csv"),
 )
 @takes_selection("where", "na_values")
 def estimate(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="DIR", help="Folder of a trained sensor, or of a fit of a force."),
+        typer.Argument(
+            metavar="DIR", help="Folder of a trained sensor, of pairs, or of a fit of a force."
+        ),
     ],
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="CSV file with the sensor's channels.")
@@ -158,9 +214,11 @@ def estimate(
     its forces have the deviation of the rows that it held out, and are limited to its range.
     """
     start_jax()
-    from ..soft_sensor import _estimate  # after JAX is set up
+    from ..soft_sensor import _contacts_command, _estimate  # after JAX is set up
 
-    if _estimate.is_plain_fit(folder):
+    if _contacts_command.is_contacts(folder):
+        document = _contacts_command.estimate_contacts(folder, file, out, **selection)
+    elif _estimate.is_plain_fit(folder):
         from ..soft_sensor import _estimate_fit  # likewise
 
         document = _estimate_fit.estimate_by_fit(folder, file, out, runtime, **selection)
@@ -187,6 +245,15 @@ def _trained_lines(document: dict[str, Any], out: Path) -> list[str]:
             rows = document[f"rows_{part}"]
             lines += [f"{said} rows ({rows}):", *(f"  {x}" for x in _figure_lines(figures))]
     return [*lines, f"Sensor: {out}"]
+
+
+def _contact_lines(found: dict[str, Any] | None) -> list[str]:
+    """Errors of each place's force."""
+    return [
+        f"{name}: {of['rmse']:.3g} N rms, {of['nrmse_percent']:.3g} % of the range; 90 % bands hold"
+        f" {100 * of['coverage_of_90_percent_bands']:.0f} % of the rows"
+        for name, of in (found or {}).items()
+    ]
 
 
 def _figure_lines(figures: dict[str, Any]) -> list[str]:
@@ -217,7 +284,9 @@ def _estimated_lines(document: dict[str, Any]) -> list[str]:
         said = ", ".join(f"{fault} in {n} rows" for fault, n in faults.items())
         lines += warnings([f"{channel}: {said}."])
     figures = {k: document[k] for k in ("place", "position") if k in document}
+    lines += _contact_lines(document.get("contacts"))
     if document["rmse"] is not None:
         figures["force"] = document
-    lines += _figure_lines(figures) or ["The file has no measured values to compare with."]
+    if not document.get("contacts"):
+        lines += _figure_lines(figures) or ["The file has no measured values to compare with."]
     return [*lines, f"{document['flagged']} of {document['rows']} rows flagged", document["file"]]

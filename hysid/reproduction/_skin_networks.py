@@ -11,7 +11,6 @@ import optax
 from jaxtyping import Array, Float
 
 from compensate.microchannel import (
-    ChannelSensor,
     EverettNetwork,
     ForceNetwork,
     MotionFilter,
@@ -21,6 +20,7 @@ from compensate.microchannel import (
 from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
 
+from ..soft_sensor._contacts import train_contacts
 from ..soft_sensor._force_networks import decaying, staircase_squares
 from ..soft_sensor._force_records import ForceRecord
 
@@ -104,28 +104,16 @@ def train_channels(
     noise: float,
     epochs: int = 600,
 ) -> MultiContactEstimator:
-    """An estimator of several contacts at once from records of one location each.
-
-        z_l = sum_k G_lk M_k[F_k]:    M_k a `StaircaseNetwork` of the layers weighted by their gains G
-
-    `noise`: of a reading, V, where the networks are better than that.
-    """
-    models, gains, off = [], [], 0.0
-    for records in places:
-        z = np.concatenate([one.reading for one in records])
-        strongest = z[:, z.std(0).argmax()]
-        gain = z.T @ strongest / (strongest @ strongest)
-        signal = [one.reading @ gain / (gain @ gain) for one in records]
-        found = train_staircase(
-            [one.time for one in records], [one.force for one in records], signal,
-            thresholds=thresholds, lags=lags, epochs=epochs, rate=3e-3,
-        )  # fmt: skip
-        models.append(found.model)
-        gains.append(gain)
-        off = max(off, found.off * float(np.sqrt(gain @ gain)))
-    sigma = [max(off, noise)] * len(gains[0])
-    motion = MotionFilter(high_force, acceleration=10.0, turn=10.0, turns=1.0)
-    return MultiContactEstimator(ChannelSensor(models, np.stack(gains, 1)), sigma, motion)
+    """`train_contacts` of records of one location each, with thresholds in N."""
+    rows = min(sum(len(one.time) for one in records) for records in places)
+    learnt = train_contacts(
+        {str(k): records for k, records in enumerate(places)},
+        noise=noise, high_force=high_force, lags=lags,
+        thresholds=[r / high_force for r in thresholds],
+        motion=MotionFilter(high_force, acceleration=10.0, turn=10.0, turns=1.0),
+        updates=epochs * rows // BATCH,
+    )  # fmt: skip
+    return learnt.estimator
 
 
 def _learnt(found: Trained) -> Learnt:

@@ -1,0 +1,247 @@
+"""`hysid microchannel train-pairs`, and `estimate` of its folder: forces on several places at once."""
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+import compensate
+import identify
+from compensate import Status
+from compensate.microchannel import MultiContactEstimator, export_contacts
+from hysteresis import InputError, Record, Table, conversion
+from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._limits import DAMAGE, load_arrays
+from hysteresis._serialisation import described, rebuilt
+from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.records._units import named_unit
+from identify.internal import versions
+
+from ..figures._format import plain_name
+from ..intake._folders import check_writable
+from ..intake._selection import Selection
+from ._contacts import UPDATES, ContactTraining, train_contacts
+from ._force_records import ForceRecord
+from ._learn import AT_REST
+from ._sensor import _lengthened
+
+DOCUMENT, ARRAYS, RUNTIME = "contacts.json", "contacts.npz", "runtime.json"
+SCHEMA, BATCH = 1, 64
+
+
+class Stretch(NamedTuple):
+    """One sequence from rest: readings (samples, channels), forces (samples, places) in N or NaN."""
+
+    line: np.ndarray
+    time: Float[np.ndarray, " samples"]
+    reading: Float[np.ndarray, "samples channels"]
+    force: Float[np.ndarray, "samples places"]
+
+
+def train_pairs(
+    files: Sequence[Path], selection: Selection, forces: Sequence[str], out: Path, *,
+    noise: float = 0.0, high: float | None = None, epochs: int | None = None, seed: int = 0,
+    overwrite: bool = False, say: Callable[[str], None] = lambda _: None,
+    progress: Callable[[int, int, str], None] = lambda done, total, words: None,
+) -> dict[str, Any]:  # fmt: skip
+    """Learn each place from the sequences that press it alone; judge on those that press several.
+
+    `forces`: a column for each place. Returns contacts.json's object.
+
+    Raises `InputError` for files and columns that cannot be used, a place that no sequence presses alone,
+    results that are there already, and as `hysid.train_contacts` does.
+    """
+    identify.internal.check_free(out, overwrite, DOCUMENT)
+    check_writable(out)
+    taught, held_out, table, record = [], [], None, None
+    for file in files:
+        table = selection.read(file)
+        train, test = selection.records(table)[0][""]
+        record = train
+        if not all(
+            train.mask[rows].all() or not train.mask[rows].any() for _, rows in train.sequences()
+        ):
+            raise InputError(
+                "bad-option", "Rows within a sequence are held out.", place=str(file),
+                fix="Hold out whole sequences: --group session --test-where session=13,14.",
+            )  # fmt: skip
+        taught += stretches(train, table, forces)
+        held_out += [] if test is None else stretches(test, table, forces)
+    assert record is not None
+    most = np.nanmax([one.force.max(axis=0) for one in taught], axis=0)
+    names = [plain_name(name, "N") for name in forces]
+    places: dict[str, list[ForceRecord]] = {name: [] for name in names}
+    for one in taught:
+        pressed = np.flatnonzero((one.force > AT_REST * most).any(axis=0))
+        if len(pressed) == 1:
+            k = pressed[0]
+            places[names[k]].append(ForceRecord(one.time, one.reading, one.force[:, k]))
+        elif len(pressed) > 1:
+            held_out.append(one)
+    if alone := [name for name, found in places.items() if not found]:
+        raise InputError(
+            "too-few-presses", f"No sequence presses {alone[0]} alone.", place=str(files[0]),
+            cause="Sequences are not told apart, or all places are always pressed together.",
+            fix="Name the column that numbers them (--group COL), and press each place by itself.",
+        )  # fmt: skip
+    say(f"learning {' and '.join(names)}")
+    rows = min(sum(len(one.time) for one in found) for found in places.values())
+    updates = UPDATES if epochs is None else max(1, epochs * rows // BATCH)
+    learnt = train_contacts(
+        places, noise=noise, high_force=high, seed=seed, tell=progress, updates=updates
+    )
+    units = list(record.channels.values()) or [record.input_unit]
+    channels = list(record.channels) or [record.input_name]
+    quantities = [compensate.Quantity(*of) for of in zip(channels, units, strict=True)]
+    document: dict[str, Any] = {
+        "schema": SCHEMA, "kind": "hysid contact forces", "inputs": [q._asdict() for q in quantities],
+        "forces": list(forces), "names": names, "selection": selection.as_json(),
+        "taught": {name: len(found) for name, found in places.items()},
+        "off": learnt.off.tolist(), "judged": len(held_out),
+        "metrics": judged(learnt.estimator, held_out, names), "seed": seed,
+        "motion": {k: getattr(learnt.estimator.motion, k) for k in ("high", "turn", "turns")},
+        "versions": versions(("hysid", "jax", "equinox", "optax", "numpy")),
+    }  # fmt: skip
+    document["structure"], arrays = described(learnt.estimator)
+    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
+    done = identify.internal.write_set(
+        out, DOCUMENT, document, {ARRAYS: pack}, remove=(RUNTIME,),
+        check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
+    )  # fmt: skip
+    example = max(held_out or taught, key=lambda one: len(one.time))
+    runtime = export_contacts(
+        learnt.estimator, out / RUNTIME, example.reading, example.time, channels=quantities,
+        contacts=[compensate.Quantity(name, "N") for name in names],
+    )  # fmt: skip
+    return identify.internal.plain(
+        {**done, "runtime": str(runtime), "notes": _notes(held_out, learnt)}
+    )
+
+
+def _notes(held_out: list[Stretch], learnt: ContactTraining) -> list[str]:
+    if held_out:
+        return []
+    return [f"No sequence presses {' and '.join(learnt.names)} at once, so nothing was judged."]
+
+
+def stretches(record: Record, table: Table, forces: Sequence[str]) -> list[Stretch]:
+    """The sequences of a record, with the forces of all places; NaN for columns that are not there."""
+    rows = np.searchsorted(table.line, record.line)
+    if record.time is None:
+        raise InputError(
+            "no-time", "Forces that depend on the history need the times of the readings.",
+            place=table.path, fix="Name their column (--time COL), or their step (--dt SECONDS).",
+        )  # fmt: skip
+    seconds = conversion(record.time_unit, "s") or 1.0
+    columns = [record.columns[name] for name in record.channels] or [record.input]
+    reading = np.column_stack(columns)
+    force = np.column_stack([_newtons(table, name)[rows] for name in forces])
+    return [
+        Stretch(record.line[part], seconds * record.time[part], reading[part], force[part])
+        for _, part in record.sequences()
+        if record.mask[part].any()
+    ]
+
+
+def _newtons(table: Table, name: str) -> np.ndarray:
+    if name not in table.columns:
+        return np.full(len(table.line), np.nan)
+    unit = named_unit(name, None, table.units.get(name)) or "N"
+    factor = conversion(unit, "N")
+    if factor is None:
+        raise InputError(
+            "wrong-unit", f"Column {name!r} is in {unit}, which is no force.", place=table.path,
+            fix="Correct its header.",
+        )  # fmt: skip
+    return factor * table.number(name)
+
+
+def found_in(estimator: MultiContactEstimator, one: Stretch) -> tuple[np.ndarray, ...]:
+    """Forces, deviations and statuses of a stretch."""
+    found = estimator.simulate(_lengthened(one.time), _lengthened(one.reading))
+    parts = found.value, found.deviation, found.status
+    return tuple(np.asarray(part)[: len(one.time)] for part in parts)
+
+
+def judged(
+    estimator: MultiContactEstimator, held_out: Sequence[Stretch], names: Sequence[str]
+) -> dict[str, Any] | None:
+    """Errors of each place's force over stretches with known forces, and how often 90 % bands hold."""
+    known = [one for one in held_out if np.isfinite(one.force).all()]
+    if not known:
+        return None
+    pairs = [(one.force, *found_in(estimator, one)[:2]) for one in known]
+    force, value, deviation = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    held = np.abs(value - force) < NORMAL_95 * deviation
+    return {
+        name: {
+            **identify.metrics(force[:, k], value[:, k])._asdict(),
+            "coverage_of_90_percent_bands": float(held[:, k].mean()),
+        }
+        for k, name in enumerate(names)
+    }
+
+
+def is_contacts(folder: Path) -> bool:
+    """Whether `train_pairs` wrote the folder."""
+    return (folder / DOCUMENT).is_file()
+
+
+def load_contact_training(folder: Path) -> tuple[dict[str, Any], MultiContactEstimator]:
+    """What `train_pairs` wrote. Raises `InputError` where it is damaged."""
+    try:
+        document = identify.internal.read_json(folder / DOCUMENT)
+        if document["schema"] != SCHEMA:
+            raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
+        arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
+        return document, rebuilt(document["structure"], arrays)
+    except DAMAGE as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            "damaged-file", f"{DOCUMENT} cannot be used: {error}.", place=str(folder),
+            cause="It was edited, or a newer version wrote it.", fix="Train again.",
+        ) from error  # fmt: skip
+
+
+def estimate_contacts(
+    folder: Path, file: Path, target: Path | None = None, *,
+    where: tuple[str, ...] = (), na_values: tuple[str, ...] = (),
+) -> dict[str, Any]:  # fmt: skip
+    """Forces of all places behind the readings of a file, with deviations and statuses, to a table.
+
+    Raises `InputError` for a damaged folder, and a file without a channel or a clock.
+    """
+    document, estimator = load_contact_training(folder)
+    selection = Selection.from_json(document["selection"]).without_hold_out()
+    selection = replace(selection, na_values=(*selection.na_values, *na_values))
+    selection = replace(selection, where=where or selection.where)
+    table, names = selection.read(file), document["names"]
+    if selection.output not in table.columns:  # a log without forces: any column will do
+        selection = replace(selection, output=document["inputs"][0]["name"], output_unit=None)
+    record = selection.records(table)[0][""][0]
+    parts = stretches(record, table, document["forces"])
+    found = [found_in(estimator, one) for one in parts]
+    target = target or folder / f"estimated-{Path(file).stem}.csv"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    header = [f"{name} (N)" for name in names] + [f"{name} sd (N)" for name in names]
+    words = [Status(int(s)).name for _, _, status in found for s in status]
+    with atomic_file(target) as new, open_csv(new) as handle:
+        writer = csv.writer(handle)
+        writer.writerow(["line", "time (s)", *header, "status"])
+        for one, (value, deviation, status) in zip(parts, found, strict=True):
+            numbers = np.column_stack([one.time, value, deviation]).tolist()
+            for line, row, word in zip(one.line.tolist(), numbers, status, strict=True):
+                said = [f"{x:.6g}" for x in row]
+                writer.writerow([line, *said, Status(int(word)).name])
+    return {
+        "contacts": judged(estimator, parts, names), "rmse": None, "rows": len(words),
+        "flagged": sum(word != "OK" for word in words),
+        "statuses": {"status": {word: words.count(word) for word in dict.fromkeys(words)}},
+        "channels_at_fault": {}, "notes": [], "file": str(target),
+    }  # fmt: skip
