@@ -10,7 +10,7 @@ import numpy as np
 from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program
 from compensate.export.targets._export_to import write_to
-from hysteresis import AbstractModel, Burgers, Preisach, Record
+from hysteresis import AbstractModel, Burgers, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.c_harness import Compiled
 from tests.problems import random_histories
@@ -44,8 +44,14 @@ def _conditioned() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
     return conditioned(), 0.02 * np.arange(80), np.column_stack([u, c])
 
 
+def _plays() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
+    model = PrandtlIshlinskii(np.array([0.1, 0.2, 0.4, 0.7]), np.array([0.4, 0.3, 0.2, 0.1]), 0.5)
+    u = random_histories(np.random.default_rng(2), 0.0, 1.0, (1, ROWS))[0]
+    return model, 0.02 * np.arange(ROWS), u
+
+
 MAKERS: dict[str, Callable[[], tuple[AbstractModel, np.ndarray, np.ndarray]]] = {
-    "relays": _relays, "creep": _rated, "conditioned": _conditioned,
+    "relays": _relays, "creep": _rated, "conditioned": _conditioned, "plays": _plays,
 }  # fmt: skip
 
 

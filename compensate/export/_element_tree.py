@@ -176,6 +176,7 @@ def _(model: PrandtlIshlinskii, eps: float, depth: int) -> Tree:
             "plays": len(r), "thresholds": r, "weights": model.weights, "slope": model.slope,
             "rates": none if model.rates is None else model.rates,
             "offset": model.offset if model.bends is None else 0.0, "leading": model.leading,
+            "nested": model.rates is None,
         },
         {"u": 0.0, "speed": 0.0, "z": none},
     )  # fmt: skip

@@ -49,6 +49,8 @@ class Element:
     single: bool
     functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
     structures: dict[str, dict[str, str]] = field(default_factory=dict)
+    common: dict[str, str] = field(default_factory=dict)
+    """Functions that were translated once for all nodes of this kind, by their names in C."""
 
     def __post_init__(self) -> None:
         source = inspect.getsource(self.module)
@@ -106,6 +108,7 @@ class Element:
         for name in self.functions:
             if not _has_functions(self.functions[name]):
                 Function(self, self.functions[name], {}, done).translate()
+        self.common = done
         return "\n\n".join(done.values())
 
     def specialised(self, name: str, given: dict[str, str], done: dict[str, str]) -> str:
@@ -175,7 +178,7 @@ class Function:
 
     def translate(self) -> str:
         """Add its text to `done`, after the functions that it calls, and return its name."""
-        if self.name in self.done:
+        if self.name in self.done or self.name in self.home.common:
             return self.name
         # Translating the body translates what it calls, and C wants a function before its first call:
         # `done` keeps the order in which functions are finished, so the body comes first.

@@ -27,7 +27,7 @@ class AdaptiveState(NamedTuple):
 
 
 class Recalibrated(NamedTuple):
-    """Estimates with what the compensator says of itself at each sample.
+    """Estimates, and at each sample the advice, the accuracy lost and what has been learnt.
 
     - `value`, `status`: as of `Estimate`, made before a reference was looked at.
     - `advice`: an `Advice`; `lost`: rms error beyond that of the fit, in the input's unit; `changes`: found

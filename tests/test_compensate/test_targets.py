@@ -77,6 +77,31 @@ def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
         assert error.value.code == "bad-option"
 
 
+def test_a_kill_while_a_folder_is_replaced_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Killed between the renamings it lies beside; the next export puts it back, even one that fails."""
+    one, out = case("creep"), tmp_path / "sensor"
+    one.write("arduino", out)
+    (out / "earlier").write_text("")
+    out.rename(tmp_path / "sensor.old-abc")
+    there = []
+
+    def failing(self: Path, target: Path) -> None:
+        there.extend(path.name for path in tmp_path.glob("sensor*/earlier"))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "chmod", failing)
+    with pytest.raises(KeyboardInterrupt):
+        one.write("arduino", out)
+    monkeypatch.undo()
+    assert there == ["earlier"]
+    assert [path.name for path in tmp_path.iterdir()] == ["sensor"]
+    one.write("arduino", out)
+    assert [path.name for path in tmp_path.iterdir()] == ["sensor"]
+    assert not (out / "earlier").exists()
+
+
 @JUDGES["simavr"].needed
 def test_an_atmega328_gives_the_estimates_of_float(tmp_path: Path):
     """Bit for bit: its library rounds sums, products, quotients and roots as a PC does."""
@@ -95,13 +120,16 @@ def fmu(name: str, target: str, folder: Path) -> Path:
     return case(name).write(target, folder / "sensor.fmu")
 
 
+@pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", None)])
 @JUDGES["QEMU"].needed
-def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(tmp_path: Path):
+def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(
+    name: str, dt: float | None, tmp_path: Path
+):
     """Bit for bit. The first step of an even clock, which tabulates its exponentials, takes more."""
-    one = case("creep")
+    one = case(name)
     y = one.y[:60].astype(np.float32)
     out = one.write("arduino", tmp_path / "sensor")
-    board = on_cortex_m4(out / "src" / "sensor.h", y, 0.02)
+    board = on_cortex_m4(out / "src" / "sensor.h", y, dt)
     value, status = one.reference(tmp_path, "float").run(np.full(len(y), 0.02), y.astype(float))
     np.testing.assert_array_equal(board.value, value.astype(np.float32))
     np.testing.assert_array_equal(board.status, status)

@@ -99,8 +99,12 @@ class Artefact:
     def write_folder(self, out: Path) -> Path:
         """All files below `out`, which replaces a folder that an earlier export wrote.
 
+        A kill at any moment leaves the earlier folder or this one, whole: under its name, or for the
+        moment between two renamings as `NAME.old-...` beside it, which the next export puts back.
+
         Raises `InputError` `would-overwrite` where there is anything else.
         """
+        _put_back(out)
         replaced = out.is_dir() and (out / MARK).is_file()
         if out.exists() and not replaced and not (out.is_dir() and not any(out.iterdir())):
             raise InputError(
@@ -115,11 +119,15 @@ class Artefact:
             for path, content in self.files.items():
                 _put(new / path, content)
             new.chmod(0o755)
-            if out.exists():
-                shutil.rmtree(out)
+            if out.exists() and not replaced:
+                out.rmdir()
+            elif replaced:
+                out.rename(new.with_name(new.name.replace(".new-", ".old-")))
             new.rename(out)
+            _put_back(out)
         except BaseException:
             shutil.rmtree(new, ignore_errors=True)
+            _put_back(out)
             raise
         return out
 
@@ -166,6 +174,19 @@ def name_in_c(out: Path, *, lower: bool = False) -> str:
     if not re.fullmatch(pattern, stem):
         raise InputError("bad-name", f"{stem!r} cannot be the name of this export.", fix=what)
     return stem
+
+
+def _put_back(out: Path) -> None:
+    """Folders that were renamed to be replaced: given back their name if nothing has it, else removed."""
+    if not out.parent.is_dir():
+        return
+    for old in sorted(out.parent.iterdir()):
+        if not old.name.startswith(f"{out.name}.old-") or not (old / MARK).is_file():
+            continue
+        if out.exists():
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            old.rename(out)
 
 
 def _put(file: Path, content: str | bytes) -> None:

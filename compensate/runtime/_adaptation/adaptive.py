@@ -8,7 +8,8 @@ from math import log, sqrt
 from typing import Any
 
 from .._elements._codes import SATURATED, Reals
-from .._elements.sum import search as search
+from .._elements.sum import margin_of as margin_of
+from .._elements.sum import within as within
 
 
 class Parameters:
@@ -99,16 +100,11 @@ def nearest(
     """The input behind y. A reading beyond those that can be is taken for the nearest of them."""
     least = look(whole, dt, p.low)
     most = look(whole, dt, p.high)
-    largest = -least if -least > most else most
-    if least > largest:
-        largest = least
-    if -most > largest:
-        largest = -most
-    margin = p.rounding * largest
+    margin = margin_of(p.rounding, least, most)
     wanted = y if y > least else least
     if wanted > most:
         wanted = most
-    u = search(look, p, s, whole, dt, wanted)  # type: ignore[arg-type]
+    u = within(look, p, s, whole, dt, wanted, least, most, margin)  # type: ignore[arg-type]
     if y + margin < least or y - margin > most:
         s.status = SATURATED
     return u
