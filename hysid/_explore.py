@@ -11,7 +11,7 @@ from jaxtyping import Bool
 from hysteresis import InputError, Record
 
 from .figures._plot import axes_of
-from .studio._views import EXCLUDED, GAP, USED, Series, of_loops, over_time
+from .studio._views import EXCLUDED, GAP, USED, Series, clock_of, of_loops, over_time
 
 STATIC = Path(__file__).parent / "studio" / "static"
 
@@ -63,17 +63,7 @@ class Explorer:
         self.widget.chosen = [low, high, None if box is None else [float(x) for x in box]]
 
     def _rows(self, chosen: Any) -> np.ndarray:
-        found = np.zeros(len(self.record), bool)
-        if not chosen:
-            return found
-        low, high, box = chosen
-        x, u, y = self._series.x, self._series.u, self._series.y
-        found[:] = True
-        found &= True if low is None else x >= low
-        found &= True if high is None else x <= high
-        if box is not None:
-            found &= (u >= box[0]) & (u <= box[1]) & (y >= box[2]) & (y <= box[3])
-        return found
+        return self._series.chosen(*chosen) if chosen else np.zeros(len(self.record), bool)
 
     def _chosen_in_words(self, chosen: Any) -> str:
         count = int(self._rows(chosen).sum())
@@ -86,7 +76,7 @@ class Explorer:
         low, high = asked.get("view") or (None, None)
         box = asked.get("box")
         time = over_time(self._series, low, high)
-        loops, joined = of_loops(self._series, low, high, None if box is None else (*box,))
+        loops, joined = of_loops(self._series, low, high, box)
         content = b"".join(np.ascontiguousarray(part, "<f8").tobytes() for part in (time, loops))
         clock = f"{self.record.time_name} ({self.record.time_unit})"
         names = {"x": clock if self._clocked else "row", "u": self._input, "y": self._output}
@@ -126,12 +116,9 @@ def explore(record: Record) -> Explorer:
 
 
 def _series(record: Record) -> Series:
-    x = record.time
-    if x is None or np.any(np.diff(x) < 0):
-        x = np.arange(1.0, len(record) + 1)
     state = np.where(record.mask, USED, EXCLUDED)
     state[record.starts[1:]] += GAP
-    return Series(x, record.input, record.output, record.line, state)
+    return Series(clock_of(record), record.input, record.output, record.line, state)
 
 
 def _widget(in_words: Any) -> Any:

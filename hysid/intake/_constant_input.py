@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hysteresis import InputError, Note, Table, parse_condition
+from hysteresis.records._table import TextColumns, rows_of
 
 CONSTANT = "constant input"
 """The name of the input of a step."""
@@ -37,12 +38,16 @@ def with_constant(
             counts = np.diff(np.append(first, len(at)))
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
             at = at[first]
-    few = _rows(replace(table, columns=columns, notes=notes), at)
+    few = rows_of(replace(table, columns=columns, notes=notes), at)
     constant = np.full(len(at), value)
+
+    def text(asked: str) -> np.ndarray:
+        return constant.astype(str) if asked == name else few.text[asked]
+
     return replace(
         few,
         columns={**few.columns, name: constant},
-        text={**few.text, name: constant.astype(str)},
+        text=TextColumns((*few.text, name), text),
         units={CONSTANT: "1", **few.units},
     )
 
@@ -74,7 +79,7 @@ def at_hold(
             fix="Leave out --hold, or select the rows in which it is constant (--where COL=VALUE).",
         )
     note = f"{column!r} is held at {level:.4g} from line {table.line[at[rows.start]]} on: {count} rows."
-    held = _rows(table, at[rows])
+    held = rows_of(table, at[rows])
     if time is not None:
         t = table.number(time)[at]
         way = t[rows.start] - t[0]
@@ -90,13 +95,3 @@ def _chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
     for name, values in where.items():
         rows &= parse_condition(f"{name}={','.join(values)}")(table)
     return np.flatnonzero(rows)
-
-
-def _rows(table: Table, at: np.ndarray) -> Table:
-    """A table of these rows of another."""
-    return replace(
-        table,
-        columns={name: column[at] for name, column in table.columns.items()},
-        text={name: column[at] for name, column in table.text.items()},
-        line=table.line[at],
-    )

@@ -161,13 +161,7 @@ class Measurement:
         selection = _configuration.selection(self.config)
         table = self.table(selection)
         series = self.series()[0]
-        rows = np.zeros(len(series.x), bool)
-        first = 0 if low is None else int(np.searchsorted(series.x, low, "left"))
-        last = len(rows) if high is None else int(np.searchsorted(series.x, high, "right"))
-        rows[first:last] = True
-        if box is not None:
-            rows &= (series.u >= box[0]) & (series.u <= box[1])
-            rows &= (series.y >= box[2]) & (series.y <= box[3])
+        rows = series.chosen(low, high, box)
         if not rows.any():
             raise InputError(
                 "no-rows", "No row is in the chosen part.", fix="Choose a larger part."

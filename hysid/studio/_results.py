@@ -19,7 +19,7 @@ from ..intake._selection import Selection
 from ..operations._columns import selection_of_fit
 from ..reporting._fit_page import HEADLINES
 from ._equivalents import target_name
-from ._views import ALL, GAP, peaks
+from ._views import ALL, GAP, clock_of, peaks
 
 BINS = 24
 """Bars of a parameter's marginal distribution."""
@@ -237,7 +237,7 @@ def _curve(
     word: str, record: Record, modelled: np.ndarray, counted: np.ndarray | None = None
 ) -> dict[str, Any]:
     """A record and a model's output on it, thinned to the rows that a plot shows."""
-    modelled, n = np.asarray(modelled, float), len(record)
+    modelled = np.asarray(modelled, float)
     keep = (record.mask if counted is None else counted) & np.isfinite(record.output)
     error = modelled - record.output
     rms = float(np.sqrt(np.mean(error[keep] ** 2))) if keep.any() else float("nan")
@@ -249,13 +249,10 @@ def _curve(
         # A gap between two rows that are shown is one wherever there is one between them.
         gaps = np.cumsum(begins)[shown]
         rows, begins = rows[shown], np.diff(gaps, prepend=0) > 0
-    clock = record.time if record.time is not None else np.arange(1, n + 1, dtype=float)
-    if np.any(np.diff(clock) < 0):
-        clock = np.arange(1, n + 1, dtype=float)
     return {
         "word": word,
         "rms": rms,
-        "x": clock[rows],
+        "x": clock_of(record)[rows],
         "u": record.input[rows],
         "y": record.output[rows],
         "model": modelled[rows],

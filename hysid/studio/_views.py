@@ -4,9 +4,12 @@ Over time, each of so many pieces of the view shows the rows with its least and 
 so that no peak is lost. Of loops every cell of a raster that a row falls into shows one of its rows.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+
+from hysteresis import Record
 
 PIECES = 1000
 """Pieces of a view over time; each gives up to six rows."""
@@ -40,9 +43,35 @@ class Series(NamedTuple):
         last = len(self.x) if high is None else int(np.searchsorted(self.x, high, "right")) + 1
         return slice(max(first, 0), min(last, len(self.x)))
 
+    def chosen(
+        self, low: float | None, high: float | None, box: Sequence[float] | None
+    ) -> np.ndarray:
+        """(n,) bool: the rows between two values of the clock, and in a box of the loops.
+
+        `box`: least and greatest input, least and greatest output.
+        """
+        found = np.ones(len(self.x), bool)
+        if low is not None:
+            found &= self.x >= low
+        if high is not None:
+            found &= self.x <= high
+        return found if box is None else found & in_box(self.u, self.y, box)
+
     def take(self, rows: np.ndarray) -> np.ndarray:
         """(5, m): clock, input, output, line and state of the rows."""
         return np.stack([np.asarray(column[rows], float) for column in self])
+
+
+def in_box(u: np.ndarray, y: np.ndarray, box: Sequence[float]) -> np.ndarray:
+    """(n,) bool: inputs and outputs within a box, whose edges belong to it."""
+    return (u >= box[0]) & (u <= box[1]) & (y >= box[2]) & (y <= box[3])
+
+
+def clock_of(record: Record) -> np.ndarray:
+    """(n,) the clock of a record for a plot; the number of the row where it has none or goes back."""
+    if record.time is None or np.any(np.diff(record.time) < 0):
+        return np.arange(1.0, len(record) + 1)
+    return record.time
 
 
 def over_time(series: Series, low: float | None = None, high: float | None = None) -> np.ndarray:
@@ -74,7 +103,7 @@ def of_loops(
     series: Series,
     low: float | None = None,
     high: float | None = None,
-    box: tuple[float, float, float, float] | None = None,
+    box: Sequence[float] | None = None,
 ) -> tuple[np.ndarray, bool]:
     """(5, m) rows of the loops in a stretch of time, and whether they are all, in order, to join by lines.
 
@@ -84,7 +113,7 @@ def of_loops(
     u, y = series.u[rows], series.y[rows]
     seen = np.isfinite(u) & np.isfinite(y)
     if box is not None:
-        seen &= (u >= box[0]) & (u <= box[1]) & (y >= box[2]) & (y <= box[3])
+        seen &= in_box(u, y, box)
     count = int(seen.sum())
     if count <= ALL:
         if box is not None and count:  # the neighbours, so that lines leave the box

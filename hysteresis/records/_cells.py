@@ -11,7 +11,8 @@ from .._errors import InputError
 LONG_CELL, MOST_TEXT = 256, 256_000_000
 """Characters of a cell that never matter, and bytes of a column of text with longer ones."""
 
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
+MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
+"""Words for a value that is not there, in small letters."""
 
 
 def floats(cells: Sequence[str] | np.ndarray, decimal: str = ".") -> np.ndarray:
@@ -36,7 +37,7 @@ def _float(cell: str) -> float:
 
 def missing(cells: np.ndarray, na_values: Collection[str]) -> np.ndarray:
     """(n,) bool: empty, a word for nothing, or one of `na_values`."""
-    return np.isin(np.char.lower(cells), [*_MISSING, *(v.strip().lower() for v in na_values)])
+    return np.isin(np.char.lower(cells), [*MISSING, *(v.strip().lower() for v in na_values)])
 
 
 def parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.ndarray:

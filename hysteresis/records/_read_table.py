@@ -4,6 +4,8 @@ import csv
 import hashlib
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,12 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._cells import check_room, floats, long_cell, parsed
+from ._compiled_rows import CompiledRows, OddRowsError
 from ._dialect import header_of, made_square, separator_of, trimmed
-from ._table import Table
+from ._table import Table, followed
 from ._units import are_units, bare_unit, spelled
 from .importers import (
+    Layout,
     Sheet,
     arranged,
     binary,
@@ -24,6 +28,9 @@ from .importers import (
     labview,
     without_table,
 )
+
+HEAD, LEAST_LINES = 2**18, 1000
+"""Bytes and lines of a large text that are read carefully and say how its rows go on."""
 
 
 def read_table(
@@ -70,28 +77,99 @@ def read_table(
         problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
     data, size = file_bytes(path, most)
-    read_with = decimal, tuple(na_values), size
-    if sheet := binary(path, data, table):
-        return _table(path, data, sheet, *read_with)
+    if (sheet := binary(path, data, table)) is None:
+        ways = separator, decimal, units_row, dialects, table
+        if found := _by_its_head(path, data, size, ways, tuple(na_values)):
+            return found
+        sheet = _sheet(path, data, *ways)
+    return _table(path, data, size, sheet, decimal, tuple(na_values))
+
+
+def _by_its_head(
+    path: Path, data: bytes, size: int, ways: tuple, na_values: tuple[str, ...]
+) -> Table | None:
+    """A large text whose rows go on as they begin; None of any other file."""
+    cut, length = 0, HEAD
+    while data[:cut].count(b"\n") < LEAST_LINES:
+        if len(data) <= length:
+            return None
+        cut, length = data.rfind(b"\n", 0, length) + 1, 2 * length
+    try:
+        sheet = _sheet(path, data[:cut], *ways)
+        if sheet.layout is None or data[:cut].count(b'"') % 2:  # a cell may go on below
+            return None
+        asked = ways[1]
+        begun = _table(path, data, size, sheet, asked, na_values)
+        lines = len(re.findall(rb"\r\n|\r|\n", data[:cut]))
+        careful = partial(_cells, path, len(sheet.columns), sheet.layout.separator)
+        rows = CompiledRows(
+            data, cut, lines + 1, sheet.layout, begun.decimal, na_values,
+            careful if sheet.layout.plain else None,
+        )  # fmt: skip
+        return followed(begun, rows)
+    except (InputError, OddRowsError):  # which the careful reader words, if it is a fault at all
+        return None
+
+
+def _cells(
+    path: Path, width: int, separator: str, text: str, first: int
+) -> tuple[list[tuple[str, ...]], np.ndarray]:
+    """The cells of a block of rows by columns, and the line of each row."""
+    rows, line = _rows(path, _numbered(text.split("\n"), first), separator)
+    made_square(path, rows, np.array(line), width, separator)
+    return list(zip(*rows, strict=True)) or [()] * width, np.array(line, int)
+
+
+def _sheet(
+    path: Path,
+    data: bytes,
+    separator: str | None,
+    decimal: str,
+    units_row: int | None,
+    dialects: str | Path | None,
+    table: int | None,
+) -> Sheet:
+    """The columns of a text."""
     text, notes = decode(path, data)
     if sheet := labview(path, text):
-        return _table(path, data, sheet, *read_with)
+        return sheet
     every = re.split(r"\r\n|\r|\n", text)
-    numbered = [(k, s) for k, s in enumerate(every, 1) if s and not s.isspace() and s[0] != "#"]
+    numbered = _numbered(every)
     if not numbered:
         raise fault("empty-file", path, "nothing but blank or comment lines.")
+    sheet = None
     if separator is None and units_row is None:
         above = every[numbered[0][0] - 2] if numbered[0][0] > 1 else ""
-        if sheet := arranged(path, numbered, decimal, above, dialects, table):
-            return _table(path, data, sheet, *read_with, notes)
-    read = separator, decimal, units_row
+        sheet = arranged(path, numbered, decimal, above, dialects, table)
+    if sheet is None:
+        try:
+            sheet = _plain(path, numbered, separator, decimal, units_row)
+        except InputError as error:
+            if error.code in ("ragged-line", "decimal-comma", "duplicate-column", "no-rows"):
+                without_table(path, numbered)
+            raise
+    return replace(sheet, notes=(*notes, *sheet.notes))
+
+
+def _numbered(lines: Sequence[str], first: int = 1) -> list[tuple[int, str]]:
+    """The lines that are neither blank nor a comment, each with its number."""
+    return [(k, s) for k, s in enumerate(lines, first) if s and not s.isspace() and s[0] != "#"]
+
+
+def _rows(
+    path: Path, numbered: Sequence[tuple[int, str]], separator: str
+) -> tuple[list[list[str]], list[int]]:
+    """Rows of cells, and the line on which each begins."""
+    rows, line, start = [], [], 0
+    reader = csv.reader((f"{s}\n" for _, s in numbered), delimiter=separator, skipinitialspace=True)
     try:
-        sheet = _plain(path, numbered, *read)
-    except InputError as error:
-        if error.code in ("ragged-line", "decimal-comma", "duplicate-column", "no-rows"):
-            without_table(path, numbered)
-        raise
-    return _table(path, data, sheet, *read_with, notes)
+        for row in reader:  # a quoted cell may run over several lines
+            rows.append(row)
+            line.append(numbered[start][0])
+            start = reader.line_num
+    except csv.Error:  # of a cell beyond the module's limit, and of nothing else
+        raise long_cell(path, numbered[start][0], csv.field_size_limit()) from None
+    return rows, line
 
 
 def _plain(
@@ -103,17 +181,8 @@ def _plain(
 ) -> Sheet:
     """The columns of a text of a header, perhaps a row of units, and rows that are all as long."""
     notes: list[Note] = []
-    lines = [s for _, s in numbered]
-    sep = separator or separator_of(lines[:30])
-    rows, line, start = [], [], 0
-    reader = csv.reader((f"{s}\n" for s in lines), delimiter=sep, skipinitialspace=True)
-    try:
-        for row in reader:  # a quoted cell may run over several lines
-            rows.append(row)
-            line.append(numbered[start][0])
-            start = reader.line_num
-    except csv.Error:  # of a cell beyond the module's limit, and of nothing else
-        raise long_cell(path, numbered[start][0], csv.field_size_limit()) from None
+    sep = separator or separator_of([s for _, s in numbered[:30]])
+    rows, line = _rows(path, numbered, sep)
     header = header_of(path, rows[0])
     units, body, at = {}, rows[1:], (line[1:2] or [2])[0]
     if units_row and units_row != at:
@@ -139,17 +208,12 @@ def _plain(
     line = np.array(line[1:])
     made_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
-    return Sheet(columns, line, units, tuple(notes), decimal)
+    layout = None if blank else Layout(sep, plain=True)
+    return Sheet(columns, line, units, tuple(notes), decimal, layout)
 
 
 def _table(
-    path: Path,
-    data: bytes,
-    sheet: Sheet,
-    decimal: str,
-    na_values: tuple[str, ...],
-    size: int,
-    notes: Sequence[Note] = (),
+    path: Path, data: bytes, size: int, sheet: Sheet, decimal: str, na_values: tuple[str, ...]
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     check_room(path, sheet.columns, sheet.line)
@@ -160,5 +224,5 @@ def _table(
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
     return Table(
         columns, text, sheet.line, units, str(path), hashlib.sha256(data).hexdigest(),
-        (*notes, *sheet.notes), decimal, na_values, sheet.units, len(data) / size,
+        sheet.notes, decimal, na_values, sheet.units, len(data) / size,
     )  # fmt: skip

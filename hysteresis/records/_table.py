@@ -1,8 +1,8 @@
-"""The columns of a file, before anything is made of them."""
+"""Table: the columns of a file as numbers and as text, before any of them is an input or an output."""
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 import numpy as np
@@ -11,6 +11,7 @@ from .._errors import InputError
 from .._note import Note
 from ._abstract_record import AbstractRecord
 from ._cells import floats, missing, parsed
+from ._compiled_rows import CompiledRows
 from ._dialect import headless
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
@@ -20,12 +21,13 @@ _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The columns of one file, before anything is made of them.
+    """The columns of one file as numbers and as text, before any of them is an input or an output.
 
     **Arguments:**
 
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str.
-    - `text`: (n,) str, every column as it stands in the file, without the blanks around it.
+    - `text`: (n,) str, every column as it stands in the file, without the blanks around it. Of a large text
+      it is made each time that it is asked for.
     - `line`: (n,) the line of each row, from 1.
     - `units`: from a row of units, by column; empty without one. `written_units`: as the file writes them.
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
@@ -57,19 +59,23 @@ class Table:
         Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
         none: `decimal-comma`, `thousands-separator`, `text-cell`, `not-finite`, `too-large`.
         """
-        x, text, line = column_of(self, name), self.text[name], self.line
+        x, line = column_of(self, name), self.line
+        text = None if x.dtype.kind == "f" else self.text[name]
         if rows is not None:
-            x, text, line = x[rows], text[rows], line[rows]
-            if x.dtype.kind != "f":
+            x, line = x[rows], line[rows]
+            if text is not None:
+                text = text[rows]
                 x = parsed(text, self.decimal, self.na_values)
         if x.dtype.kind == "f":
             # 1e150 is no measurement, and its square, summed over rows, overflows.
             bad = np.flatnonzero(np.abs(x) > 1e150)
             if not bad.size:
                 return x
+            text = self.text[name] if rows is None else self.text[name][rows]
             code = "not-finite" if np.isinf(x[bad[0]]) else "too-large"
             cause, fix = "a division by zero, or a marker for overload.", ""
         else:
+            text = x if text is None else text
             unique, first = np.unique(text, return_index=True)
             wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
@@ -98,6 +104,58 @@ class Table:
         problem = f"{name!r} = {cell!r} cannot be used as a number."
         place = f"{self.path}, line {line[k]}, column {name!r}"
         raise InputError(code, problem, place=place, cause=cause, fix=fix)
+
+
+class TextColumns(Mapping[str, np.ndarray]):
+    """Columns of text that are made when they are asked for, and not kept.
+
+    - `names`: of the columns; `make`: gives (n,) str for one of them.
+    """
+
+    def __init__(self, names: Iterable[str], make: Callable[[str], np.ndarray]):
+        self._names, self._make = dict.fromkeys(names), make
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._names:
+            raise KeyError(name)
+        return self._make(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+def rows_of(table: Table, rows: np.ndarray) -> Table:
+    """A table of these rows (n,) of another."""
+    return replace(
+        table,
+        columns={name: x[rows] for name, x in table.columns.items()},
+        text=TextColumns(table.text, lambda name: table.text[name][rows]),
+        line=table.line[rows],
+    )
+
+
+def followed(begun: Table, rows: CompiledRows) -> Table:
+    """A table of the rows of `begun` and of those that follow them in a text. Raises `OddRowsError`."""
+    names = list(begun.columns)
+    numeric = [x.dtype.kind == "f" for x in begun.columns.values()]
+    numbers, line = rows.numbers(numeric)
+
+    def text(name: str) -> np.ndarray:
+        return np.concatenate([begun.text[name], rows.words(names.index(name))])
+
+    columns = {}
+    for name, x, number in zip(names, numbers, numeric, strict=True):
+        columns[name] = np.concatenate([begun.columns[name], x]) if number else text(name)
+
+    def kept(name: str) -> np.ndarray:
+        return text(name) if columns[name].dtype.kind == "f" else columns[name]
+
+    return replace(
+        begun, columns=columns, text=TextColumns(names, kept), line=np.append(begun.line, line)
+    )
 
 
 def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:

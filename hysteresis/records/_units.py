@@ -51,6 +51,10 @@ def is_unit(text: str) -> bool:
     """Whether this is a unit, in the spelling of rigs or of pint."""
     text = spelled(text)
     number = text[:1].isdigit() and not text.startswith("1/")
+    if re.search(
+        r"\w\s+[(\[]", text
+    ):  # a name and its unit: pint, which takes a second to load, knows none
+        return False
     return text == "1" or text in RIG_UNITS or (not number and _known(text))
 
 

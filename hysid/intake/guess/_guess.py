@@ -1,7 +1,7 @@
 """Guess of `hysid init`: number format, input, output, clock, sequences and hold-out of a file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, Table, check_identifiable, read_table
+from hysteresis.records._table import rows_of
 from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of
@@ -181,12 +182,7 @@ def _head(table: Table, file: Path) -> Table:
     with file.open("rb") as opened:
         lines = opened.read(HEAD).count(b"\n")
     rows = np.flatnonzero(table.line <= lines)
-    return replace(
-        table,
-        columns={name: x[rows] for name, x in table.columns.items()},
-        text={name: cells[rows] for name, cells in table.text.items()},
-        line=table.line[rows],
-    )
+    return rows_of(table, rows)
 
 
 def _time(

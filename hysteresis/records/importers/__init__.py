@@ -9,6 +9,7 @@ from ._encoding import decode as decode
 from ._file import fault as fault
 from ._file import file_bytes as file_bytes
 from ._labview import labview as labview
+from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
 from ._sheet import is_number as is_number
 from ._text import arranged as arranged

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,16 @@ from ..._note import Note
 from .._units import bare_unit, is_unit, spelled
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan", re.IGNORECASE)
+
+
+class Layout(NamedTuple):
+    """How the rows of a text go on below the last one: cells between `separator`, "" for blanks.
+
+    `plain`: they are those of a header and rows, so that empty cells and comments may come too.
+    """
+
+    separator: str
+    plain: bool
 
 
 @dataclass(frozen=True)
@@ -24,6 +35,7 @@ class Sheet:
       says that there is none.
     - `notes`: one for each thing that was done.
     - `decimal`: the sign its numbers are written with.
+    - `layout`: how rows would go on, None where more than rows like these may follow.
     """
 
     columns: Mapping[str, Sequence[str] | np.ndarray]
@@ -31,6 +43,7 @@ class Sheet:
     units: Mapping[str, str]
     notes: tuple[Note, ...]
     decimal: str = "."
+    layout: Layout | None = None
 
 
 def is_number(cell: str) -> bool:

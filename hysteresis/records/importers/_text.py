@@ -2,13 +2,14 @@
 
 import csv
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..._note import Note
-from ._blocks import blocks, headers, mostly, nameless, period_of, sheet_of, trimmed
+from ._blocks import Block, blocks, headers, mostly, nameless, period_of, sheet_of, trimmed
 from ._dialects import dialect_of, maker_of
 from ._file import fault
-from ._sheet import Sheet, is_number
+from ._sheet import Layout, Sheet, is_number
 
 _LOOK = 400
 """Lines from which the separator and the dialect are found."""
@@ -62,7 +63,15 @@ def arranged(
         sheet = _unnamed(sheet)
     if sheet is None and dialect.sure:
         raise fault("no-rows", path, f"this is {dialect.name} without a table of numbers.")
+    if sheet is not None and len(found) == 1 and _goes_on(found[0], sheet, lines[-1][0]):
+        sheet = replace(sheet, layout=Layout(separator, plain=False))
     return sheet
+
+
+def _goes_on(block: Block, sheet: Sheet, last: int) -> bool:
+    """Whether a text's only table takes up each cell, and all lines from its first row to its `last`."""
+    whole = block.line[-1] - block.line[0] == len(block.line) - 1 and block.line[-1] == last
+    return whole and not block.skipped and len(sheet.columns) == len(block.header)
 
 
 def without_table(path: Path, lines: Lines) -> None:
@@ -82,13 +91,7 @@ def without_table(path: Path, lines: Lines) -> None:
 def _unnamed(sheet: Sheet) -> Sheet:
     first = ", ".join(cells[0] for cells in list(sheet.columns.values())[:8])
     said = f"The file has no header (its first row is {first}): columns are named by their place."
-    return Sheet(
-        sheet.columns,
-        sheet.line,
-        sheet.units,
-        (Note("no-header", said), *sheet.notes),
-        sheet.decimal,
-    )
+    return replace(sheet, notes=(Note("no-header", said), *sheet.notes))
 
 
 def _begins_late(rows: list[tuple[int, list[str]]]) -> bool:

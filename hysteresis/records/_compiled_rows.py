@@ -1,0 +1,186 @@
+"""Rows of a large text by NumPy's compiled parser, block by block.
+
+The careful reader makes a Python string of every cell. It reads the head of a large file and says how its
+rows are laid out; the rows below are read here, several times as fast and one block at a time. Cells become
+text only where text is asked for. A block with rows of another kind is read carefully, or else the whole
+file is.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats, parsed
+from .importers import Layout
+
+BLOCK = 2**24
+"""Bytes of a block; as strings and numbers its cells take some ten times as much memory."""
+
+CarefulRows = Callable[[str, int], tuple[Sequence[Sequence[str]], np.ndarray]]
+"""Columns of cells of a block's text, whose first line is given, and the line of each row."""
+
+
+class OddRowsError(Exception):
+    """Rows that are not laid out as those of the head."""
+
+
+class CompiledRows:
+    """The rows of `data` from byte `start` on, which is line `first`, laid out as `layout` says.
+
+    `numbers` reads all columns, `words` the cells of one. `careful` reads blocks that the compiled parser
+    does not; without it there may be none. Both raise `OddRowsError`.
+    """
+
+    def __init__(
+        self,
+        data: bytes,
+        start: int,
+        first: int,
+        layout: Layout,
+        decimal: str,
+        na_values: tuple[str, ...],
+        careful: CarefulRows | None,
+    ):
+        if layout.separator == decimal:
+            raise OddRowsError
+        self._data, self._layout, self._decimal = data, layout, decimal
+        self._na_values, self._careful = na_values, careful
+        self._blocks: list[
+            tuple[slice, int, bool]
+        ] = []  # each with its first line, and if read carefully
+        self._start, self._first = start, first
+        words = "|".join(
+            re.escape(w.strip()) for w in sorted({*MISSING, *na_values}, key=len)[::-1]
+        )
+        end = f"\n{re.escape(layout.separator)}"
+        self._missing = re.compile(rf"([{end}]) *(?:{words}) *(?=[{end}])", re.IGNORECASE)
+
+    def numbers(self, numeric: list[bool]) -> tuple[list[np.ndarray], np.ndarray]:
+        """(n,) float64 of each column, and (n,) the line of each row.
+
+        `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False; the
+        arrays of such columns mean nothing.
+        """
+        columns: list[list[np.ndarray]] = [[] for _ in numeric]
+        lines, first = [], self._first
+        for place in _blocks(self._data, self._start):
+            text = _text(self._data[place])
+            count = text.count("\n")
+            parts = self._compiled(text, count, numeric)
+            line = np.arange(first, first + count)
+            self._blocks.append((place, first, parts is None))
+            if parts is None:
+                parts, line = self._carefully(text, first, numeric)
+            for column, part, number in zip(columns, parts, numeric, strict=True):
+                column.append(part if number else np.zeros(0))
+            lines.append(line)
+            first += count
+        last = [column[-1] for column, number in zip(columns, numeric, strict=True) if number]
+        if not last or all(np.isnan(x[-1:]).all() for x in last):
+            raise OddRowsError  # perhaps empty rows at the end, which are no rows
+        return [np.concatenate(column) for column in columns], np.concatenate(lines)
+
+    def words(self, at: int) -> np.ndarray:
+        """The cells of column `at` (n,) str, without the blanks around each."""
+        parts: list[np.ndarray] = []
+        for place, first, odd in self._blocks:
+            text = _text(self._data[place])
+            if odd and self._careful is not None:
+                cells = np.array(self._careful(text, first)[0][at], str)
+            else:
+                options = self._options(text)
+                cells = np.loadtxt(io.StringIO(text), str, usecols=at, ndmin=1, **options)
+            parts.append(np.char.strip(cells))
+        longest = max(part.dtype.itemsize // 4 for part in parts)
+        if longest > LONG_CELL and 4 * longest * sum(map(len, parts)) > MOST_TEXT:
+            raise OddRowsError
+        return np.concatenate(parts)
+
+    def _compiled(self, text: str, count: int, numeric: list[bool]) -> list[np.ndarray] | None:
+        """The columns of a block, None where the parser cannot read it as the layout says."""
+        separator, width = self._layout.separator, len(numeric)
+        if text.startswith("#") or "\n#" in text:
+            return None
+        if self._decimal == ",":
+            if "." in text:
+                return None
+            text = text.replace(",", ".")
+        if separator and text[: text.index("\n")].count(separator) == width:
+            text = text.replace(f"{separator}\n", "\n")  # rows that end with a separator
+        if '"' in text and re.search(f'{re.escape(separator)} +"', text):
+            return None  # the parser knows a quotation mark at the very beginning of a cell alone
+        # Of a column of words no more is read than that it is there.
+        fields = [(f"f{k}", "f8" if number else "U1") for k, number in enumerate(numeric)]
+        options: dict[str, Any] = {"dtype": fields, "ndmin": 1, **self._options(text)}
+        found: Any
+        try:
+            found = np.loadtxt(io.StringIO(text), **options)
+        except ValueError:
+            if self._careful is None:
+                return None
+            text = self._missing.sub(r"\1nan", f"\n{text}")[1:]
+            try:
+                found = np.loadtxt(io.StringIO(text), **options)
+            except ValueError:
+                return None
+        if len(found) != count:  # blank lines, or cells of several lines
+            return None
+        columns = [np.ascontiguousarray(found[name]) for name, _ in fields]
+        gone = floats([*self._na_values], self._decimal)
+        if self._careful is None and not all(
+            np.isfinite(x).all() for x in columns if x.dtype == float
+        ):
+            return None
+        if np.isfinite(gone).any():
+            columns = [
+                np.where(np.isin(x, gone), np.nan, x) if x.dtype == float else x for x in columns
+            ]
+        return columns
+
+    def _carefully(
+        self, text: str, first: int, numeric: list[bool]
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        if self._careful is None:
+            raise OddRowsError
+        cells, line = self._careful(text, first)
+        columns = []
+        for k, column in enumerate(cells):
+            x = parsed(np.char.strip(np.array(column, str)), self._decimal, self._na_values)
+            numeric[k] &= x.dtype.kind == "f"
+            columns.append(x)
+        return columns, line
+
+    def _options(self, text: str) -> dict[str, Any]:
+        quote = '"' if '"' in text else None
+        return {"delimiter": self._layout.separator or None, "comments": None, "quotechar": quote}
+
+
+def _blocks(data: bytes, start: int) -> Iterator[slice]:
+    """Pieces of whole lines."""
+    while start < len(data):
+        stop = len(data)
+        if start + BLOCK < stop:
+            stop = data.rfind(b"\n", start, start + BLOCK) + 1
+            if stop <= start:
+                raise OddRowsError
+        yield slice(start, stop)
+        start = stop
+
+
+def _text(block: bytes) -> str:
+    """A block in ASCII, each line ended by a line feed alone. Raises `OddRowsError` for any other."""
+    if not block.isascii() or b"\0" in block or block.count(b'"') % 2:
+        raise OddRowsError
+    if b"\r" in block:
+        block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    block = block if block.endswith(b"\n") else block + b"\n"
+    ends = np.flatnonzero(np.frombuffer(block, np.uint8) == 10)
+    longest = int(np.diff(ends, prepend=-1).max())
+    # The text of a column gives each cell the room of the longest one, which is within a line.
+    if longest > csv.field_size_limit() or longest > LONG_CELL + 16 * len(block) / len(ends):
+        raise OddRowsError
+    return block.decode("ascii")
