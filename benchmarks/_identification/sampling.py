@@ -23,10 +23,15 @@ from hysteresis.preisach import GaussianDensity
 from identify import FitResult, Posterior, fit, load, sample, save
 from identify.posterior._chains import Chains, Progress
 from identify.posterior._emcee import _begun as _first
-from identify.posterior._emcee import _Run, autocorrelation_times, sample_ensembles
+from identify.posterior._emcee import (
+    _Run,
+    autocorrelation_times,
+    first_walkers,
+    sample_ensembles,
+)
 from identify.posterior._log_posterior import Target, target
 from identify.posterior._mode import top_of
-from identify.posterior._sample import first_walkers, log_probability
+from identify.posterior._sample import log_probability
 from identify.storage._checkpoint import Checkpoint, Identity
 
 from .._measure import Row, interleaved, judged

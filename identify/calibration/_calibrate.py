@@ -16,9 +16,9 @@ from hysteresis import InputError, parameter_at, parameters
 
 from ..parameters._precision import require_double
 from ..posterior._chains import Progress
-from ..posterior._emcee import sample_ensembles
+from ..posterior._emcee import first_walkers, sample_ensembles
 from ..posterior._posterior import Posterior
-from ..posterior._sample import MOST_STEPS, first_walkers, posterior_of, walkers_for
+from ..posterior._sample import MOST_STEPS, posterior_of, walkers_for
 from ..storage._checkpoint import Checkpoint
 
 System = TypeVar("System", bound=eqx.Module)

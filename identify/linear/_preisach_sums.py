@@ -65,7 +65,7 @@ def known_sums(
 
     # One pass over the rows: the fit itself, and what each sum reads of them.
     found = problem.outputs(np.hstack([x[:, None], over_all(K)]))[chosen]
-    sequences = _runs(problem.starts, chosen)
+    sequences = runs(problem.starts, chosen)
     noise = noise_behind(problem.y[chosen] - found[:, 0], left, sequences)
     read = found[:, 1:]
     spread = noise.sigma**2 / rows**2 * (read.T @ spread_over_rows(read, noise.phi, sequences))
@@ -77,7 +77,7 @@ def known_sums(
     return KnownSums(spread + np.outer(bias, bias), determined)
 
 
-def _runs(starts: np.ndarray, chosen: Bool[np.ndarray, " samples"]) -> list[slice]:
+def runs(starts: np.ndarray, chosen: Bool[np.ndarray, " samples"]) -> list[slice]:
     """Among the chosen rows, those of one sequence that follow one another without a gap."""
     rows = np.flatnonzero(chosen)
     new = np.append(True, (np.diff(rows) > 1) | np.isin(rows[1:], starts))

@@ -125,6 +125,33 @@ def sample_ensembles(
     return _finished(run.history, checkpoint, wants_rule=steps is None)
 
 
+def first_walkers(
+    density: LogProbability,
+    place: Float[np.ndarray, " parameters"],
+    root: Float[np.ndarray, "parameters parameters"],
+    ensembles: int,
+    walkers: int,
+    seed: int,
+) -> Float[np.ndarray, "ensembles walkers parameters"]:
+    """Start about the fit, every ensemble about a place of its own, so that they have to find each other.
+
+    In Laplace's metric an ensemble's place is one and a half deviations from the fit, its walkers one from
+    there. Whoever is hopeless, more than 10 + 3 per parameter below the fit in log-probability, comes
+    halfway back, lest it stays there.
+    """
+    random = np.random.default_rng([seed, 1])
+    places = 1.5 * random.normal(size=(ensembles, 1, len(place)))
+    away = (places + random.normal(size=(ensembles, walkers, len(place)))) @ root.T
+    away = away.reshape(2, -1, len(place))  # in two halves, as the ensembles are moved
+    floor = density(np.broadcast_to(place, away[0].shape))[0] - 10 - 3 * len(place)
+    for _ in range(60):
+        low = np.stack([density(place + half) for half in away]) < floor
+        if not low.any():
+            break
+        away = np.where(low[..., None], away / 2, away)
+    return (place + away).reshape(ensembles, walkers, -1)
+
+
 def _finished(history: History, checkpoint: Checkpoint, wants_rule: bool) -> Chains:
     points = history.points[:, 1:]
     ensembles, steps, walkers, _ = points.shape

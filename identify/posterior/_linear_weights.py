@@ -1,50 +1,168 @@
-"""The posterior of linear weights: independent draws, each projected onto the possible models."""
+"""The posterior of linear weights: emcee over noise and prior strength, the weights drawn given each."""
 
 import time
+from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float
+from threadpoolctl import threadpool_limits
 
 from ..linear._linear_fit import LinearFit
-from ..noise._residual_statistics import Noise
-from ._chains import Progress
-from ._posterior import Posterior, summary_of
+from ..linear._preisach_unknowns import SUMS
+from ..results._fit_result import FitResult
+from ..storage._checkpoint import Checkpoint
+from ._chains import Chains, Progress
+from ._emcee import first_walkers, sample_ensembles
+from ._posterior import Posterior, modes_of, summary_of
+from ._weights_design import WeightsDesign, weights_design
+from ._weights_evidence import PRIOR_VARIANCE, WeightsEvidence
 
-MOST = 200
-"""Draws of each ensemble: independent ones, each a quadratic problem."""
+MOST = 100
+"""Models of each ensemble: each is a quadratic problem with signs."""
+
+FIRM = 1e4
+"""How much firmer the projection holds a sum than the data do."""
 
 
+KNOWN = 0.01
+"""Part of its prior variance that is left of a sum which the data know."""
+
+
+class Length(NamedTuple):
+    """How many steps and walkers, see `sample`."""
+
+    steps: int | None
+    most: int
+    ensembles: int
+    walkers: int
+    seed: int
+
+
+# Many small factorisations, for which threads of BLAS only wait.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def sample_weights(
-    linear: LinearFit,
-    noise: Noise,
-    steps: int,
-    ensembles: int,
-    seed: int,
-    tell: Progress,
-    begin: float,
+    fit: FitResult, linear: LinearFit, length: Length, kept: Checkpoint, tell: Progress
 ) -> Posterior:
-    """Independent draws of linear unknowns, see `LinearFit.draws`; sigma from its own posterior."""
-    draws = min(steps, MOST)
-    found = [
-        linear.draws(
-            noise,
-            draws,
-            np.random.default_rng([seed, k]),
-            lambda d, k=k: tell(k * draws + d, ensembles * draws, f"ensemble {k + 1}"),
-        )
-        for k in range(ensembles)
-    ]
-    meaning, unknowns = linear.meaning, np.concatenate(found)
-    totals = linear.sums_of(unknowns)
-    effective = max(noise.effective, 2.0)
+    """Draw noise, its correlation and the prior's strength by emcee, and given each the unknowns.
+
+    The unknowns are integrated out of the likelihood, see `WeightsEvidence`. Given the others they are
+    Gaussian. Each draw is projected in its own metric onto the models that can be, with no negative weight
+    and no falling branch, and with the sums of the draw that the data determine.
+
+    Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J. Uncertainty
+    Quantification 11 (2023).
+    """
+    begin = time.perf_counter()
+    design = weights_design(linear, fit.train, fit.used)
+    evidence = WeightsEvidence(design.sums)
+    steps, most, ensembles, walkers, seed = length
+    place, root = evidence.place, evidence.root
+    first = first_walkers(evidence, place, root, ensembles, walkers, seed)
+    chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)
+    points = _chosen(chains, min(steps or MOST, MOST))
+    scale = linear.meaning.scale
+    given = _Given(linear, design, evidence.place)
+    flat = points.reshape(-1, points.shape[-1])
     random = np.random.default_rng([seed, ensembles])
-    sigma = noise.sigma * np.sqrt(effective / random.chisquare(effective, (len(unknowns), 1)))
-    values = np.hstack([totals, sigma]).reshape(ensembles, draws, -1)
-    names = (*meaning.total_names, "sigma")
-    summaries = tuple(
-        summary_of(name, values[..., j], float(ensembles * draws)) for j, name in enumerate(names)
-    )
+    unknowns = np.empty((len(flat), len(linear.unknowns)))
+    for k, point in enumerate(flat):
+        unknowns[k] = given.drawn(point, random)
+        if k % 20 == 0:
+            tell(k, len(flat), "weights")
+    sums = scale * unknowns @ design.totals[given.determined].T
+    names = tuple(np.array(design.names)[given.determined].tolist())
+    draws = np.hstack([sums, evidence.in_units(flat, scale)]).reshape(*points.shape[:2], -1)
+    # Given noise and strength the unknowns are independent draws, so theirs is the R-hat of those.
+    agreement, ess = float(chains.rhat.max()), min(float(len(flat)), float(chains.ess.min()))
+    summaries = [summary_of(name, draws[..., j], ess, agreement) for j, name in enumerate(names)]
+    every = evidence.in_units(chains.points, scale).reshape(ensembles, -1, points.shape[-1])
+    for j, name in enumerate(evidence.names):
+        worth, narrower = float(chains.ess[j]), 1 - chains.points[..., j].var() / PRIOR_VARIANCE[j]
+        summaries.append(
+            summary_of(
+                name, every[..., j], worth, float(chains.rhat[j]),
+                modes_of(every[..., j], worth), float(narrower),
+            )
+        )  # fmt: skip
     return Posterior(
-        names, values, meaning.model(unknowns), summaries,
-        f"projected Gaussian, {ensembles} x {draws} independent draws",
-        1.0, float("nan"), time.perf_counter() - begin,
+        (*names, *evidence.names), draws, linear.meaning.model(unknowns), tuple(summaries),
+        f"{chains.method}; weights projected", chains.acceptance, chains.autocorrelation,
+        time.perf_counter() - begin, (*chains.notes, *_left_open(design, given.determined)),
+        chains.long_enough, evidence(flat).reshape(points.shape[:2]), chains.statistics,
     )  # fmt: skip
+
+
+def _chosen(chains: Chains, count: int) -> Float[np.ndarray, "ensembles draws parameters"]:
+    """At most so many points of every ensemble, as far apart as they can be."""
+    ensembles, _, _, parameters = chains.points.shape
+    thinned = chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
+    return thinned[:, np.linspace(0, thinned.shape[1] - 1, count).astype(int)]
+
+
+def _left_open(design: WeightsDesign, determined: Bool[np.ndarray, " sums"]) -> tuple[str, ...]:
+    left = [name for name, known in zip(design.names, determined, strict=True) if not known]
+    if not left:
+        return ()
+    return (
+        f"the data do not determine {', '.join(left)}: the prior says more of each than they do, so they"
+        " are not among the parameters.",
+    )
+
+
+def _bare(names: tuple[str, ...]) -> list[str]:
+    """Without the value of a condition behind them."""
+    return [name.partition(" at ")[0] for name in names]
+
+
+class _Given:
+    """Draws of the unknowns given noise and prior strength.
+
+    - `determined`: which of the design's sums the data know rather than the prior, at the likeliest noise
+      and strength. At most half of the variance c'G c is the prior's, c'G (H - H_d) G c, with G the inverse
+      of H and H_d the H without the prior; or, of `SUMS`, it is less than `KNOWN` of the prior's variance.
+    """
+
+    def __init__(
+        self, linear: LinearFit, design: WeightsDesign, place: Float[np.ndarray, " 3"]
+    ) -> None:
+        self.linear, self.design = linear, design
+        self.U, self.known = design.basis.directions, design.basis.known
+        # Of the prior, what `factor` does not hold: it is along the directions that the data do not know.
+        self._beside = design.basis.prior - design.basis.dual @ design.basis.dual.T
+        factor, strength, _ = self._normal(place)
+        along = design.totals @ self.U
+        solved = scipy.linalg.solve_triangular(factor, along[:, : self.known].T, lower=True)
+        of_known = (solved**2).sum(0)
+        variance = of_known + (along[:, self.known :] ** 2).sum(1) / strength
+        back = scipy.linalg.solve_triangular(factor.T, solved)
+        of_prior = strength * (back**2).sum(0) + (along[:, self.known :] ** 2).sum(1) / strength
+        before = (along**2).sum(1) / strength
+        narrow = np.isin(_bare(design.names), SUMS) & (variance < KNOWN * before)
+        self.determined: Bool[np.ndarray, " sums"] = (of_prior <= 0.5 * variance) | narrow
+        held = design.totals[self.determined]
+        self._held = FIRM * (held.T / np.maximum(variance[self.determined], 1e-300)) @ held
+
+    def drawn(
+        self, point: Float[np.ndarray, " 3"], random: np.random.Generator
+    ) -> Float[np.ndarray, " unknowns"]:
+        """One draw, projected."""
+        factor, strength, right = self._normal(point)
+        noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
+        w = noise / np.sqrt(strength)
+        centre = scipy.linalg.solve_triangular(factor, right, lower=True)
+        w[: self.known] = scipy.linalg.solve_triangular(factor.T, centre + noise[: self.known])
+        known = self.design.basis.dual @ factor
+        H = known @ known.T + strength * self._beside + self._held
+        return self.linear.meaning.minimum(H, H @ (self.U @ w), self.linear.unknowns != 0)
+
+    def _normal(
+        self, point: Float[np.ndarray, " 3"]
+    ) -> tuple[Float[np.ndarray, "known known"], float, Float[np.ndarray, " known"]]:
+        """Of the known directions: the Cholesky factor of (U'A'V^-1 A U / N + strength), the strength, and
+        U'A'V^-1 y / N."""
+        sums = self.design.sums
+        whole = sums.under(float(np.tanh(point[1] / 2))) / sums.rows
+        strength = float(np.exp(point[2]))
+        H = whole[:-1, :-1] + strength * np.eye(self.known)
+        return scipy.linalg.cholesky(H, lower=True), strength, whole[:-1, -1]

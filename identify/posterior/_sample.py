@@ -27,9 +27,9 @@ from ..storage._checkpoint import Checkpoint, Identity
 from ..storage._checkpoint_file import digest
 from ..storage._provenance import versions
 from ._chains import Chains, Progress
-from ._emcee import sample_ensembles
+from ._emcee import first_walkers, sample_ensembles
 from ._emcee_moves import LogProbability
-from ._linear_weights import MOST, sample_weights
+from ._linear_weights import Length, sample_weights
 from ._log_posterior import Target, target
 from ._mode import top_of
 from ._pointwise import per_row
@@ -63,11 +63,13 @@ def sample(
     wider, each ensemble about a place of its own.
 
     `method="nuts"`, the extra `hysid[nuts]`: the No-U-Turn sampler, for many parameters; `ensembles`
-    chains, a thousand `steps` of each by default.
+    chains, a thousand `steps` of each by default. Not for weights.
 
-    Weights on a grid: the Gaussian posterior of the linear problem, each draw projected in its own metric
-    onto the models that can be (no negative weight, no falling branch); such draws are independent. Where
-    the data leave much open their mean moves away from the fit, into the models that can be.
+    Weights of a grid or a composition: the same ensembles for the size of the noise, its correlation from
+    row to row and the prior's strength, the weights integrated out of the likelihood. Given those the
+    weights are Gaussian; up to a hundred draws of each ensemble are projected in their own metric onto the
+    models that can be (no negative weight, no falling branch), which keep the sums that the data determine.
+    Sums that they leave open are named in the notes.
 
     **Arguments:** `steps` for each of `ensembles` (total, also when resumed); `seed`.
 
@@ -77,7 +79,7 @@ def sample(
       less than 16.
     - `checkpoint`: an HDF5 file that keeps the chains of emcee, written every so many seconds (`every`)
       and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
-      nothing had been interrupted. NUTS keeps none, and independent draws need none.
+      nothing had been interrupted. NUTS keeps none.
     - `progress(done, total, text)` is called now and then.
 
     Raises `InputError` for a spectrum, reversal curves, a fit without free parameters, too few steps or
@@ -86,10 +88,10 @@ def sample(
     **Example:**
 
         >>> drawn = identify.sample(grid_fit, steps=20)
-        >>> drawn.names
-        ('output.middle', 'output.rise', 'loop.width', 'sigma')
-        >>> drawn.draws.shape
-        (4, 20, 4)
+        >>> drawn.names[-3:]
+        ('sigma', 'phi', 'prior.strength')
+        >>> drawn.draws.shape[:2]
+        (4, 20)
     """
     _check(steps, ensembles, seed, most, method)
     detail = fit.detail
@@ -115,8 +117,18 @@ def sample(
         )
     begin = time.perf_counter()
     tell = progress or (lambda done, total, text: None)
+    file = None if checkpoint is None else Path(checkpoint)
     if isinstance(detail, GridWeights | Composition):
-        return sample_weights(detail.linear, fit.noise, steps or MOST, ensembles, seed, tell, begin)
+        if method != "emcee":
+            raise InputError(
+                "bad-option",
+                f"{method} does not sample {fit.name}.",
+                cause="its weights are drawn given three parameters, which emcee samples.",
+                fix='leave out the method, or give method="emcee".',
+            )
+        length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
+        kept = Checkpoint(file, _weights_identity(fit, detail, length), resume, every)
+        return sample_weights(fit, detail.linear, length, kept, tell)
     aim = target(fit)
     if method == "nuts":
         from ._nuts import sample_nuts
@@ -125,7 +137,6 @@ def sample(
         chains = sample_nuts(aim, steps or 1000, ensembles, seed, tell, notes)
         return _posterior(aim, chains, seed, begin)
     walkers = walkers_for(walkers, len(aim.names))
-    file = None if checkpoint is None else Path(checkpoint)
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
     density = log_probability(aim)
     place, _, root = map(np.asarray, top_of(aim))
@@ -151,33 +162,6 @@ def _log_probability(
     structure, rest = static
     leaves = [one if array is None else array for array, one in zip(arrays, rest, strict=True)]
     return jax.vmap(jax.tree.unflatten(structure, leaves).log_probability)(points)
-
-
-def first_walkers(
-    density: LogProbability,
-    place: Float[np.ndarray, " parameters"],
-    root: Float[np.ndarray, "parameters parameters"],
-    ensembles: int,
-    walkers: int,
-    seed: int,
-) -> Float[np.ndarray, "ensembles walkers parameters"]:
-    """Start about the fit, every ensemble about a place of its own, so that they have to find each other.
-
-    In Laplace's metric an ensemble's place is one and a half deviations from the fit, its walkers one from
-    there. Whoever is hopeless, more than 10 + 3 per parameter below the fit in log-probability, comes
-    halfway back, lest it stays there.
-    """
-    random = np.random.default_rng([seed, 1])
-    places = 1.5 * random.normal(size=(ensembles, 1, len(place)))
-    away = (places + random.normal(size=(ensembles, walkers, len(place)))) @ root.T
-    away = away.reshape(2, -1, len(place))  # in two halves, as the ensembles are moved
-    floor = density(np.broadcast_to(place, away[0].shape))[0] - 10 - 3 * len(place)
-    for _ in range(60):
-        low = np.stack([density(place + half) for half in away]) < floor
-        if not low.any():
-            break
-        away = np.where(low[..., None], away / 2, away)
-    return (place + away).reshape(ensembles, walkers, -1)
 
 
 def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str) -> None:
@@ -213,11 +197,9 @@ def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: i
         structure, arrays = described(module, for_file=False)
         return digest(structure, *arrays.values())
 
-    record, known = fit.train, versions()
-    columns = (record.input, record.output, record.time, record.starts, record.mask)
     return Identity(
         model=of(aim.template),
-        data=digest(*columns, fit.used, np.asarray(aim.start)),
+        data=digest(*_columns(fit), np.asarray(aim.start)),
         noise=digest(of(aim.noise_template), aim.weight),
         priors=digest(
             aim.bounds[:3], aim.bounds[4:], np.asarray(aim.bounds.scale), aim.noise_bounds.priors
@@ -225,8 +207,34 @@ def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: i
         seed=str(seed),
         ensembles=str(ensembles),
         walkers=str(walkers),
-        versions=", ".join(f"{name} {known[name]}" for name in ("emcee", "jax", "numpy")),
+        versions=_versions("emcee", "jax", "numpy"),
     )
+
+
+def _weights_identity(
+    fit: FitResult, detail: GridWeights | Composition, length: Length
+) -> Identity:
+    return Identity(
+        model=digest(detail.words(), detail.linear.unknowns),
+        data=digest(*_columns(fit), *fit.train.columns.values()),
+        noise="AR(1)",
+        priors="of the strength",
+        seed=str(length.seed),
+        ensembles=str(length.ensembles),
+        walkers=str(length.walkers),
+        versions=_versions("emcee", "numpy", "scipy"),
+    )
+
+
+def _columns(fit: FitResult) -> tuple[Any, ...]:
+    """The data of a fit."""
+    record = fit.train
+    return record.input, record.output, record.time, record.starts, record.mask, fit.used
+
+
+def _versions(*names: str) -> str:
+    known = versions(names)
+    return ", ".join(f"{name} {known[name]}" for name in names)
 
 
 def _posterior(aim: Target, chains: Chains, seed: int, begin: float) -> Posterior:

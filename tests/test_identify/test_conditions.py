@@ -93,7 +93,7 @@ def test_a_saved_fit_predicts_the_same(found, tmp_path):
 def test_draws_of_the_posterior_surround_the_fit(found):
     posterior = identify.sample(found, steps=30)
     assert condition_of(posterior.model) is not None
-    names = [name for name in posterior.names if name.startswith("curve at")]
+    names = [name for name in posterior.names if name.startswith("output.rise at")]
     assert len(names) == len(found.condition.knots)
 
 

@@ -114,8 +114,8 @@ def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
     assert again.clocks == found.clocks
     np.testing.assert_array_equal(again.predict(data), found.predict(data))
     posterior = sample(again, steps=20, ensembles=2)
-    assert posterior.names[0] == "offset"
-    assert posterior.names[-1] == "sigma"
+    assert posterior.names[-3:] == ("sigma", "phi", "prior.strength")
+    assert "output.rise" in posterior.names
     few = jax.tree.map(lambda draw: draw[:3], posterior.model)
     spread = jax.vmap(lambda model: invert(model).simulate(data.time, data.output).value)(few)
     assert spread.shape == (3, SAMPLES)

@@ -235,7 +235,7 @@ def test_predictive_band_covers_the_held_out_cycle(grid_fit, grid_posterior) -> 
     """90 % of the fifth cycle, which no fit has seen, within the 90 % band: 20 readings."""
     record, model = grid_fit.test, grid_posterior.model
     curves = np.asarray(jax.vmap(lambda m: m.simulate(None, record.input))(model))
-    random, sigma = np.random.default_rng(0), grid_posterior.draws[..., -1]
+    random, sigma = np.random.default_rng(0), grid_posterior.draws[..., -3]
     curves = curves + random.normal(size=curves.shape) * sigma.reshape(-1, 1)
     low, high = np.quantile(curves, [0.05, 0.95], axis=0)
     inside = (record.output >= low) & (record.output <= high)

@@ -1,0 +1,223 @@
+"""The marginal likelihood of noise and prior strength of a linear fit, its weights integrated out.
+
+With the columns A, AR(1) noise of the correlations V and the prior's matrix K,
+
+    y ~ N(A x, sigma^2 V),      x ~ N(0, sigma^2 / (N strength) K^-1),      the offset flat.
+
+In the basis U with U'K U = 1 and U'A'A U diagonal the data say something along a few directions only, and
+V^-1 needs no more of the rows than `NeighbourSums`. At each of some correlations the normal matrix has the
+eigenvalues d_j and the projections c_j of A'V^-1 y, so that
+
+    log p = -[ N log sigma^2 + log det V + sum log(1 + d_j / (N strength))
+               + (y'V^-1 y - sum c_j^2 / (d_j + N strength)) / sigma^2 + log(N strength / sigma^2) ] / 2,
+
+which is interpolated in atanh phi.
+
+Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992); Rasmussen, Williams, Gaussian Processes
+for Machine Learning (2006), section 5.4.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+from jaxtyping import Float
+
+from ._neighbour_sums import NeighbourSums
+
+DECADES = np.log(1e3)
+"""Deviation of the logarithms of sigma, about the output's range, and of the strength, about `USUAL`."""
+
+PRIOR_VARIANCE = (float(DECADES**2), float(np.pi**2 / 3), float(DECADES**2))
+"""Of the prior: phi is uniform between -1 and 1, so 2 atanh phi has a logistic distribution."""
+
+USUAL = 1e-3
+"""Median of the prior of the strength."""
+
+LOST = 1e-8
+"""Eigenvalue, over the rows, below which the data say nothing along a direction."""
+
+ENDS = (-2.0, 4.0)
+"""Of atanh phi."""
+
+NEAR, STEP = 8.0, 0.5
+"""Correlations are close together within so many deviations of the likeliest, and so far apart there."""
+
+COARSE = 25
+"""Correlations between the `ENDS`."""
+
+Points = Float[np.ndarray, "points 3"]
+
+
+class Basis(NamedTuple):
+    """Directions U with U'K U = 1, U'A'A U diagonal; those that the data know come first.
+
+    - `directions` (unknowns, unknowns); `known`: how many the data know.
+    - `dual`: K U of the known ones. `prior`: K.
+    """
+
+    directions: Float[np.ndarray, "unknowns unknowns"]
+    known: int
+    dual: Float[np.ndarray, "unknowns known"]
+    prior: Float[np.ndarray, "unknowns unknowns"]
+
+
+def basis_of(
+    H: Float[np.ndarray, "unknowns unknowns"], K: Float[np.ndarray, "unknowns unknowns"]
+) -> Basis:
+    """The basis of the normal matrix H, a mean over rows, and the prior's K."""
+    values, U = scipy.linalg.eigh(H, K, check_finite=False)
+    values, U = values[::-1], U[:, ::-1]
+    known = max(int((values > LOST).sum()), 1)
+    return Basis(U, known, K @ U[:, :known], K)
+
+
+class WeightsEvidence:
+    """log p(y | log sigma, 2 atanh phi, log strength) plus the log prior, of many points at once.
+
+    - `sums`: of the rows (A U, y), U the known directions. Outputs are in units of their range.
+    - `place`, `root`: the top, and a root of Laplace's covariance.
+    """
+
+    names = ("sigma", "phi", "prior.strength")
+
+    def __init__(self, sums: NeighbourSums) -> None:
+        self.sums = sums
+        top, width = self._top()
+        near = top + width * np.arange(-NEAR, NEAR + STEP / 2, STEP)
+        nodes = np.concatenate([np.linspace(*ENDS, COARSE), near[np.abs(near - 1) < 3]])
+        self.nodes: Float[np.ndarray, " nodes"] = np.unique(nodes)
+        each = [self._at(float(v)) for v in self.nodes]
+        self._values, self._squares, self._yy, self._log_det = (
+            np.stack(part) for part in zip(*each, strict=True)
+        )
+        self.place: Float[np.ndarray, " 3"]
+        self.root: Float[np.ndarray, "3 3"]
+        self.place, self.root = self._laplace(top)
+
+    def __call__(self, points: Points) -> Float[np.ndarray, " points"]:
+        """Of every point; -inf beyond the `ENDS`."""
+        log_sigma, z, log_strength = points.T
+        v = z / 2
+        first = np.clip(np.searchsorted(self.nodes, v) - 2, 0, len(self.nodes) - 4)
+        at = first[:, None] + np.arange(4)
+        with np.errstate(all="ignore"):
+            found = self._likelihood(at, log_sigma[:, None], log_strength[:, None])
+            shares = _lagrange(self.nodes[at], v)
+            value = (shares * found).sum(1) + _log_prior(points)
+        inside = (v > ENDS[0]) & (v < ENDS[1]) & np.isfinite(value)
+        return np.where(inside, value, -np.inf)
+
+    @staticmethod
+    def in_units(points: Float[np.ndarray, "*points 3"], scale: float) -> np.ndarray:
+        """sigma in the unit of the output, phi, and the prior's strength."""
+        values = np.exp(points)
+        values[..., 1] = np.tanh(points[..., 1] / 2)
+        values[..., 0] *= abs(scale)
+        return values
+
+    def _at(self, v: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """Eigenvalues, squared projections, y'V^-1 y and log det V at atanh phi = v."""
+        phi = float(np.tanh(v))
+        whole = self.sums.under(phi)
+        values, vectors = scipy.linalg.eigh(whole[:-1, :-1], check_finite=False)
+        along = vectors.T @ whole[:-1, -1]
+        return np.maximum(values, 0.0), along**2, whole[-1, -1], self.sums.log_determinant(phi)
+
+    def _likelihood(
+        self, at: np.ndarray, log_sigma: np.ndarray, log_strength: np.ndarray
+    ) -> np.ndarray:
+        known = self._values[at], self._squares[at], self._yy[at], self._log_det[at]
+        spread, left, log_det = self._parts(known, log_strength)
+        rows = self.sums.rows
+        return -0.5 * (
+            2 * (rows - 1) * log_sigma + log_det + spread + left * np.exp(-2 * log_sigma)
+        )
+
+    def _parts(
+        self, known: tuple[np.ndarray, ...], log_strength: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Log determinants of the prior, what is left of y'V^-1 y, and log det V."""
+        values, squares, yy, log_det = known
+        prior = self.sums.rows * np.exp(log_strength)
+        total = values + prior[..., None]
+        spread = np.log(total / prior[..., None]).sum(-1) + np.log(prior)
+        left = np.maximum(yy - (squares / total).sum(-1), 1e-24 * yy)
+        return spread, left, log_det
+
+    def _top(self) -> tuple[float, float]:
+        """atanh phi of the likeliest noise, whatever its size and the prior, and its deviation."""
+        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
+
+        def loss(v: float) -> float:
+            known = tuple(np.asarray(x)[None] for x in self._at(v))
+            spread, left, log_det = self._parts(known, tried)
+            rows = self.sums.rows - 1
+            return 0.5 * float(np.min(rows * np.log(left) + spread + log_det))
+
+        found = scipy.optimize.minimize_scalar(
+            loss, bounds=(ENDS[0] + 0.1, ENDS[1] - 0.1), method="bounded", options={"xatol": 1e-3}
+        )
+        top, h = float(found.x), 0.05
+        curvature = (loss(top + h) + loss(top - h) - 2 * loss(top)) / h**2
+        return top, float(1 / np.sqrt(max(curvature, 1.0)))
+
+    def _laplace(self, v: float) -> tuple[np.ndarray, np.ndarray]:
+        begin = self.sums.rows
+        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
+        known = tuple(np.asarray(x)[None] for x in self._at(v))
+        spread, left, _ = self._parts(known, tried)
+        best = int(np.argmin((begin - 1) * np.log(left) + spread))
+        first = np.array([0.5 * np.log(left[best] / (begin - 1)), 2 * v, tried[best]])
+        found = scipy.optimize.minimize(
+            lambda point: -self(point[None])[0], first, method="Nelder-Mead",
+            options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400},
+        )  # fmt: skip
+        return found.x, _root_of_covariance(self, found.x)
+
+
+def _root_of_covariance(
+    density: WeightsEvidence, place: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n n"]:
+    """A root of minus the inverse Hessian at the top, by differences over about a deviation each."""
+    n, height = len(place), density(place[None])[0]
+    steps = np.full(n, 0.05)
+    for k in range(n):  # about half a unit of log-probability down
+        for _ in range(30):
+            move = np.zeros(n)
+            move[k] = steps[k]
+            drop = height - density(np.stack([place + move, place - move])).mean()
+            if 0.1 < drop < 1.0:
+                break
+            steps[k] *= np.clip(np.sqrt(0.5 / max(drop, 1e-6)), 0.1, 4.0)
+    away = np.diag(steps)
+    pairs = [(i, j) for i in range(n) for j in range(n)]
+    corners = [
+        place + a * away[i] + b * away[j] for i, j in pairs for a in (1, -1) for b in (1, -1)
+    ]
+    found = density(np.stack(corners)).reshape(n, n, 4)
+    mixed = (found[..., 0] - found[..., 1] - found[..., 2] + found[..., 3]) / 4
+    singles = 2 * height - density(place + away) - density(place - away)
+    curvature = -mixed
+    curvature[np.diag_indices(n)] = singles
+    curvature = np.nan_to_num((curvature + curvature.T) / 2, posinf=1e6, neginf=-1e6)
+    values, vectors = np.linalg.eigh(curvature)
+    return steps[:, None] * vectors / np.sqrt(np.clip(values, 1e-2, None))
+
+
+def _lagrange(nodes: Float[np.ndarray, "points 4"], x: np.ndarray) -> np.ndarray:
+    """Shares of four nodes in the cubic through them."""
+    shares = np.ones_like(nodes)
+    for k in range(4):
+        for other in range(4):
+            if other != k:
+                shares[:, k] *= (x - nodes[:, other]) / (nodes[:, k] - nodes[:, other])
+    return shares
+
+
+def _log_prior(points: Points) -> np.ndarray:
+    """Log-normal sigma and strength, within a factor of a thousand; phi uniform between -1 and 1."""
+    log_sigma, z, log_strength = points.T
+    of_logs = log_sigma**2 + (log_strength - np.log(USUAL)) ** 2
+    return -of_logs / (2 * DECADES**2) - 2 * np.logaddexp(z / 2, -z / 2)

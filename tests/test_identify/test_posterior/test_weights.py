@@ -1,0 +1,152 @@
+"""Posteriors of weights: marginal likelihood, resumed chains, sums that are kept."""
+
+import jax
+import numpy as np
+import pytest
+import scipy.linalg
+
+from hysteresis import InputError, Preisach, Record
+from hysteresis.preisach import GridDensity
+from hysteresis.rigs import SpongeRig
+from identify import FitResult, GridWeights, fit, sample
+from identify.linear._composition import CELLS, CURVE, MAXWELL, RELAYS, CompositionUnknowns
+from identify.posterior._neighbour_sums import neighbour_sums
+from identify.posterior._weights_design import slow_loop, weights_design
+from identify.posterior._weights_evidence import WeightsEvidence, basis_of
+
+SEQUENCES = [slice(0, 30), slice(30, 31), slice(31, 80)]
+
+
+def correlations(phi: float) -> np.ndarray:
+    runs = [scipy.linalg.toeplitz(phi ** np.arange(s.stop - s.start)) for s in SEQUENCES]
+    return np.asarray(scipy.linalg.block_diag(*runs))
+
+
+def test_sums_over_neighbours_are_those_of_the_inverse_covariance() -> None:
+    B = np.random.default_rng(0).normal(size=(80, 4))
+    for cut in ([], [1, 2, 30, 31], [29, 50]):
+        found = neighbour_sums(iter(np.split(B, cut)), SEQUENCES)
+        for phi in (0.0, 0.6, -0.3):
+            V = correlations(phi)
+            np.testing.assert_allclose(found.under(phi), B.T @ np.linalg.solve(V, B), rtol=1e-9)
+            assert found.log_determinant(phi) == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
+
+
+def test_the_marginal_likelihood_is_that_of_the_dense_gaussian() -> None:
+    """Differences between points, because the offset's flat prior leaves a constant open."""
+    random = np.random.default_rng(1)
+    place = np.linspace(0, 1, 80)
+    A = np.column_stack([np.ones(80), *(np.cos(k * np.pi * place) for k in range(1, 9))])
+    K = np.diag([1e-9, *np.arange(1.0, 9.0) ** 2])
+    y = A @ random.normal(size=9) * 0.1 + 0.05 * random.normal(size=80)
+    basis = basis_of(A.T @ A / 80, K)
+    assert basis.known == 9
+    rows = np.column_stack([A @ basis.directions, y])
+    evidence = WeightsEvidence(neighbour_sums([rows], SEQUENCES))
+    points = evidence.place + np.array(
+        [[0.0, 0, 0], [0.2, 0.3, 0.5], [-0.2, -0.2, -1], [0, 0.37, 2]]
+    )
+    found = evidence(points)
+
+    def dense(point: np.ndarray) -> float:
+        sigma, phi, strength = evidence.in_units(point, 1.0)
+        prior = np.linalg.inv(K[1:, 1:]) / (80 * strength)
+        whole = correlations(phi) + A[:, 1:] @ prior @ A[:, 1:].T
+        # The offset is flat: generalised least squares, and half a log of its information.
+        solved = np.linalg.solve(whole, np.column_stack([np.ones(80), y]))
+        information, left = (
+            solved[:, 0].sum(),
+            y @ solved[:, 1] - solved[:, 0] @ y * (solved[:, 1].sum() / solved[:, 0].sum()),
+        )
+        log_det = np.linalg.slogdet(whole)[1]
+        likelihood = -0.5 * (
+            79 * np.log(sigma**2) + log_det + left / sigma**2 + np.log(information)
+        )
+        logs = np.log(sigma) ** 2 + np.log(strength / 1e-3) ** 2
+        return likelihood - logs / (2 * np.log(1e3) ** 2) + np.log(1 - phi**2)
+
+    wanted = np.array([dense(point) for point in points])
+    np.testing.assert_allclose(found - found[0], wanted - wanted[0], rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize(("leading", "scale"), [(False, 2.0), (True, 2.0), (False, -2.0)])
+def test_sums_of_a_composition_are_those_of_its_slow_loop(leading: bool, scale: float) -> None:
+    """A relaxed branch that lags has followed by all of its rise, one that leads has none left."""
+    parts = (CURVE, MAXWELL, RELAYS)
+    meaning = CompositionUnknowns(parts, -1.0, 3.0, scale, (0.1, 1.0), leading, "negative")
+    x = np.random.default_rng(2).uniform(size=meaning.count)
+    offset, curve, branches, relays = np.split(x, np.cumsum(meaning.sizes)[:-1])
+    j, i = np.tril_indices(CELLS[RELAYS])[::-1]
+    width = 2 * float(relays @ np.where(i == j, 1 / 3, i - j)) / CELLS[RELAYS]
+    mass = relays.sum()
+    if leading:  # the support of the relays has four times their mass
+        rise, low = curve.sum() + 4 * mass - 2 * mass, offset[0] + mass
+    else:
+        rise, low = curve.sum() + branches.sum() + 2 * mass, offset[0] - mass
+    wanted = scale * np.array([low + rise / 2, rise, np.sign(scale) * width])
+    np.testing.assert_allclose(scale * slow_loop(meaning) @ x, wanted, rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def grid_fit() -> FitResult:
+    cycles = SpongeRig().five_cycles(noise=0.05, seed=0)
+    record = Record.from_arrays(cycles.force, cycles.displacement, cycles.time, input_unit="N")
+    eight = Preisach(GridDensity(0.0, 20.0, np.tri(8)), np.ones(8))
+    return fit(record, eight, test_cycles=1, seed=0)
+
+
+def test_the_models_drawn_keep_their_signs_and_the_sums(grid_fit) -> None:
+    drawn = sample(grid_fit, seed=3, ensembles=2)
+    assert drawn.converged
+    assert isinstance(grid_fit.detail, GridWeights)
+    meaning = grid_fit.detail.linear.meaning
+    assert drawn.names == (*meaning.total_names, "sigma", "phi", "prior.strength")
+    weights = np.asarray(drawn.model.density.weights)
+    assert weights.min() >= 0
+    n = weights.shape[-1]
+    i, j = np.indices((n, n))
+    apart = 2 * np.where(i == j, 1 / 3, i - j) / n
+    width = np.where(i >= j, weights * apart, 0.0).sum((1, 2))
+    sums = dict(zip(drawn.names, drawn.draws.reshape(-1, 6).T, strict=True))
+    np.testing.assert_allclose(width, sums["loop.width"], rtol=1e-6)
+    # The middle and the rise are those of the fit, within the error that both say.
+    for summary, parameter in zip(drawn.summaries, grid_fit.parameters, strict=False):
+        if parameter.stderr is not None:
+            assert abs(summary.mean - parameter.value) < 3 * parameter.stderr
+    assert 0.03 < sums["sigma"].mean() < 0.08  # of 0.05, from 80 rows
+
+
+def test_resumed_chains_of_weights_are_the_uninterrupted_ones(grid_fit, tmp_path) -> None:
+    whole = sample(grid_fit, steps=40, seed=2, ensembles=2)
+    for steps in (20, 40):
+        kept = sample(
+            grid_fit, steps, seed=2, ensembles=2, checkpoint=tmp_path / "c.h5", resume=True
+        )
+    np.testing.assert_array_equal(kept.draws, whole.draws)
+    for one, other in zip(jax.tree.leaves(kept.model), jax.tree.leaves(whole.model), strict=True):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(InputError, match="seed"):
+        sample(grid_fit, 40, seed=5, ensembles=2, checkpoint=tmp_path / "c.h5", resume=True)
+
+
+def test_sums_that_the_data_leave_open_are_named_and_not_shown() -> None:
+    """A single ramp closes no loop."""
+    u = np.linspace(0.0, 1.0, 120)
+    y = u**2 + 0.01 * np.random.default_rng(0).normal(size=120)
+    six = Preisach(GridDensity(0.0, 1.0, np.tri(6)), np.ones(6))
+    ramp = fit(Record.from_arrays(u, y), six)
+    drawn = sample(ramp, steps=40, ensembles=2)
+    assert "loop.width" not in drawn.names
+    assert any("loop.width" in note for note in drawn.notes)
+    assert {"output.middle", "output.rise"} <= set(drawn.names)
+
+
+def test_the_design_reproduces_the_output_of_a_fit(grid_fit) -> None:
+    linear = grid_fit.detail.linear
+    design = weights_design(linear, grid_fit.train, grid_fit.used)
+    w = design.basis.directions.T @ design.basis.prior @ linear.unknowns
+    x = design.basis.directions @ w
+    np.testing.assert_allclose(x, linear.unknowns, atol=1e-6)
+    along, same = np.append(w[: design.basis.known], -1.0), design.sums.same
+    left = float(along @ same @ along) * linear.meaning.scale**2
+    assert left == pytest.approx(np.nansum(grid_fit.residuals[grid_fit.used] ** 2), rel=1e-4)
