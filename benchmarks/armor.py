@@ -4,7 +4,7 @@ python -m benchmarks.armor [--quick] [--json] [--only TEXT]
 
 Parts: contacts (solver), reproduced (the paper's numbers over virtual rigs), split (what each addition
 to the published method brings), classes (no class of models contains a rig), errors (after twenty presses,
-with ellipsoids: minutes).
+with ellipsoids: minutes), ageing (whether a sponge has changed, in pairs of records).
 """
 
 import sys
@@ -15,6 +15,7 @@ from hysid.reproduction._armor_paper import split
 from hysid.reproduction._armor_rows import PUBLISHED
 from hysid.reproduction._published import compared
 
+from ._armor.ageing import ageing_rows
 from ._armor.classes import class_rows
 from ._armor.contacts import contact_rows
 from ._armor.errors import error_rows
@@ -72,6 +73,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "split": split_rows,
     "classes": class_rows,
     "errors": error_rows,
+    "ageing": ageing_rows,
 }
 
 

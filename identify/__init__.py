@@ -13,7 +13,6 @@ from .comparison._change import Change, ParameterChange, change
 from .comparison._compare import Compared, Comparison, Difference, Pair, compare, compare_candidates
 from .comparison._pooling import Interval, Pooled, PooledParameter, pool
 from .comparison._psis_loo import Loo, loo
-from .comparison._repeatability import Repeatability, repeatability
 from .comparison._trend import ChangeOverTime, ParameterTrend, change_over_time
 from .diagnostics._profile_likelihood import Profile, profile, profiles
 from .diagnostics._residual_breakdown import Breakdown, breakdown
@@ -60,6 +59,7 @@ from .results._extrapolation import Extrapolation, RowsBeyond
 from .results._fit_result import Candidate, FitResult, Parameter, Starts
 from .results._metrics import Metrics, metrics
 from .results._motion_detail import Motion
+from .results._repeatability import Repeatability, repeatability
 from .results._trained_condition import TrainedCondition
 from .spectra._spectrum import Spectrum, spectrum
 from .training._gaussian_process import fit_kernel

@@ -138,6 +138,7 @@ def parameters(case: Case) -> Section:
     drawn = {} if case.posterior is None else {s.name: s for s in case.posterior.summaries}
     rows, outside = [], []
     listed = [*fit.parameters]
+    repeats = any(p.repeatability is not None for p in fit.parameters)
     listed.append(
         identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free")
     )  # the noise, which the posterior has too
@@ -163,18 +164,25 @@ def parameters(case: Case) -> Section:
         elif drawn:
             interval = "fixed" if p.status == "fixed" else "not drawn"
         value = number(p.value, p.stderr) if known else "none"
-        rows.append(
-            (
-                p.name,
-                value,
-                unit or "1",
-                error,
-                "noise" if p.name == "sigma" else p.status,
-                interval,
-            )
+        status = "noise" if p.name == "sigma" else p.status
+        cells = [p.name, value, unit or "1", error, status, interval]
+        if repeats:
+            cells.insert(4, "" if p.repeatability is None else f"± {number(p.repeatability)}")
+        rows.append(tuple(cells))
+    columns = ["Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %"]
+    if repeats:
+        columns.insert(4, "From cycle to cycle")
+    section = Section("Parameters", tables=[Table("", tuple(columns), rows)])
+    if repeats:
+        left = np.abs(fit.residuals[fit.used & np.isfinite(fit.residuals)])
+        sizes = np.sqrt(np.mean(left**2)), np.quantile(left, 0.9)
+        rms, most = (quantity(float(x), case.units[1]) for x in sizes)
+        section.text.append(
+            "Two errors answer two questions. How well the best values are known is seen from what differs"
+            " between cycles: that is the error of a comparison with the same specimen, later. The standard"
+            " error takes what the model misses for noise. It misses the fitted rows by"
+            f" {rms} rms, and nine of ten by less than {most}."
         )
-    columns = ("Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %")
-    section = Section("Parameters", tables=[Table("", columns, rows)])
     if isinstance(fit.detail, identify.GridWeights):
         meaning = fit.detail.linear.meaning
         section.text.append(

@@ -12,8 +12,8 @@ from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..posterior._posterior import Posterior
+from ..results._repeatability import Repeatability, repeatability
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
-from ._repeatability import Repeatability, repeatability
 
 CLEAR = 0.01
 """A change counts as significant if its p value, corrected by Holm, is below this."""

@@ -17,6 +17,7 @@ from ..parameters._settings import with_settings
 from ..parameters._transform import transform_for
 from ..records._folds import as_good
 from ..results._fit_result import FitResult
+from ..results._repeatability import with_repeatability
 from ._butterfly import fit_butterfly, unfolded
 from ._candidates import BUTTERFLY, SURFACE, Asked, Candidate, candidates
 from ._linear import fit_composition, fit_grid, state_of
@@ -156,7 +157,7 @@ def fit(
             asked = tuple(one for one in asked if one.name != BUTTERFLY)
     tried, skipped = _tried(asked, data, options, say)
     chosen, *others = _ranked(tried)
-    best = chosen.with_noise(noise) if len(asked) > 1 else chosen.fit
+    best = with_repeatability(chosen.with_noise(noise) if len(asked) > 1 else chosen.fit)
     baselines = data.baselines()
     fits = [
         replace(one, baselines=baselines, purpose=purpose)

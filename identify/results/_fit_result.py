@@ -46,6 +46,9 @@ class Parameter(NamedTuple):
     - `low`, `high`: its 90 % interval. Skewed like the posterior under the user's prior if one was given,
       otherwise under a flat prior on the unconstrained scale; clipped at the bounds. Of one that is
       "inseparable" from others, the ends between which the data leave it open; None where there is none.
+    - `repeatability`: standard error of the best value from what differs between cycles, three or more, of
+      the fitted rows. It says how well the best parameters are known; `stderr` takes what the model misses
+      for noise, and says how far it is from the material.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Parameter(NamedTuple):
     status: Status
     low: float | None = None
     high: float | None = None
+    repeatability: float | None = None
 
 
 class Starts(NamedTuple):
@@ -289,6 +293,8 @@ class FitResult:
 def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
+    if p.repeatability is not None:
+        error += f" ({p.repeatability:.2g} from cycle to cycle)"
     word = "open:" if p.status == "inseparable" else "90 %:"
     interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (

@@ -137,7 +137,15 @@ def test_without_a_test_part_and_with_a_posterior(line: Path):
     assert "R-hat" in page.text
     row = re.search(r"<tr>\s*<th scope=\"row\">threshold</th>.*?</tr>", page.html, re.DOTALL)
     assert row is not None
-    assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == ["1.50", "N", "fixed", "fixed", "fixed"]
+    assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == [
+        "1.50",
+        "N",
+        "fixed",
+        "",
+        "fixed",
+        "fixed",
+    ]
+    assert "From cycle to cycle" in page.text
 
 
 def test_colours_are_readable_by_day_and_by_night(page: Page):

@@ -1,5 +1,7 @@
 """Repeatability: how well the best line is known, however far the model is from the material."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,15 @@ def test_ageing_is_seen_and_nothing_else(fits: list[FitResult]):
     assert aged.parameters[0].difference == pytest.approx(
         0.05 * fits[0].parameters[0].value, rel=0.1
     )
+
+
+def test_parameters_carry_both_errors(fits: list[FitResult], tmp_path: Path):
+    """Through save and load."""
+    found = identify.load(identify.save(fits[0], tmp_path / "fit"))
+    told = identify.repeatability(fits[0])
+    assert [p.repeatability for p in found.parameters if p.status == "free"] == told.stderr.tolist()
+    assert "from cycle to cycle" in found.summary()
+    assert fitted(3, cycles=2).parameters[0].repeatability is None
 
 
 def test_too_few_cycles_tell_nothing(fits: list[FitResult]):

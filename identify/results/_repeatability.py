@@ -15,8 +15,8 @@ from jaxtyping import Float, Int
 
 from hysteresis import Record, parameter_at
 
-from ..results._detail import Parametric
-from ..results._fit_result import FitResult
+from ._detail import Parametric
+from ._fit_result import FitResult
 
 LEAST = 3
 """Cycles, or sequences, that tell how much they differ."""
@@ -79,6 +79,16 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     steps = np.linalg.lstsq((J / scale).T @ (J / scale), steps.T, rcond=None)[0].T / scale
     away = steps - steps.mean(0)
     return Repeatability(names, count / (count - 1) * away.T @ away, count)
+
+
+def with_repeatability(fit: FitResult) -> FitResult:
+    """The fit with `Parameter.repeatability`, where cycles tell it."""
+    found = repeatability(fit)
+    if found is None:
+        return fit
+    errors = dict(zip(found.names, found.stderr.tolist(), strict=True))
+    told = tuple(p._replace(repeatability=errors.get(p.name)) for p in fit.parameters)
+    return replace(fit, parameters=told)
 
 
 def _groups(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
