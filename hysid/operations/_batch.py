@@ -93,16 +93,16 @@ def _names(files: list[Path]) -> list[str]:
     """A folder's name for each file: its own, with its folders' where several have the same."""
     stems = Counter(file.stem.casefold() for file in files)
     shared = Path(os.path.commonpath([file.absolute().parent for file in files]))
-    names: list[str] = []
+    names: dict[str, str] = {}  # a name without regard to case, as some file systems take it
     for file in files:
         name = file.stem
         if stems[name.casefold()] > 1:
             name = "-".join(file.absolute().relative_to(shared).with_suffix("").parts)
         folder = next(iter(folder_names([name]).values())).lstrip(".") or "_"
-        while folder.casefold() in map(str.casefold, names):
+        while folder.casefold() in names:
             folder += "_"
-        names.append(folder)
-    return names
+        names[folder.casefold()] = folder
+    return list(names.values())
 
 
 @contextmanager

@@ -120,10 +120,9 @@ def facts(case: Case) -> list[tuple[str, str]]:
         return facts + _report_step.facts(case)
     if isinstance(case.fit.detail, identify.Motion):
         return [*facts, ("chi2 per row", quantity(case.fit.detail.chi2, "1"))]
-    if not isinstance(case.round_trip, InputError):
-        facts.append(
-            (f"compensator on {word} rows, rms", quantity(case.round_trip.rms, case.units[0]))
-        )
+    if not isinstance(trip := case.round_trip, InputError):
+        some = "" if len(trip.record) == len(case.judged[1]) else f" {int(trip.counted.sum()):,}"
+        facts.append((f"compensator on{some} {word} rows, rms", quantity(trip.rms, case.units[0])))
     return facts
 
 

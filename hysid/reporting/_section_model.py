@@ -131,12 +131,13 @@ def compensator(case: Case) -> Section:
             f"This model has no compensator. {trip.problem} {trip.cause} {trip.fix}"
         )
         return section
-    word, record = case.judged
-    n = len(trip.estimate)
-    span = float(np.ptp(record.input[record.mask])) or 1.0
+    word, whole = case.judged
+    record = trip.record
+    span = float(np.ptp(whole.input[whole.mask])) or 1.0
+    some = "the" if len(record) == len(whole) else f"{int(trip.counted.sum()):,}"
     section.text.append(
-        f"From the measured {case.output} of the {word} rows it estimates the {case.input} with an error of"
-        f" {quantity(trip.rms, unit)} rms, {quantity(trip.largest, unit)} at most"
+        f"From the measured {case.output} of {some} {word} rows it estimates the {case.input} with an error"
+        f" of {quantity(trip.rms, unit)} rms, {quantity(trip.largest, unit)} at most"
         f" ({number(100 * trip.rms / span)} % of its range)."
     )
     section.text.append(
@@ -147,9 +148,13 @@ def compensator(case: Case) -> Section:
     counts = Counter(int(s) for s in trip.status[trip.counted])
     said = [f"{k:,} {MEANINGS[Status(s)]}" for s, k in counts.most_common()]
     section.text.append(f"Status of the {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
-    if n < len(record):
-        section.notes.append(f"This section uses only the first {n:,} of {len(record):,} rows.")
-    u, starts = record.input[:n], record.starts[record.starts < n]
+    if len(record) < len(whole):
+        last = trip.first + len(record) - 1
+        section.notes.append(
+            f"This section uses rows {trip.first:,} to {last:,} of {len(whole):,}."
+            + (" The compensator starts there without what came before." if trip.first else "")
+        )
+    u, starts = record.input, record.starts
     colour = f.GREEN if word == "held-out" else f.BLUE
     path = f.trace(u, trip.estimate, trip.counted, starts)
     estimated = label(f"{case.input}, estimated", unit)
@@ -161,7 +166,7 @@ def compensator(case: Case) -> Section:
     )
     section.pictures.append(picture(figure, "Estimated against measured input", caption))
     clock = record.time is not None and len(record.labels) == 1
-    x = record.time[:n] if clock and record.time is not None else np.arange(n, dtype=float)
+    x = record.time if clock and record.time is not None else np.arange(len(u), dtype=float)
     path = f.trace(x, trip.estimate - u, trip.counted, starts)
     x_label = (
         label(plain_name(record.time_name, record.time_unit), record.time_unit) if clock else "row"

@@ -369,6 +369,21 @@ class Record(AbstractRecord):
         labels = tuple(x for x, _ in kept)
         return self._take(rows, said, time=t, starts=starts, labels=labels)
 
+    def take_rows(self, first: int, stop: int) -> "Record":
+        """Rows `first` to `stop` - 1, a record that begins in the middle of a history where `first` > 0.
+
+        Raises `no-rows` where there are none.
+        """
+        rows = np.arange(len(self))[first:stop]
+        if not len(rows):
+            raise InputError("no-rows", f"No row from {first:,} to {stop:,}.", place=self.source)
+        kept = [(x, s) for x, s in self.sequences() if s.start <= rows[-1] and s.stop > rows[0]]
+        said = Note("rows", f"Kept rows {rows[0]:,} to {rows[-1]:,} of {len(self):,}.")
+        t = None if self.time is None else self.time[rows]
+        starts = np.array([max(s.start - rows[0], 0) for _, s in kept])
+        labels = tuple(x for x, _ in kept)
+        return self._take(rows, said, time=t, starts=starts, labels=labels)
+
     def _take(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
         taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
         columns = {name: column[rows] for name, column in self.columns.items()}

@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensate import invert
 from hysid.figures._format import number, plain_name
 from hysid.reporting._fit_page import PARTS_IN_WORDS, write_report
+from hysid.reporting._residual_rows import round_trip
 from hysid.reporting._specimens_page import write_many
 from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
-from identify import excited_cells, fit, sample, save, save_posterior
+from identify import excited_cells, fit, load, sample, save, save_posterior
 from identify.internal import sealed
 from identify.linear._composition import PARTS
 from tests.test_hysid.command import coarse_pictures
@@ -176,6 +178,21 @@ def luminance(colour: str) -> float:
     parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
+    preisach: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Those that count, after half as many that come before."""
+    monkeypatch.setattr("hysid.reporting._residual_rows.TRIP", 40)
+    loaded = load(preisach)
+    test = loaded.test
+    assert test is not None
+    first = int(np.argmax(test.mask))
+    found = round_trip(loaded.model, invert(loaded.model), test)
+    assert found.first == first - 20
+    assert found.counted.tolist() == test.mask[first - 20 : first + 20].tolist()
+    np.testing.assert_array_equal(found.record.input, test.input[first - 20 : first + 20])
 
 
 def test_headings_and_regions_lead_a_screen_reader(page: Page):

@@ -139,6 +139,18 @@ def test_split_groups_and_take_sequences():
     refused("no-rows", lambda: record.split_groups(["a", "b", "c"]))
 
 
+def test_rows_taken_one_after_the_other_are_the_record():
+    u = np.arange(9.0)
+    record = Record.from_arrays(u, -u, u, groups=np.repeat(["a", "b", "c"], 3))
+    parts = [record.take_rows(0, 4), record.take_rows(4, 8), record.take_rows(8, 20)]
+    assert [part.labels for part in parts] == [("a", "b"), ("b", "c"), ("c",)]
+    assert [part.starts.tolist() for part in parts] == [[0, 3], [0, 2], [0]]
+    for name in ("input", "output", "time", "line", "mask"):
+        together = np.concatenate([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(together, getattr(record, name))
+    refused("no-rows", lambda: record.take_rows(9, 12))
+
+
 def test_split_rows_and_select_narrow_the_mask_alone():
     record = rig()
     train, test = record.split_rows(record.input > 0.5)
