@@ -35,6 +35,15 @@ class Tried(NamedTuple):
     found: Optimum
 
     @property
+    def title(self) -> str:
+        """The class with what sets it apart from others of its kind, such as how many knots it has."""
+        own = self.found.family.words
+        if self.name == "BoucWen":
+            return self.name
+        said = f"{self.name}, {own['knots']} knots"
+        return said if own.get("symmetric", True) else f"{said}, not symmetric"
+
+    @property
     def words(self) -> dict[str, object]:
         """Plain data for a file."""
         own = self.found
@@ -80,7 +89,8 @@ def search(
 
     def note(name: str, found: Optimum) -> None:
         tried.append(Tried(name, found))
-        say(f"Oscillator({name}): chi2 per row {found.chi:.4g}, {found.effective:.0f} parameters")
+        said = f"Oscillator({tried[-1].title}): chi2 per row {found.chi:.4g}"
+        say(f"{said}, {found.effective:.0f} parameters")
 
     if hysteresis != "GeneralizedPlays":
         best, chi2 = started(coarse, linear)

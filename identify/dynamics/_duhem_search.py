@@ -40,7 +40,7 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
     ]
     basis = np.column_stack([np.ones(knots), at, *hinges])
     count = PLANT + STATE + 2 * knots
-    plain = [np.eye(count)[k] for k in (0, 1, 2, *((4, 5, 6) if free_state else ()))]
+    plain = [*np.eye(count)[[0, 1, 2, *((4, 5, 6) if free_state else ())]]]
     first, middle = len(plain), PLANT + STATE + knots
     columns, of_hinges = list(plain), []
     for side in (None,) if symmetric else (0, 1):

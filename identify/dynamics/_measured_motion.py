@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
@@ -71,7 +72,7 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     Raises `InputError`: `no-time`, `several-sequences`, `uneven-clock`, `too-few-rows`, `not-periodic`,
     `constant-input`.
     """
-    dt = even_clock(record)
+    dt = clock_of(record)
     u, y = np.asarray(record.input, float), np.asarray(record.output, float)
     u, y = _uninterrupted(record, u, y)
     if len(u) < LEAST_ROWS:
@@ -130,24 +131,32 @@ def _uninterrupted(record: Record, u: np.ndarray, y: np.ndarray) -> tuple[np.nda
     )
 
 
-def even_clock(record: Record) -> float:
-    """The time between the samples of one sequence on an even clock.
+def clock_of(record: Record) -> float:
+    """The time between the samples of a record of one sequence on an even clock.
 
     Raises `InputError` `no-time`, `several-sequences` or `uneven-clock`.
     """
-    if record.time is None:
-        raise InputError(
-            "no-time",
-            "an oscillator needs the times of its samples.",
-            fix="name the column of times (--time), or the time between samples (--dt).",
-        )
     if len(record.starts) > 1:
         raise InputError(
             "several-sequences",
             f"{len(record.starts)} sequences; a fit of an oscillator takes one.",
             fix="choose one of them with --where, or fit each with --each.",
         )
-    t = np.asarray(record.time, float)
+    return even_clock(record.time, record.line, record.time_unit)
+
+
+def even_clock(time: ArrayLike | None, line: ArrayLike, unit: str) -> float:
+    """The time between samples at these times, which stand in these lines of a file.
+
+    Raises `InputError` `no-time` or `uneven-clock`.
+    """
+    if time is None:
+        raise InputError(
+            "no-time",
+            "an oscillator needs the times of its samples.",
+            fix="name the column of times (--time), or the time between samples (--dt).",
+        )
+    t = np.asarray(time, float)
     steps = np.diff(t)
     dt = float(t[-1] - t[0]) / max(len(steps), 1)
     median = float(np.median(steps))
@@ -156,12 +165,11 @@ def even_clock(record: Record) -> float:
     gap = steps[worst] > 1.5 * median
     even = np.abs(t - t[0] - dt * np.arange(len(t))).max() < 0.5 * dt
     if gap or not even or abs(dt / median - 1) > 0.01:
-        unit = record.time_unit
         raise InputError(
             "uneven-clock",
             f"the time step is {quantity(float(steps[worst]), unit)} there, and"
             f" {quantity(median, unit)} as a rule.",
-            place=f"line {int(record.line[worst + 1])}",
+            place=f"line {int(np.asarray(line)[worst + 1])}",
             cause="samples were lost, or two records were joined.",
             fix="fit one uninterrupted part of the record (--where), or resample it to an even clock.",
         )

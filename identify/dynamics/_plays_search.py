@@ -58,7 +58,7 @@ def plays_family(
         counts[:] = 2
     layout = Layout(radii=radii, reach=ends, counts=counts, heights=np.zeros(int(counts.sum())))
     count = PLANT + STATE + len(layout.heights)
-    columns = [np.eye(count)[k] for k in (0, 1, 2, 3, *((4, 5) if free_state else ()))]
+    columns = [*np.eye(count)[: 6 if free_state else 4]]
     slopes, curves, first_curve = [], [], []
     for j, (first, end) in enumerate(zip(layout.first[:-1], layout.first[1:], strict=True)):
         at = np.linspace(-ends[j], ends[j], end - first)

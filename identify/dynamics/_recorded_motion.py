@@ -98,20 +98,8 @@ class RecordedMotion:
 
     def _steps(self, record: Record, rows: slice) -> tuple[int, float]:
         """Steps and time of a sample; of another clock steps about as long as the fitted ones."""
-        one = replace(
-            record,
-            **{
-                name: getattr(record, name)[rows]
-                for name in ("input", "output", "time", "mask", "line")
-                if getattr(record, name) is not None
-            },
-            starts=np.array([0]),
-            labels=record.labels[:1],
-            columns={},
-            channels={},
-            conditions={},
-        )
-        dt = even_clock(one)
+        time = None if record.time is None else record.time[rows]
+        dt = even_clock(time, record.line[rows], record.time_unit)
         if abs(dt / self.dt - 1) < EVEN:
             return self.substeps, self.dt
         return max(1, round(self.substeps * dt / self.dt)), dt

@@ -147,7 +147,7 @@ def fit_oscillator(
     verdict = judge(fitted, tuple(warnings))
     seconds = time.perf_counter() - begin
     fitted = replace(fitted, verdict=verdict, seconds=seconds)
-    others = tuple(_candidate(one, fitted, motion) for one in found.tried[1:])
+    others = tuple(_candidate(one, motion) for one in found.tried[1:])
     return replace(fitted, candidates=(fitted, *others))
 
 
@@ -183,8 +183,8 @@ def _parameters(
     """
     chi2 = optimum.chi * optimum.rows / max(optimum.rows - optimum.effective, 1.0)
     covariance = np.linalg.pinv(optimum.normal, rcond=1e-15, hermitian=True) * chi2
-    size = len(optimum.q)
-    rows = [np.eye(size)[k] for k in range(3)]
+    unit = np.eye(len(optimum.q))
+    rows = [*unit[:3]]
     force, displacement = record.input_unit, record.output_unit
     per, time = f"{force} / {displacement}", record.time_unit
     is_si = (force, displacement, time) == ("N", "m", "s")
@@ -201,7 +201,7 @@ def _parameters(
         first = optimum.family.words["first"]
         own = model.hysteresis
         assert isinstance(own, BoucWenForce)
-        rows += [np.eye(size)[first], -np.eye(size)[first + 1], -np.eye(size)[first + 2]]
+        rows += [unit[first], -unit[first + 1], -unit[first + 2]]
         named += [
             ("hysteresis.alpha", float(own.alpha), per),
             ("hysteresis.beta_gamma", float(own.beta_gamma), f"1 / {displacement}"),
@@ -246,7 +246,7 @@ def _held_out(
         parts = y[first:end].reshape(-1, motion.period)
         if len(parts) < 2:
             return None
-        own = replace(motion, displacement=parts[:-1].mean(0), sigma=motion.sigma)
+        own = replace(motion, displacement=parts[:-1].mean(0))
         setting = Setting.of(own, coarse, (), warm)
         new = levenberg_marquardt(
             setting, optimum.family, optimum.q, deviations=optimum.deviations, steps=2, damping=1e-6
@@ -352,7 +352,7 @@ def _misfit(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[Not
     return tuple(found)
 
 
-def _candidate(tried: Tried, fit: FitResult, motion: MeasuredMotion) -> Candidate:
+def _candidate(tried: Tried, motion: MeasuredMotion) -> Candidate:
     """The figures of a class that was tried, on the training rows: nothing was held out from its fit.
 
     A row is its mean over n periods and a rest of variance (n - 1) sigma^2, sigma that of the mean.
@@ -366,7 +366,7 @@ def _candidate(tried: Tried, fit: FitResult, motion: MeasuredMotion) -> Candidat
     text = f"chi2 per row {found.chi:.4g}, {found.effective:.0f} effective parameters"
     text += f", BIC {found.bic:.0f}."
     return Candidate(
-        name=f"{OSCILLATOR}({tried.name})",
+        name=f"{OSCILLATOR}({tried.title})",
         parameters=(),
         metrics={"train": Metrics(rmse, 100 * rmse / span, float("nan"), r2), "test": None},
         success=found.converged,

@@ -10,7 +10,7 @@ import identify
 from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
 from hysteresis import InputError, Record
 from identify.dynamics._linear_approximation import linear_approximation
-from identify.dynamics._measured_motion import even_clock, measured_motion, period_of
+from identify.dynamics._measured_motion import clock_of, measured_motion, period_of
 
 SAMPLES = 2048
 
@@ -132,7 +132,7 @@ def test_clocks_and_forces_that_cannot_be_used_are_refused():
     t = np.asarray(record().time).copy()
     t[1000:] += 0.05
     with pytest.raises(InputError) as caught:
-        even_clock(replace(record(), time=t))
+        clock_of(replace(record(), time=t))
     assert caught.value.code == "uneven-clock"
     assert "line 1001" in str(caught.value)
     for change, code in (
