@@ -20,6 +20,8 @@ from ._quantities import with_units as with_units
 from ._registry import model_names as model_names
 from ._registry import register as register
 from ._stepped_model import AbstractSteppedModel as AbstractSteppedModel
+from .dynamics._coupled import CoupledOscillators as CoupledOscillators
+from .dynamics._coupled import CoupledState as CoupledState
 from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
 from .dynamics._input_force import InputForce as InputForce
 from .dynamics._input_force import input_force as input_force

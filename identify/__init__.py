@@ -8,6 +8,7 @@ from . import internal
 from .batch._fit_many import fit_many
 from .batch._folder import Batch
 from .calibration._calibrate import Calibrated, Calibration, calibrate
+from .calibration._excitation_design import Excitation, design_excitation, multisine
 from .calibration._optimal_design import Choice, choose
 from .comparison._change import Change, ParameterChange, change
 from .comparison._compare import Compared, Comparison, Difference, Pair, compare, compare_candidates
@@ -86,6 +87,7 @@ __all__ = [
     "Difference",
     "DiscreteSpectrum",
     "EverettSurface",
+    "Excitation",
     "Extrapolation",
     "FitResult",
     "FoldedState",
@@ -128,6 +130,7 @@ __all__ = [
     "compare",
     "compare_candidates",
     "design",
+    "design_excitation",
     "estimate_noise",
     "everett_surface",
     "excited_cells",
@@ -145,6 +148,7 @@ __all__ = [
     "load_posterior",
     "loo",
     "metrics",
+    "multisine",
     "pool",
     "predict",
     "predictive",

@@ -24,7 +24,7 @@ from ._new_data import monitor, predict, qualify
 from ._remedies import options_here
 from ._report import report
 from ._reproduce import reproduce
-from ._sample import sample
+from ._sample import design, sample
 from ._studio import studio
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
@@ -45,6 +45,7 @@ for _command, _example in {
     monitor: "hysid monitor sponge log.csv",
     export: "hysid export sponge --c sponge.h --runtime sponge.json",
     sample: "hysid sample sponge --ensembles 4",
+    design: "hysid design damper --max-displacement 2e-3",
     compare: "hysid compare sponge foam",
     report: "hysid report sponge",
     batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",

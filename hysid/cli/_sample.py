@@ -1,4 +1,4 @@
-"""`hysid sample`."""
+"""`hysid sample` and `hysid design`: what a fit leaves open, and the record that would tell it."""
 
 from typing import Annotated
 
@@ -15,6 +15,9 @@ from ._console import (
     start_jax,
     warnings,
 )  # fmt: skip
+
+SHOWN = 12
+"""Multisines in the table of `hysid design`."""
 
 
 def sample(
@@ -70,3 +73,54 @@ def sample(
             " --steps, or with more of them."
         )
     print_result(found, as_json, lines)
+
+
+def design(
+    folder: Folder,
+    levels: Annotated[
+        str | None,
+        typer.Option(
+            help="Rms forces, as 20,50 (default: a quarter to four times the fitted one)."
+        ),
+    ] = None,
+    bands: Annotated[
+        str | None,
+        typer.Option(help="Bands of frequencies, as 5-150,20-80 (default: about the resonance)."),
+    ] = None,
+    max_displacement: Annotated[
+        float | None, typer.Option(help="Largest displacement that the rig allows.")
+    ] = None,
+    rows: Annotated[
+        int | None, typer.Option(help="Rows of a period (default: those of the fitted record).")
+    ] = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Find the multisine that would tell the hysteresis of a fitted oscillator best.
+
+    Each candidate's standard errors are those that one period in steady state would leave, relative to
+    the values. DIR/excitation.csv has one period of the best one within the fitted displacements.
+    """
+    start_jax()
+    from ..operations import _design  # after JAX is set up
+
+    found = _design.design(
+        folder, levels=levels, bands=bands, largest=max_displacement, rows=rows, seed=seed
+    )
+    units = found["units"]
+    of_level, of_place = f"rms ({units['level']})", f"largest ({units['displacement']})"
+    lines = [
+        f"{'band (' + units['frequency'] + ')':>22}{of_level:>12}{'hysteresis':>12}{'mass':>10}"
+        f"{'damping':>10}{'stiffness':>11}{of_place:>14}"
+    ]
+    lines += [
+        f"{one['low']:>11.4g}{one['high']:>11.4g}{one['level']:>12.4g}{one['hysteresis']:>12.2%}"
+        f"{one['mass']:>10.2%}{one['damping']:>10.2%}{one['stiffness']:>11.2%}"
+        f"{one['displacement']:>14.3g}{'  beyond the fitted record' if one['beyond'] else ''}"
+        for one in found["multisines"][:SHOWN]
+    ]
+    if found["extrapolated"]:
+        lines += warnings(
+            ["Every multisine moves farther than the fitted record, so these figures extrapolate."]
+        )
+    print_result(found, as_json, [*lines, found["file"]])

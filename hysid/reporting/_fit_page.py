@@ -39,8 +39,8 @@ SECTIONS: tuple[Callable[[Case], Section], ...] = (
     data,
 )  # fmt: skip
 MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    _motion.response, _motion.hysteresis, parameters, _motion.residuals, _motion.classes, baselines,
-    data,
+    _motion.response, _motion.hysteresis, parameters, posterior, _motion.residuals, _motion.classes,
+    baselines, data,
 )  # fmt: skip
 STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
     _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, baselines, data,

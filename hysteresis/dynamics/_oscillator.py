@@ -32,6 +32,16 @@ class OscillatorState(NamedTuple):
     parts: tuple[Any, ...]
 
 
+def words_of_motion(force: str, displacement: str, time: str) -> dict[str, str]:
+    """What the words in units of parameters stand for where a force moves a mass: the models of hysteretic
+    forces inside have the displacement as their input."""
+    mass = f"{force} * {time} * {time} / {displacement}"
+    return {
+        "input": displacement, "output": force, "time": time, "force": force,
+        "displacement": displacement, "mass": "kg" if mass == "N * s * s / m" else mass,
+    }  # fmt: skip
+
+
 @register
 class Oscillator(AbstractSteppedModel[OscillatorState]):
     """A mass on a spring, a damper and a hysteretic force, driven by a force.
@@ -68,9 +78,11 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
 
     mass: Scalar = parameter(unit="mass", bounds=(0.0, float("inf")), meaning="mass that moves")
     damping: Scalar = parameter(
-        unit="input * time / output", bounds=(0.0, float("inf")), meaning="force by velocity"
+        unit="force * time / displacement", bounds=(0.0, float("inf")), meaning="force by velocity"
     )
-    stiffness: Scalar = parameter(unit="input / output", meaning="spring beside the hysteresis")
+    stiffness: Scalar = parameter(
+        unit="force / displacement", meaning="spring beside the hysteresis"
+    )
     hysteresis: AbstractModel  # pyright: ignore[reportGeneralTypeIssues]  (`parameter` has no default here)
     substeps: int = eqx.field(default=20, static=True)
     integrator: str = eqx.field(default="newmark", static=True)
@@ -96,6 +108,9 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
                 cause="without a mass the force sets no acceleration.",
                 fix="give a positive mass.",
             )
+
+    def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
+        return words_of_motion(input_unit, output_unit, time_unit)
 
     @property
     def parts(self) -> tuple[AbstractModel, ...]:

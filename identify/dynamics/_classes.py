@@ -52,6 +52,7 @@ class Tried(NamedTuple):
             "chi2": own.chi,
             "effective_parameters": own.effective,
             "bic": own.bic,
+            "deviations": list(own.deviations),
             **{k: v for k, v in own.family.words.items() if k != "first"},
         }
 
@@ -82,7 +83,7 @@ def search(
 
     Raises `InputError` `fit-broke` where no start led to a motion that stays finite.
     """
-    warm = _periods_to_steady_state(motion, linear)
+    warm = periods_to_steady_state(motion, linear)
     coarse = Setting.of(motion, max(1, oversampling // COARSER), (), warm)
     tried: list[Tried] = []
     chi2: list[float] = []
@@ -160,12 +161,16 @@ def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: i
     left = []
     for setting in settings:
         y, _ = setting.simulated(found.family, found.q, jacobian=False)
-        left.append(float(np.sum((motion.displacement - y) ** 2)) / motion.sigma**2)
+        off = motion.whitened(motion.displacement - y)
+        left.append(float(off @ off) / motion.sigma**2)
     best = int(np.argmin(left))
     return settings[best] if left[best] < left[0] - TELLS * max(1.0, found.chi) else settings[0]
 
 
-def _periods_to_steady_state(motion: MeasuredMotion, linear: LinearApproximation) -> int:
+def periods_to_steady_state(
+    motion: MeasuredMotion, linear: LinearApproximation, rows: int | None = None
+) -> int:
+    """How many periods, of the motion or of so many rows, pass from rest until the transient is gone."""
     rate = max(linear.damping, 0.0) / (8 * linear.mass)
-    time = len(motion.force) * motion.dt
+    time = (rows or len(motion.force)) * motion.dt
     return int(np.clip(np.ceil(STEADY / max(rate * time, 1e-9)), 1, MOST_WARM))

@@ -62,6 +62,20 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
     return Family("duhem", layout, np.column_stack(columns), groups, words)
 
 
+def unknowns_of_bouc_wen(
+    family: Family,
+    values: Float[np.ndarray, " parameters"],
+    initial: Float[np.ndarray, " free"],
+) -> Float[np.ndarray, " unknowns"]:
+    """Unknowns of three knots: of mass, damping, stiffness, alpha, beta gamma and beta delta, and of the
+    displacement, velocity and force at first where these are free."""
+    first = family.words["first"]
+    q = np.zeros(family.T.shape[1])
+    q[:3], q[3:first] = values[:3], initial
+    q[first : first + 3] = values[3], -values[4], -values[5]
+    return q
+
+
 def _start(
     motion: MeasuredMotion,
     linear: LinearApproximation,
@@ -71,15 +85,13 @@ def _start(
     skew: float,
 ) -> Float[np.ndarray, " unknowns"]:
     """Unknowns of three knots: from stiffness, damping and the size of the motion alone."""
-    alpha = share * linear.stiffness
+    alpha, damping = share * linear.stiffness, 0.5 * max(linear.damping, 0.0)
     per_force = loss / float(motion.displacement.std())  # at the rms motion z loses `loss` of alpha
-    q = np.zeros(family.T.shape[1])
-    q[:3] = linear.mass, 0.5 * max(linear.damping, 0.0), linear.stiffness - alpha
-    first = family.words["first"]
-    q[first : first + 3] = alpha, -per_force, -skew * per_force
-    if first > 3:
-        q[3] = motion.displacement[0]
-    return q
+    plant = linear.mass, damping, linear.stiffness - alpha
+    initial = np.zeros(family.words["first"] - 3)
+    initial[:1] = motion.displacement[0]
+    values = np.array([*plant, alpha, per_force, skew * per_force])
+    return unknowns_of_bouc_wen(family, values, initial)
 
 
 def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, list[float]]:

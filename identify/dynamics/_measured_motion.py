@@ -1,6 +1,7 @@
 """A dynamic record made ready: its clock, its period, the mean period and how well it is known."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +22,13 @@ LEAST_NOISE = 1e-3
 """Part of the motion's standard deviation that its noise is taken for at least: of records without noise
 chi2 would tell the error of the integration."""
 
+BANDS, WHITE = 16, 50.0
+"""White noise has the same power in each of so many bands: the sum of squares by which they differ, in
+units of its scatter, is then above this one time in a hundred thousand."""
+
+LEAST_COLOR = 0.03
+"""Part of the noise's rms to which a line's noise is raised: less would tell of the integration."""
+
 EXPLAINED = 1.3
 """chi2 per row up to which the noise explains what a model leaves."""
 
@@ -34,6 +42,8 @@ class MeasuredMotion:
     - `period`: rows in a period, 0 where there is none. `rows`: (first, end) of what was averaged.
     - `scatter`: variance of the mean period's spectrum in each line, by the scatter of the periods; None of
       a single one.
+    - `color`: amplitude of the noise in each line over that of white noise; None where it is white, or no
+      periods show it.
     """
 
     dt: float
@@ -44,6 +54,14 @@ class MeasuredMotion:
     rows: tuple[int, int]
     scatter: Float[np.ndarray, " lines"] | None
     notes: tuple[Note, ...] = ()
+    color: Float[np.ndarray, " lines"] | None = None
+
+    def whitened(self, x: Float[np.ndarray, "samples *columns"]) -> Any:
+        """Residuals, or columns of derivatives, through the filter that makes the noise white."""
+        if self.color is None:
+            return x
+        over = self.color.reshape(-1, *(1,) * (x.ndim - 1))
+        return np.fft.irfft(np.fft.rfft(x, axis=0) / over, len(x), axis=0)
 
     @property
     def periodic(self) -> bool:
@@ -103,17 +121,22 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
         notes.append(Note("transient-period", text))
     parts = parts[first:]
     used = u[first * rows : count * rows].reshape(-1, rows).mean(0)
-    mean, scatter = parts.mean(0), None
+    mean, scatter, color = parts.mean(0), None, None
     if len(parts) > 1:
         sigma = float(np.sqrt(parts.var(0, ddof=1).mean() / len(parts)))
         scatter = np.var(np.fft.rfft(parts, axis=1), axis=0, ddof=1) / len(parts)
+        color = noise_color(scatter, len(parts), rows)
     else:
         sigma = noise_level(mean, used, periodic=True)
     sigma = max(sigma, LEAST_NOISE * float(np.std(mean)))
     text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
     notes.insert(0, Note("periods", text))
+    if color is not None:
+        text = "The noise is coloured: what differs between the periods has up to"
+        text += f" {float(color.max() / color.min()):.2g} times the amplitude in one band as in another."
+        notes.append(Note("coloured-noise", f"{text} Residuals are whitened by it."))
     return MeasuredMotion(
-        dt, used, mean, sigma, rows, (first * rows, count * rows), scatter, tuple(notes)
+        dt, used, mean, sigma, rows, (first * rows, count * rows), scatter, tuple(notes), color
     )
 
 
@@ -218,6 +241,31 @@ def _check_period(u: np.ndarray, rows: int) -> None:
             cause="the period has another length, or the force does not repeat itself.",
             fix=f"leave out --period{f', or give --period {own}' if own else ''}.",
         )
+
+
+def noise_color(
+    scatter: Float[np.ndarray, " lines"], periods: int, rows: int
+) -> Float[np.ndarray, " lines"] | None:
+    """The amplitude of the noise in each line over that of white noise of the same power, from the scatter
+    of some periods, averaged over neighbouring lines; None where it is white."""
+    lines = scatter[1:-1]
+    if len(lines) < 4 * BANDS or not lines.min() > 0:
+        return None
+    parts = np.array_split(lines, BANDS)
+    means = np.array([part.mean() for part in parts])
+    freedom = np.array([len(part) for part in parts]) * (periods - 1)
+    logs = np.log(means) - np.average(np.log(means), weights=freedom)
+    if np.sum(freedom * logs**2) < WHITE:
+        return None
+    reach = max(8, len(lines) // 64)
+    wide = np.pad(lines, reach, mode="reflect")
+    sums = np.cumsum(np.concatenate([[0.0], wide]))
+    smooth = (sums[2 * reach + 1 :] - sums[: -2 * reach - 1]) / (2 * reach + 1)
+    power = np.concatenate([smooth[:1], smooth, smooth[-1:]])
+    each = np.full(len(power), 2.0)
+    each[0], each[-1] = 1.0, 1.0 if rows % 2 == 0 else 2.0
+    power = np.maximum(power * rows / np.sum(power * each), LEAST_COLOR**2)
+    return np.sqrt(power * rows / np.sum(power * each))
 
 
 def _is_transient(parts: np.ndarray) -> bool:

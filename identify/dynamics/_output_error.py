@@ -43,13 +43,21 @@ class Setting:
         fine = interpolated(motion.force, substeps, "band-limited", motion.periodic)
         return cls(motion, substeps, stages, warm if motion.periodic else 0, fine)
 
-    def simulated(self, family: "Family", q: np.ndarray, jacobian: bool = True) -> Any:
-        """Displacements at the samples, and their derivatives by q; NaN where the motion has no end."""
+    def simulated(
+        self,
+        family: "Family",
+        q: np.ndarray,
+        jacobian: bool = True,
+        state: Float[np.ndarray, " state"] | None = None,
+    ) -> Any:
+        """Displacements at the samples, and their derivatives by q; NaN where the motion has no end.
+
+        It begins in the `state`, or in that of q.
+        """
         theta = family.T @ q
         limit = FAR * float(np.abs(self.motion.displacement).max())
-        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
-        state = compiled.rest()
-        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
+        compiled, own = self._compiled(family, theta)
+        state = own if state is None else state
         fine, by, _ = compiled.run(
             self.force,
             self.motion.dt / self.substeps,
@@ -65,13 +73,27 @@ class Setting:
             y = decimated(fine, self.stages, self.motion.periodic)
         return y, (by @ family.T if jacobian else None)
 
+    def steady_state(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " state"]:
+        """The state where a period begins, after `warm` of them; its acceleration is to be found."""
+        compiled, state = self._compiled(family, family.T @ q)
+        h = self.motion.dt / self.substeps
+        _, _, state = compiled.run(self.force, h, warm=self.warm, state=state)
+        _, _, state = compiled.run(self.force[[-1, 0]], h, state=state)
+        state[2] = np.nan
+        return state
+
+    def _compiled(self, family: "Family", theta: np.ndarray) -> tuple[Compiled, np.ndarray]:
+        """The loop's plant and hysteresis, and the state at first."""
+        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
+        state = compiled.rest()
+        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
+        return compiled, state
+
     def hysteretic_force(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " fine"]:
         """z over the fine steps: what the motion leaves of the force."""
         theta = family.T @ q
         plain = replace(self, stages=())
-        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
-        state = compiled.rest()
-        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
+        compiled, state = self._compiled(family, theta)
         h = self.motion.dt / self.substeps
         y, _, _ = compiled.run(plain.force, h, warm=self.warm, state=state)
         v = np.gradient(y, h)
@@ -130,6 +152,19 @@ class Optimum(NamedTuple):
         return self.rows * float(np.log(self.chi)) + self.effective * float(np.log(self.rows))
 
 
+def covariance_of(
+    normal: Float[np.ndarray, "unknowns unknowns"],
+) -> Float[np.ndarray, "unknowns unknowns"]:
+    """The inverse of normal equations, each unknown in its own size.
+
+    The information on a displacement at first and that on a stiffness are many decades apart; unscaled, the
+    smaller one would count as rounding.
+    """
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    both = np.outer(size, size)
+    return np.linalg.pinv(normal / both, rcond=1e-15, hermitian=True) / both
+
+
 def levenberg_marquardt(
     setting: Setting,
     family: Family,
@@ -149,8 +184,12 @@ def levenberg_marquardt(
         found, jacobian = setting.simulated(family, at)
         if jacobian is None or not np.isfinite(found).all():
             return None, None, np.inf
-        left = (y - found) / sigma
-        return left, jacobian / sigma, float(left @ left + np.sum((root * at) ** 2))
+        left = setting.motion.whitened(y - found) / sigma
+        return (
+            left,
+            setting.motion.whitened(jacobian) / sigma,
+            float(left @ left + np.sum((root * at) ** 2)),
+        )
 
     left, J, cost = look(q)
     count, converged = len(q), False
@@ -182,8 +221,7 @@ def levenberg_marquardt(
     effective = count
     if len(family.groups):
         held = np.concatenate([group for group, _ in family.groups])
-        inverse = np.linalg.pinv(normal, rcond=1e-15, hermitian=True)
-        effective = count - float(np.sum(np.diag(inverse)[held] * root[held] ** 2))
+        effective = count - float(np.sum(np.diag(covariance_of(normal))[held] * root[held] ** 2))
     return Optimum(
         family, q, float(left @ left) / len(y), normal, deviations, effective, converged, len(y)
     )
@@ -216,7 +254,7 @@ def with_evidence(
         if not np.isfinite(found.chi):
             return found
         q = found.q
-        variances = np.diag(np.linalg.pinv(found.normal, rcond=1e-15, hermitian=True))
+        variances = np.diag(covariance_of(found.normal))
         new = []
         for (group, least), deviation in zip(family.groups, deviations, strict=True):
             gamma = len(group) - float(np.sum(variances[group])) / deviation**2

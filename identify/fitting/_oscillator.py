@@ -26,7 +26,14 @@ from hysteresis.numerics._normal import NORMAL_95
 from ..dynamics._classes import CLASSES, Search, Tried, search
 from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
 from ..dynamics._measured_motion import MeasuredMotion, measured_motion
-from ..dynamics._output_error import PLANT, STATE, Optimum, Setting, levenberg_marquardt
+from ..dynamics._output_error import (
+    PLANT,
+    STATE,
+    Optimum,
+    Setting,
+    covariance_of,
+    levenberg_marquardt,
+)
 from ..dynamics._recorded_motion import RecordedMotion
 from ..noise._residual_statistics import Noise, estimate_noise
 from ..records._folds import block_errors
@@ -182,19 +189,15 @@ def _parameters(
     The covariance is that of the normal equations, times chi2: the noise is what the fit leaves.
     """
     chi2 = optimum.chi * optimum.rows / max(optimum.rows - optimum.effective, 1.0)
-    covariance = np.linalg.pinv(optimum.normal, rcond=1e-15, hermitian=True) * chi2
+    covariance = covariance_of(optimum.normal) * chi2
     unit = np.eye(len(optimum.q))
     rows = [*unit[:3]]
     force, displacement = record.input_unit, record.output_unit
-    per, time = f"{force} / {displacement}", record.time_unit
-    is_si = (force, displacement, time) == ("N", "m", "s")
+    per = f"{force} / {displacement}"
+    words = model.unit_words(force, displacement, record.time_unit)
     named = [
-        (
-            "mass",
-            float(model.mass),
-            "kg" if is_si else f"{force} * {time} * {time} / {displacement}",
-        ),
-        ("damping", float(model.damping), f"{force} * {time} / {displacement}"),
+        ("mass", float(model.mass), words["mass"]),
+        ("damping", float(model.damping), f"{force} * {record.time_unit} / {displacement}"),
         ("stiffness", float(model.stiffness), per),
     ]
     if tried.name == "BoucWen":

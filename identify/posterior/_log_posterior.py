@@ -119,8 +119,8 @@ def target(fit: FitResult) -> Target:
     if isinstance(fit.detail, Motion):
         raise InputError(
             "no-posterior",
-            f"{fit.name} has no posterior by sampling.",
-            fix="its standard errors and 90 % intervals are in the fit.",
+            f"the log-posterior of {fit.name} is run by a compiled loop, and JAX does not know it.",
+            fix="identify.sample draws from it; standard errors and 90 % intervals are in the fit.",
         )
     if not isinstance(fit.detail, Parametric):
         raise InputError(

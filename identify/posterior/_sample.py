@@ -20,6 +20,7 @@ from ..results._detail import (
     DiscreteSpectrum,
     FoldedState,
     GridWeights,
+    Motion,
     ReversalCurves,
 )
 from ..results._fit_result import FitResult
@@ -32,6 +33,7 @@ from ._emcee_moves import LogProbability
 from ._linear_weights import Length, sample_weights
 from ._log_posterior import Target, target
 from ._mode import top_of
+from ._motion_target import MotionTarget, motion_target
 from ._pointwise import per_row
 from ._posterior import Posterior, modes_of, summary_of
 
@@ -64,6 +66,8 @@ def sample(
 
     `method="nuts"`, the extra `hysid[nuts]`: the No-U-Turn sampler, for many parameters; `ensembles`
     chains, a thousand `steps` of each by default. Not for weights.
+
+    Oscillators around Bouc-Wen's force: emcee on the motion's output error, see `MotionTarget`.
 
     Weights of a grid or a composition: the same ensembles for the size of the noise, its correlation from
     row to row and the prior's strength, the weights integrated out of the likelihood. Given those the
@@ -129,8 +133,15 @@ def sample(
         length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
         kept = Checkpoint(file, _weights_identity(fit, detail, length), resume, every)
         return sample_weights(fit, detail.linear, length, kept, tell)
-    aim = target(fit)
-    if method == "nuts":
+    aim = motion_target(fit) if isinstance(detail, Motion) else target(fit)
+    if method == "nuts" and isinstance(aim, MotionTarget):
+        raise InputError(
+            "bad-option",
+            "nuts does not sample oscillators.",
+            cause="their motion is run by a compiled loop, of which JAX knows no gradient.",
+            fix="take emcee.",
+        )
+    if method == "nuts" and isinstance(aim, Target):
         from ._nuts import sample_nuts
 
         notes = ("NUTS keeps no checkpoint.",) if checkpoint is not None else ()
@@ -138,8 +149,11 @@ def sample(
         return _posterior(aim, chains, seed, begin)
     walkers = walkers_for(walkers, len(aim.names))
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
-    density = log_probability(aim)
-    place, _, root = map(np.asarray, top_of(aim))
+    if isinstance(aim, MotionTarget):
+        density, place, root = aim.log_probability, aim.start, aim.root
+    else:
+        density = log_probability(aim)
+        place, _, root = map(np.asarray, top_of(aim))
     first = first_walkers(density, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
     return _posterior(aim, chains, seed, begin)
@@ -192,7 +206,9 @@ def walkers_for(walkers: int | None, parameters: int) -> int:
     return walkers
 
 
-def _identity(fit: FitResult, aim: Target, seed: int, ensembles: int, walkers: int) -> Identity:
+def _identity(
+    fit: FitResult, aim: Target | MotionTarget, seed: int, ensembles: int, walkers: int
+) -> Identity:
     def of(module: Any) -> str:
         structure, arrays = described(module, for_file=False)
         return digest(structure, *arrays.values())
@@ -237,11 +253,12 @@ def _versions(*names: str) -> str:
     return ", ".join(f"{name} {known[name]}" for name in names)
 
 
-def _posterior(aim: Target, chains: Chains, seed: int, begin: float) -> Posterior:
+def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: float) -> Posterior:
     """Of a fit: with its prior, and what the draws say of each row."""
     values, free = _prior(aim, seed)
     found = posterior_of(aim.names, chains, aim.values, jax.vmap(aim.model), free.var(0), begin)
-    return replace(found, prior=values, per_row=per_row(aim, _thinned(chains), seed))
+    rows = per_row(aim, _thinned(chains), seed) if isinstance(aim, Target) else None
+    return replace(found, prior=values, per_row=rows)
 
 
 def posterior_of(
@@ -284,7 +301,7 @@ def _thinned(chains: Chains) -> Float[np.ndarray, "ensembles draws parameters"]:
     return chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
 
 
-def _prior(aim: Target, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _prior(aim: Target | MotionTarget, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Independent draws of the priors, cut off at the bounds: in their units, and in the free space."""
     random, values, free = np.random.default_rng([seed, 2]), [], []
     for bounds in (aim.bounds, aim.noise_bounds):

@@ -42,10 +42,21 @@ def test_fit_predict_report_and_export(folder):
         rows = list(csv.DictReader(handle))
     assert len(rows) == 3 * 1024
     assert "predicted displacement (m)" in rows[0]
+    drawn = run("sample", out, "--steps", 20, "--ensembles", 2, "--walkers", 14, "--json").json()
+    assert {p["name"] for p in drawn["parameters"]} > {p["name"] for p in found["parameters"]}
     assert run("report", out).code == 0
     page = (out / "report.html").read_text()
     assert "Frequency response" in page
     assert "Hysteretic force" in page
+    assert "draws by emcee" in page
+    plan = run("design", out, "--levels", "25,50", "--bands", "5-150,20-80", "--json").json()
+    assert len(plan["multisines"]) == 4
+    assert not plan["extrapolated"]
+    with open(plan["file"], newline="") as handle:
+        assert len(list(csv.reader(handle))) == 1 + 1024
+    assert "hysteresis" in run("design", out, "--levels", 25).out
+    for bad in (("--bands", "5"), ("--bands", "150-5"), ("--levels", "a"), ("--rows", 3)):
+        assert "bad-option" in run("design", out, *bad).err
     assert run("export", out, "--c", out / "plant.h", "--runtime", out / "plant.json").code == 0
     refused = run("export", out, "--to", "fmu", out / "plant.fmu")
     assert refused.code == 2
@@ -59,6 +70,10 @@ def test_steady_is_for_what_has_a_mass(folder):
         run("fit", folder / "train.csv", *COLUMNS, "--model", "LinearSponge", "--out", out).code
         == 0
     )
-    refused = run("predict", out, folder / "train.csv", "--steady")
-    assert refused.code == 2
-    assert "bad-option" in refused.err
+    for line, code in (
+        (("predict", out, folder / "train.csv", "--steady"), "bad-option"),
+        (("design", out), "no-design"),
+    ):
+        refused = run(*line)
+        assert refused.code == 2
+        assert code in refused.err

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import identify
 from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
@@ -13,6 +14,7 @@ from identify.dynamics._linear_approximation import linear_approximation
 from identify.dynamics._measured_motion import clock_of, measured_motion, period_of
 
 SAMPLES = 2048
+TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
 
 
 def recorded(u: np.ndarray, y: np.ndarray, **options) -> Record:
@@ -40,8 +42,7 @@ def test_a_class_that_is_known_is_found_without_start_values():
     assert fit.name == "Oscillator(BoucWen)"
     assert fit.detail.kind == "motion"
     assert fit.detail.chi2 == pytest.approx(1.0, abs=0.1)
-    truth = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
-    for parameter, wanted in zip(fit.parameters, truth, strict=True):
+    for parameter, wanted in zip(fit.parameters, TRUTH, strict=True):
         assert parameter.stderr is not None
         assert abs(parameter.value - wanted) < 4 * parameter.stderr, parameter.name
         assert parameter.stderr < 0.02 * abs(wanted)
@@ -80,22 +81,86 @@ def test_held_out_periods_are_predicted_in_their_phase():
     assert fit.verdict.level == "PASS", fit.verdict
 
 
+@cache
+def short() -> identify.FitResult:
+    return identify.fit(recorded(*training(2, rows=500)), "Oscillator(BoucWen)")
+
+
 def test_a_short_record_without_a_period_gets_its_state_too():
-    u, y = training(2, rows=500)
-    fit = identify.fit(recorded(u, y), "Oscillator(BoucWen)")
+    fit = short()
     assert isinstance(fit.detail, identify.Motion)
     assert fit.detail.recorded.period == 0
     assert fit.detail.chi2 == pytest.approx(1.0, abs=0.25)
     assert fit.noise.sigma == pytest.approx(NOISE, rel=0.1)
 
 
+def test_a_posterior_agrees_with_the_standard_errors_and_resumes(tmp_path):
+    """Also where the initial state is free, whose information is decades from that on a stiffness."""
+    options = {"ensembles": 2, "walkers": 20}
+    posterior = identify.sample(short(), steps=30, **options)
+    sigma = {"sigma": (short().noise.sigma, None)}
+    wanted = {p.name: (p.value, p.stderr) for p in short().parameters} | sigma
+    assert set(posterior.names) == set(wanted)
+    for one in posterior.summaries:
+        value, error = wanted[one.name]
+        error = one.sd if error is None else error
+        assert one.sd == pytest.approx(error, rel=0.35), one.name
+        assert abs(one.mean - value) < 0.5 * error, one.name
+    identify.sample(short(), steps=20, checkpoint=tmp_path / "chains.h5", **options)
+    again = identify.sample(
+        short(), steps=30, checkpoint=tmp_path / "chains.h5", resume=True, **options
+    )
+    np.testing.assert_array_equal(again.draws, posterior.draws)
+
+
+def test_a_design_predicts_the_errors_of_a_fit_and_prefers_what_moves_more():
+    fit, options = found(), {"levels": (25.0, 50.0), "rows": SAMPLES}
+    band = [(5.0, 150.0), (20.0, 79.0)]
+    designs = identify.design_excitation(fit, bands=band, **options)
+    assert [one.hysteresis for one in designs] == sorted(one.hysteresis for one in designs)
+    assert designs[0].level == 50.0
+    (own,) = (one for one in designs if (one.low, one.level) == (5.0, 50.0))
+    # As the record of the fit, which has four periods.
+    for parameter, relative in zip(
+        fit.parameters, (own.mass, own.damping, own.stiffness), strict=False
+    ):
+        assert parameter.stderr / parameter.value == pytest.approx(relative / 2, rel=0.15)
+    least = identify.design_excitation(fit, bands=band, largest=own.displacement / 1.5, **options)
+    assert {one.level for one in least} == {25.0}
+    assert not any(one.beyond for one in least)
+    for bad, code in (
+        ({"largest": 1e-9}, "no-design"),
+        ({"levels": (-1.0,)}, "bad-option"),
+        ({"bands": [(300.0, 400.0)]}, "bad-option"),
+        ({"rows": 10}, "bad-option"),
+    ):
+        with pytest.raises(InputError) as caught:
+            identify.design_excitation(fit, **({"bands": band} | options | bad))
+        assert caught.value.code == code
+
+
+def test_coloured_noise_is_estimated_from_the_periods():
+    period = multisine(np.random.default_rng(1), 1024)
+    u, y = steady(Plant(), period, 4)
+    white = np.random.default_rng(3).normal(size=len(y) + 500)
+    colored = lfilter([1.0], [1.0, -0.9], white)[500:]
+    record = recorded(u, y + NOISE / colored.std() * colored)
+    motion = measured_motion(record)
+    assert motion.color is not None
+    assert motion.color[5] > 10 * motion.color[-5]  # 19 times in theory
+    assert "coloured-noise" in {note.code for note in motion.notes}
+    fit = identify.fit(record, "Oscillator(BoucWen)")
+    assert fit.detail.chi2 == pytest.approx(1.0, abs=0.15)
+    for parameter, wanted in zip(fit.parameters, TRUTH, strict=True):
+        assert abs(parameter.value - wanted) < 4 * parameter.stderr, parameter.name
+    assert measured_motion(recorded(*training(1, samples=1024, periods=4))).color is None
+
+
 def test_a_record_without_noise_is_explained():
     u, y = true_steady()
     fit = identify.fit(recorded(u, y), "Oscillator(BoucWen)", period=SAMPLES)
     assert fit.blocks is None  # of a single period nothing is held out
-    assert [p.value for p in fit.parameters] == pytest.approx(
-        [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0], rel=1e-3
-    )
+    assert [p.value for p in fit.parameters] == pytest.approx(TRUTH, rel=1e-3)
 
 
 def test_a_wrong_class_is_said_to_be_wrong():

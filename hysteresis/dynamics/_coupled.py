@@ -1,0 +1,363 @@
+"""Several masses with hysteretic links between them: chains, and matrices M, C and K."""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
+
+from .._errors import InputError
+from .._model import AbstractModel
+from .._parameter import is_concrete, parameter
+from .._registry import register
+from .._stepped_model import AbstractSteppedModel
+from ..models._compose import Sum
+from ._oscillator import words_of_motion
+from ._rate_form import AbstractRateForm
+
+NEWTON_STEPS = 4
+INTEGRATORS = ("newmark", "runge-kutta")
+
+Matrix = Float[Array, "masses masses"] | Any
+Vector = Float[Array, " masses"] | Any
+
+
+class CoupledState(NamedTuple):
+    """Time (NaN before the first sample), forces and motion of the masses, and the parts' states."""
+
+    t: Array
+    force: Vector
+    displacement: Vector
+    velocity: Vector
+    acceleration: Vector
+    parts: tuple[Any, ...]
+
+
+class System(NamedTuple):
+    """Matrices of mass, damping and stiffness, and of the links: L y is how far each is stretched."""
+
+    mass: Matrix
+    damping: Matrix
+    stiffness: Matrix
+    links: Float[Array, "links masses"] | Any
+
+
+@register
+class CoupledOscillators(AbstractSteppedModel[CoupledState]):
+    """Masses, dampers and springs with hysteretic links between them.
+
+        M y'' + C y' + K y + L' z[L y] = u
+
+    L y are the stretches of the links, and z their hysteretic forces, one model each. A row of L says what
+    stretches a link: (1, -1) is the difference of two coordinates, (0, 1) the second one against the
+    ground. Without `links` the masses are a chain from a wall outwards, and link l joins mass l to the one
+    before.
+
+    As a model of one input and one output the force acts on the mass `driven`, and the output is the
+    displacement of the mass `observed`; `displacements` takes forces on all masses and returns all
+    displacements. The motion starts at rest, and the force is straight between its samples.
+
+    **Arguments:**
+
+    - `mass`: (n,) masses, or (n, n) a symmetric, positive definite matrix.
+    - `damping`, `stiffness`: (l,) of the dampers and springs beside each link, or (n, n) symmetric
+      matrices. A fit changes vectors and keeps matrices.
+    - `hysteresis`: l models of a force over a displacement, or None for a link without.
+    - `links`: (l, n) L.
+    - `driven`, `observed`: places among the masses; the last one unless given.
+    - `substeps`: steps of the integration to a sample. `integrator`: `"newmark"`, average acceleration of
+      second order, or `"runge-kutta"`, of fourth order between turning points of the links.
+
+    Raises `InputError` where shapes differ, a matrix is not symmetric, masses are not positive, or an
+    option is unknown.
+
+    Source: Newmark 1959; Clough and Penzien, Dynamics of Structures (1993).
+
+    **Example:**
+
+        >>> spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0)
+        >>> chain = hysteresis.CoupledOscillators([2.0, 1.0], [10.0, 10.0], [5e4, 3e4], (spring, None))
+        >>> t = np.arange(4) / 750
+        >>> (1e6 * np.asarray(chain.simulate(t, [0.0, 40.0, 40.0, 40.0]))).round(1).tolist()
+        [0.0, 11.8, 81.3, 214.2]
+    """
+
+    mass: Vector | Matrix = parameter(unit="mass", bounds=(0.0, float("inf")), meaning="masses")
+    damping: Vector | Matrix = parameter(
+        unit="force * time / displacement", bounds=(0.0, float("inf")), meaning="forces by velocity"
+    )
+    stiffness: Vector | Matrix = parameter(
+        unit="force / displacement", meaning="springs beside the hysteresis"
+    )
+    hysteresis: tuple[AbstractModel | None, ...] = eqx.field(converter=tuple, default=())
+    links: Float[Array, "links masses"] | Any = parameter(
+        None, fixed=True, meaning="what stretches each link"
+    )
+    driven: int = eqx.field(static=True, default=-1)
+    observed: int = eqx.field(static=True, default=-1)
+    substeps: int = eqx.field(static=True, default=20)
+    integrator: str = eqx.field(static=True, default="newmark")
+
+    def __check_init__(self) -> None:
+        n = jnp.shape(self.mass)[-1] if jnp.ndim(self.mass) else 0
+        count = n if self.links is None else jnp.shape(self.links)[0]
+        shapes = [jnp.shape(one) for one in (self.mass, self.damping, self.stiffness)]
+        fits = shapes[0] in ((n,), (n, n)) and all(s in ((count,), (n, n)) for s in shapes[1:])
+        if n < 1 or not fits or (self.links is not None and jnp.shape(self.links) != (count, n)):
+            raise InputError(
+                "length-mismatch",
+                f"masses, dampings and stiffnesses of the shapes {', '.join(map(str, shapes))} for {count}"
+                " links.",
+                fix="give n masses or an n by n matrix, and of the others one a link or an n by n matrix.",
+            )
+        if len(self.hysteresis) != count or not all(
+            one is None or isinstance(one, AbstractModel) for one in self.hysteresis
+        ):
+            raise InputError(
+                "bad-parts",
+                f"{len(self.hysteresis)} entries of hysteresis for {count} links.",
+                fix="give each link a model of its force, or None for one without hysteresis.",
+            )
+        for name, place in (("driven", self.driven), ("observed", self.observed)):
+            if not -n <= place < n:
+                raise InputError("bad-option", f"{name}={place}; there are {n} masses.")
+        if self.integrator not in INTEGRATORS:
+            said = f"integrator={self.integrator!r}; have {', '.join(INTEGRATORS)}."
+            raise InputError("bad-option", said)
+        if self.substeps < 1:
+            raise InputError("bad-option", f"substeps={self.substeps}; at least 1.")
+        self._check_values()
+
+    def _check_values(self) -> None:
+        for name in ("mass", "damping", "stiffness"):
+            if not is_concrete(value := getattr(self, name)):
+                continue
+            known = np.asarray(value)
+            if known.ndim == 2 and not np.allclose(known, known.T, rtol=1e-9, atol=0):
+                raise InputError(
+                    "parameter-out-of-bounds",
+                    f"the matrix {name} is not symmetric.",
+                    fix="give the matrices of an assembled structure.",
+                )
+            if name == "mass" and not np.all(
+                (np.linalg.eigvalsh(known) if known.ndim == 2 else known) > 0
+            ):
+                raise InputError(
+                    "parameter-out-of-bounds",
+                    f"the masses {known.tolist()} are not all positive.",
+                    cause="without a mass the force sets no acceleration.",
+                    fix="give positive masses, or a positive definite matrix.",
+                )
+
+    def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
+        return words_of_motion(input_unit, output_unit, time_unit)
+
+    def system(self) -> System:
+        """The matrices of the equation of motion."""
+        n, dtype = self.mass.shape[-1], self.mass.dtype
+        L = (
+            self.links
+            if self.links is not None
+            else jnp.asarray(np.eye(n) - np.eye(n, k=-1), dtype)
+        )
+        C, K = (
+            one if one.ndim == 2 else L.T @ (one[:, None] * L)
+            for one in (self.damping, self.stiffness)
+        )
+        return System(self.mass if self.mass.ndim == 2 else jnp.diag(self.mass), C, K, L)
+
+    @property
+    def parts(self) -> tuple[tuple[int, AbstractModel], ...]:
+        """Every model of a hysteretic force with the number of its link; a `Sum` counts as its parts."""
+        return tuple(
+            (link, part)
+            for link, model in enumerate(self.hysteresis)
+            if model is not None
+            for part in (model.parts if isinstance(model, Sum) else (model,))
+        )
+
+    def init(self, t0: Any = None, u0: Any = None) -> CoupledState:
+        zero = jnp.zeros_like(jnp.diagonal(self.system().mass))
+        t = zero[0] * jnp.nan if t0 is None else jnp.asarray(t0, zero.dtype)
+        return CoupledState(t, zero, zero, zero, zero, tuple(part.init() for _, part in self.parts))
+
+    def step(self, state: CoupledState, t: Any, u: Any) -> tuple[CoupledState, Float[Array, ""]]:
+        force = jnp.zeros_like(state.force).at[self.driven].set(jnp.asarray(u, state.force.dtype))
+        after = self.moved(state, t, force)
+        return after, after.displacement[self.observed]
+
+    def displacements(self, t: ArrayLike, forces: ArrayLike) -> Float[np.ndarray, "samples masses"]:
+        """Displacements of all masses from rest, under forces (samples, masses).
+
+        Raises `InputError` `length-mismatch` where their shapes do not fit.
+        """
+        state = self.init()
+        times, u = jnp.asarray(t, state.force.dtype), jnp.asarray(forces, state.force.dtype)
+        if u.shape != (*times.shape, len(state.force)):
+            raise InputError(
+                "length-mismatch",
+                f"forces of shape {u.shape} at {times.shape} times for {len(state.force)} masses.",
+                fix="give a row of forces for each time, one a mass.",
+            )
+        return np.asarray(_all_displacements(self, state, times, u))
+
+    def moved(self, state: CoupledState, t: Any, force: Vector) -> CoupledState:
+        """The state at the time t, under forces (masses,) that go straight to `force`."""
+        if t is None:
+            raise InputError(
+                "no-time",
+                "coupled oscillators need a clock.",
+                fix="give times, in the unit of their parameters.",
+            )
+        t = jnp.asarray(t, state.t.dtype)
+        system, new = self.system(), jnp.isnan(state.t)
+        h = jnp.where(new, 0.0, t - jnp.where(new, t, state.t)) / self.substeps
+        last = jnp.where(new, force, state.force)
+        # The first sample is where the motion begins: its acceleration alone is found.
+        found = self._acceleration(system, state, last, t)
+        state = state._replace(
+            t=t, force=last, acceleration=jnp.where(new, found, state.acceleration)
+        )
+        advance = self._newmark if self.integrator == "newmark" else self._runge_kutta
+
+        def fine(at: CoupledState, k: Array) -> tuple[CoupledState, None]:
+            end = last + (force - last) * ((k + 1.0) / self.substeps)
+            clock = t - h * (self.substeps - 1.0 - k)
+            return advance(system, at, clock, h, end)._replace(force=end), None
+
+        after, _ = jax.lax.scan(fine, state, jnp.arange(self.substeps, dtype=h.dtype))
+        return after._replace(force=force)
+
+    def _acceleration(self, system: System, at: CoupledState, force: Vector, t: Any) -> Vector:
+        stretch = system.links @ at.displacement
+        pairs = zip(self.parts, at.parts, strict=True)
+        rates = [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
+        z = self._forces(at.parts, t, stretch, rates)
+        left = force - system.damping @ at.velocity - system.stiffness @ at.displacement
+        return jnp.linalg.solve(system.mass, left - system.links.T @ z)
+
+    def _forces(
+        self, states: tuple[Any, ...], t: Any, stretch: Array, rates: Iterable[Array]
+    ) -> Array:
+        """Forces of the links: of parts in rate form as given, of others at the stretches."""
+        z, given = jnp.zeros_like(stretch), iter(rates)
+        for (link, part), own in zip(self.parts, states, strict=True):
+            is_rate = isinstance(part, AbstractRateForm)
+            force = next(given) if is_rate else part.step(own, t, stretch[link])[1]
+            z = z.at[link].add(force)
+        return z
+
+    def _after(
+        self, states: tuple[Any, ...], t: Any, stretch: Array, rates: Iterable[Array]
+    ) -> tuple[Any, ...]:
+        """States of the parts at these stretches."""
+        given = iter(rates)
+        return tuple(
+            own._replace(u=stretch[link], z=next(given))
+            if isinstance(part, AbstractRateForm)
+            else part.step(own, t, stretch[link])[0]
+            for (link, part), own in zip(self.parts, states, strict=True)
+        )
+
+    def _rates_after(
+        self, states: tuple[Any, ...], rate: Array, rate_after: Array, h: Array
+    ) -> list[Array]:
+        """Forces of the parts in rate form one step later, by the trapezoidal rule."""
+        return [
+            part.after(own.z, rate[link], rate_after[link], h)
+            for (link, part), own in zip(self.parts, states, strict=True)
+            if isinstance(part, AbstractRateForm)
+        ]
+
+    def _newmark(
+        self, system: System, at: CoupledState, t: Array, h: Array, force: Vector
+    ) -> CoupledState:
+        """One step of average acceleration: Newton's method for the accelerations after it.
+
+        Each link's force depends on the acceleration of its own stretch alone, so that one derivative of
+        all links gives the Jacobian. The last of the steps carries the derivatives.
+        """
+
+        def motion(at: CoupledState, a1: Array) -> tuple[Array, Array]:
+            y1 = at.displacement + h * at.velocity + 0.25 * h * h * (at.acceleration + a1)
+            return y1, at.velocity + 0.5 * h * (at.acceleration + a1)
+
+        def newton(model: Any, system: System, at: CoupledState, force: Any, a1: Any) -> Array:
+            y1, v1 = motion(at, a1)
+            L = system.links
+
+            def of_links(extra: Array) -> Array:
+                stretch, rate = L @ y1 + 0.25 * h * h * extra, L @ v1 + 0.5 * h * extra
+                rates = model._rates_after(at.parts, L @ at.velocity, rate, h)
+                return model._forces(at.parts, t, stretch, rates)
+
+            none = jnp.zeros(L.shape[0], a1.dtype)
+            z, by = jax.jvp(of_links, (none,), (jnp.ones_like(none),))
+            M, C, K, _ = system
+            off = M @ a1 + C @ v1 + K @ y1 + L.T @ z - force
+            slope = M + 0.5 * h * C + 0.25 * h * h * K + L.T @ (by[:, None] * L)
+            return a1 - jnp.linalg.solve(jax.lax.stop_gradient(slope), off)
+
+        frozen: Any = jax.lax.stop_gradient((self, system, at, force))
+        # A loop: its step is compiled once, and so is that after it, which has the derivatives.
+        a1 = jax.lax.fori_loop(
+            0, NEWTON_STEPS - 1, lambda _, a1: newton(*frozen, a1=a1), frozen[2].acceleration
+        )
+        a1 = newton(self, system, at, force, jax.lax.stop_gradient(a1))
+        y1, v1 = motion(at, a1)
+        rate = system.links @ at.velocity
+        rates = self._rates_after(at.parts, rate, system.links @ v1, h)
+        parts = self._after(at.parts, t, system.links @ y1, rates)
+        return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)
+
+    def _runge_kutta(
+        self, system: System, at: CoupledState, t: Array, h: Array, force: Vector
+    ) -> CoupledState:
+        """One step of the classical Runge-Kutta method; parts that follow the stretch are taken from their
+        state before the step."""
+        rate_parts = [
+            (link, part) for link, part in self.parts if isinstance(part, AbstractRateForm)
+        ]
+        pairs = zip(self.parts, at.parts, strict=True)
+        rates = [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
+        M, C, K, L = system
+
+        def slopes(y: Any, v: Any, z: list[Any], share: float) -> Any:
+            push = at.force + (force - at.force) * share
+            left = push - C @ v - K @ y - L.T @ self._forces(at.parts, t, L @ y, z)
+            w = L @ v
+            along = [
+                w[link] * part.slope(own, w[link] < 0)
+                for (link, part), own in zip(rate_parts, z, strict=True)
+            ]
+            return v, jnp.linalg.solve(M, left), along
+
+        start = (at.displacement, at.velocity, rates)
+
+        def later(by: Any, step: Array) -> Any:
+            return jax.tree.map(lambda x, d: x + step * d, start, by)
+
+        k1 = slopes(*start, 0.0)
+        k2 = slopes(*later(k1, 0.5 * h), share=0.5)
+        k3 = slopes(*later(k2, 0.5 * h), share=0.5)
+        k4 = slopes(*later(k3, h), share=1.0)
+        mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
+        y1, v1, z1 = later(mean, h)
+        parts = self._after(at.parts, t, L @ y1, z1)
+        _, a1, _ = slopes(y1, v1, z1, 1.0)
+        return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)
+
+
+@eqx.filter_jit
+def _all_displacements(
+    model: CoupledOscillators, state: CoupledState, t: Array, forces: Array
+) -> Array:
+    def sample(state: CoupledState, at: tuple[Array, Array]) -> tuple[CoupledState, Array]:
+        after = model.moved(state, *at)
+        return after, after.displacement
+
+    return jax.lax.scan(sample, state, (t, forces))[1]

@@ -1,0 +1,201 @@
+"""Experiment design for an oscillator: which level and band of a multisine tell its hysteresis."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from hysteresis import BoucWenForce, DuhemForce, InputError, Oscillator, interpolated
+from hysteresis.dynamics._fast_path import Compiled
+
+from ..dynamics._classes import COARSER, periods_to_steady_state
+from ..dynamics._duhem_search import duhem_family
+from ..dynamics._measured_motion import LEAST_ROWS, measured_motion
+from ..dynamics._output_error import FAR, PLANT, STATE, Setting, covariance_of
+from ..results._detail import Motion
+from ..results._fit_result import FitResult
+
+LEVELS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Of the fitted record's rms force."""
+
+BANDS = ((0.8, 1.25), (0.5, 2.0), (0.25, 4.0), (0.1, 1.0))
+"""About the resonance, by which they are multiplied; the fitted record's band is tried too."""
+
+HIGHEST, LEAST_LINES, ROWS = 0.45, 8, 4096
+PLACES = 33
+"""Forces at which the standard deviation of the slopes f+ and f- is taken."""
+
+
+class Excitation(NamedTuple):
+    """A multisine and what one period of it in steady state would tell.
+
+    - `low`, `high`: its band, in cycles per unit of time. `level`: its rms force.
+    - `hysteresis`: standard error of the slopes f+(z) and f-(z), rms over the forces z of the fitted
+      record, relative to their rms. `mass`, `damping`, `stiffness`: relative standard errors.
+    - `displacement`: the largest one. `beyond`: whether it is larger than any in the fitted record, where
+      the prediction is an extrapolation.
+    - `force`: one period of it.
+    """
+
+    low: float
+    high: float
+    level: float
+    hysteresis: float
+    mass: float
+    damping: float
+    stiffness: float
+    displacement: float
+    beyond: bool
+    force: Float[np.ndarray, " samples"]
+
+
+def multisine(
+    low: float, high: float, level: float, *, rows: int, dt: float, seed: int = 0
+) -> Float[np.ndarray, " rows"]:
+    """One period of a multisine: all lines from `low` to `high` of one amplitude, with random phases.
+
+    **Arguments:** `level`: its rms. `rows`: of a period, `dt` apart.
+
+    Raises `InputError` `bad-option` for a band beyond the Nyquist frequency or of fewer than eight lines,
+    or a level that is not positive.
+
+    Source: Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), chapter 2.
+
+    **Example:**
+
+        >>> force = identify.multisine(5.0, 50.0, 10.0, rows=1024, dt=1e-3)
+        >>> round(float(np.sqrt(np.mean(force**2))), 6)
+        10.0
+    """
+    frequencies = np.fft.rfftfreq(rows, dt)
+    lines = (frequencies >= low) & (frequencies <= high) & (frequencies > 0)
+    if not 0 <= low < high < 0.5 / dt or lines.sum() < LEAST_LINES or not level > 0:
+        raise InputError(
+            "bad-option",
+            f"a multisine of {level:g} rms from {low:g} to {high:g}: {int(lines.sum())} lines at a sampling"
+            f" rate of {1 / dt:g}, {rows} rows a period.",
+            fix=f"give a positive level, a band below {0.5 / dt:g}, and a period of so many rows that at"
+            f" least {LEAST_LINES} lines lie in it.",
+        )
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, int(lines.sum()))
+    spectrum = np.zeros(len(frequencies), complex)
+    spectrum[lines] = np.exp(1j * phases)
+    found = np.fft.irfft(spectrum, rows)
+    return found * level / float(np.sqrt(np.mean(found**2)))
+
+
+def design_excitation(
+    fit: FitResult,
+    *,
+    levels: Sequence[float] | None = None,
+    bands: Sequence[tuple[float, float]] | None = None,
+    rows: int | None = None,
+    largest: float | None = None,
+    seed: int = 0,
+) -> tuple[Excitation, ...]:
+    """Multisines by how well one period of each would tell the hysteresis of a fitted oscillator, the best
+    one first.
+
+        covariance = (J'J / sigma^2 + P)^-1
+
+    with J the sensitivities of the displacement in steady state, sigma the noise of the fitted record, and
+    P the prior of a class with many knots. Of n periods the standard errors are smaller by the root of n.
+
+    **Arguments:**
+
+    - `fit`: of an oscillator around Bouc-Wen's or Duhem's force.
+    - `levels`: rms forces; a quarter to four times that of the fitted record unless given. `bands`: (low,
+      high) in cycles per unit of time; several about the resonance unless given.
+    - `rows`: of a period; those of the fitted record unless given.
+    - `largest`: the largest displacement that the rig allows; multisines that exceed it are left out.
+
+    Raises `InputError` `no-design` for another model or class, or where no multisine stays within
+    `largest`; `bad-option` as `multisine` does.
+
+    Source: Atkinson, Donev, Tobias, Optimum Experimental Designs, with SAS (2007).
+    """
+    detail, model = fit.detail, fit.model
+    if not isinstance(detail, Motion) or not isinstance(model, Oscillator):
+        raise InputError(
+            "no-design",
+            f"{fit.name} has no mass, so that no level and band of a multisine is sought for it.",
+            fix="identify.design says which inputs tell the rest of a Preisach density.",
+        )
+    compiled = Compiled.of(model)
+    if compiled is None or not isinstance(model.hysteresis, BoucWenForce | DuhemForce):
+        raise InputError(
+            "no-design",
+            f"the hysteresis of {fit.name} has no slopes over its force.",
+            fix="fit Oscillator(BoucWen) or Oscillator(Duhem) to the same record, and design by that.",
+        )
+    motion = measured_motion(fit.train, detail.recorded.period)
+    knots, limit = compiled.layout.rate.shape[1], compiled.layout.limit
+    words = detail.classes[0]
+    family = duhem_family(knots, limit, bool(words.get("symmetric", True)), False)
+    theta = np.concatenate([compiled.plant, np.zeros(STATE), compiled.layout.rate.ravel()])
+    q = family.unknowns_of(theta)
+    prior = np.diag(family.prior_root(words.get("deviations", ())) ** 2)
+    warm = periods_to_steady_state(motion, detail.linear)
+    z = Setting.of(motion, detail.recorded.substeps, (), warm).hysteretic_force(family, q)
+    slopes = _slopes_at(np.linspace(z.min(), z.max(), PLACES), knots, limit)
+    slopes = slopes @ family.T[PLANT + STATE :]
+    size = float(np.sqrt(np.mean((slopes @ q) ** 2)))
+    rows = rows or (motion.period or ROWS)
+    if rows < LEAST_ROWS:
+        raise InputError("bad-option", f"a period of {rows} rows.", fix=f"at least {LEAST_ROWS}.")
+    usual = float(np.sqrt(np.mean((motion.force - motion.force.mean()) ** 2)))
+    substeps = max(1, detail.recorded.substeps // COARSER)
+    trained, found = float(np.abs(motion.displacement).max()), []
+    for low, high in _bands(detail, motion.dt) if bands is None else bands:
+        for level in levels if levels is not None else [part * usual for part in LEVELS]:
+            force = multisine(low, high, level, rows=rows, dt=motion.dt, seed=seed)
+            fine = interpolated(force, substeps, "band-limited", True)
+            turns = periods_to_steady_state(motion, detail.linear, rows)
+            y, by, _ = compiled.run(
+                fine, motion.dt / substeps, warm=turns, every=substeps,
+                limit=FAR * trained * max(1.0, level / usual),
+            )  # fmt: skip
+            reach = float(np.abs(y).max())
+            if not np.isfinite(reach) or (largest is not None and reach > largest):
+                continue
+            J = by @ family.T / fit.noise.sigma
+            spread = covariance_of(J.T @ J + prior)
+            error = float(np.sqrt(np.mean(np.einsum("pi,ij,pj->p", slopes, spread, slopes))))
+            plant = np.sqrt(np.diag(spread)[:3]) / np.abs(q[:3])
+            mass, damping, stiffness = map(float, plant)
+            found.append(
+                Excitation(
+                    low, high, float(level), error / size, mass, damping, stiffness, reach,
+                    reach > 1.05 * trained, force,
+                )
+            )  # fmt: skip
+    if not found:
+        raise InputError(
+            "no-design",
+            "no multisine keeps the displacement within the limit."
+            if largest is not None
+            else "the fitted oscillator is unstable under every multisine.",
+            fix="give lower levels, or a larger displacement.",
+        )
+    return tuple(sorted(found, key=lambda one: one.hysteresis))
+
+
+def _bands(detail: Motion, dt: float) -> list[tuple[float, float]]:
+    """The fitted record's band, and those about the resonance, below the Nyquist frequency."""
+    linear, top = detail.linear, HIGHEST / dt
+    own = (float(linear.frequencies[0]), min(float(linear.frequencies[-1]), top))
+    about = [(a * linear.resonance, min(b * linear.resonance, top)) for a, b in BANDS]
+    return [own, *(band for band in about if band[0] < band[1])]
+
+
+def _slopes_at(
+    z: Float[np.ndarray, " places"], knots: int, limit: float
+) -> Float[np.ndarray, "both values"]:
+    """What the values at the knots contribute to f+ and f- at some forces: straight between and beyond."""
+    place = (z + limit) * (knots - 1) / (2 * limit)
+    cell = np.clip(np.floor(place).astype(int), 0, knots - 2)
+    hats = np.zeros((len(z), knots))
+    hats[np.arange(len(z)), cell] = 1 - (place - cell)
+    hats[np.arange(len(z)), cell + 1] += place - cell
+    return np.kron(np.eye(2), hats)
