@@ -18,11 +18,22 @@ from typing import Any
 
 import jax
 import numpy as np
+from scipy.signal import lfilter
 
 import identify
-from hysteresis import Record
+from hysteresis import BoucWenForce, CoupledOscillators, Record, parameters
 
-from ._dynamics.plants import PERIOD, RATE, Plant, training, unseen_multisine, unseen_sweep
+from ._dynamics.plants import (
+    NOISE,
+    PERIOD,
+    RATE,
+    Plant,
+    multisine,
+    steady,
+    training,
+    unseen_multisine,
+    unseen_sweep,
+)
 from ._dynamics.step import microseconds
 from ._measure import Row, judged, noted, run_parts
 
@@ -52,11 +63,11 @@ def errors(fit: identify.FitResult, kind: str, seed: int) -> dict[str, float]:
     """Rms errors on the multisine and on the sweep, in m and in per cent of the rms of the motion."""
     assert isinstance(fit.detail, identify.Motion)
     motion, found = fit.detail.recorded, {}
-    for name, (u, y), steady in (
+    for name, (u, y), in_steady_state in (
         ("multisine", unseen_multisine(seed, kind), True),
         ("sweep", sweep(kind, 0 if kind == "boucwen" else seed), False),
     ):
-        predicted = motion.steady(as_record(u, y)) if steady else motion.from_rest(as_record(u, y))
+        predicted = (motion.steady if in_steady_state else motion.from_rest)(as_record(u, y))
         rms = float(np.sqrt(np.mean((predicted - y) ** 2)))
         found |= {name: rms, f"{name} %": 100 * rms / float(np.std(y))}
     return found
@@ -69,13 +80,18 @@ def fitted(record: Record, model: str) -> tuple[identify.FitResult, float]:
     return fit, time.process_time() - begin
 
 
+def held(fit: identify.FitResult) -> list[bool]:
+    """Of each parameter: whether its 90 % interval holds the truth."""
+    return [p.low <= TRUTH[p.name] <= p.high for p in fit.parameters]  # type: ignore[operator]
+
+
 def known(quick: bool) -> list[Row]:
     """The class is known: errors of 20 seeds, time, and intervals of 100."""
     count, judged_on = (10, 5) if quick else (100, 20)
     found, seconds, inside = [], [], []
     for seed in range(1, count + 1):
         fit, taken = fitted(record_of(seed), KNOWN)
-        inside.append([p.low <= TRUTH[p.name] <= p.high for p in fit.parameters])  # type: ignore[operator]
+        inside.append(held(fit))
         if seed <= judged_on:
             found.append(errors(fit, "boucwen", seed))
             seconds.append(taken)
@@ -115,15 +131,82 @@ def known(quick: bool) -> list[Row]:
 
 def short(quick: bool) -> list[Row]:
     """500 samples of a period of 8,192, so without a period."""
-    found, blind = [], []
+    found, blind, inside = [], [], []
     for seed in range(1, 4 if quick else 11):
         record = record_of(seed, rows=500)
-        found.append(errors(fitted(record, KNOWN)[0], "boucwen", seed)["multisine"])
+        fit = fitted(record, KNOWN)[0]
+        found.append(errors(fit, "boucwen", seed)["multisine"])
+        inside.append(held(fit))
         blind.append(errors(fitted(record, BLIND)[0], "boucwen", seed)["multisine"])
     return [
         judged("multisine from 500 samples (m), median", float(np.median(found)), 1.5e-6),
         noted("multisine from 500 samples (m), worst", max(found)),
         noted("multisine from 500 samples, blind (m), median", float(np.median(blind))),
+        noted(
+            "90 % intervals from 500 samples cover, mean of six (%)", 100 * float(np.mean(inside))
+        ),
+    ]
+
+
+def coloured(quick: bool) -> list[Row]:
+    """Noise of an AR(1) process, which the fit has to see in what differs between the periods."""
+    inside, chi2 = [], []
+    for seed in range(1, 6 if quick else 41):
+        random = np.random.default_rng([seed, 9])
+        u, y = steady(Plant(), multisine(random, PERIOD // 4), 5)
+        noise = lfilter([1.0], [1.0, -0.9], random.normal(size=len(y) + 500))[500:]
+        fit, _ = fitted(as_record(u, y + NOISE / np.std(noise) * noise), KNOWN)
+        assert isinstance(fit.detail, identify.Motion)
+        inside.append(held(fit))
+        chi2.append(fit.detail.chi2)
+    share = 100 * float(np.mean(inside))
+    return [
+        noted("90 % intervals under AR(1) noise of 0.9 cover, mean of six (%)", share),
+        noted("chi2 per row under AR(1) noise of 0.9, median", float(np.median(chi2))),
+    ]
+
+
+def posterior(quick: bool) -> list[Row]:
+    """Draws until the ensembles agree; the deviations beside the standard errors."""
+    samples = PERIOD // 4 if quick else PERIOD
+    fit, _ = fitted(as_record(*training(1, samples=samples)), KNOWN)
+    begin = time.process_time()
+    drawn = identify.sample(fit)
+    taken = time.process_time() - begin
+    by_fit = {p.name: p.stderr for p in fit.parameters}
+    ratios = [one.sd / by_fit[one.name] for one in drawn.summaries if one.name in by_fit]  # type: ignore[operator]
+    return [
+        noted("processor time of a posterior, until R-hat < 1.01 (s)", taken),
+        noted("posterior deviation over standard error, least of six", min(ratios)),
+        noted("posterior deviation over standard error, most of six", max(ratios)),
+    ]
+
+
+def chain(quick: bool) -> list[Row]:
+    """Two masses, the first link hysteretic, fitted from start values 15 to 45 % off."""
+    random = np.random.default_rng(0)
+    t = np.arange(400) / 400
+    lines = [np.sin(2 * np.pi * f * t + random.uniform(0, 2 * np.pi)) for f in range(8, 40, 2)]
+    u = 10 * np.sum(lines, 0) * np.minimum(1, 20 * t)
+    spring = BoucWenForce(alpha=2e4, beta_gamma=900.0, beta_delta=-300.0)
+    truth = CoupledOscillators([2.0, 1.0], [10.0, 8.0], [3e4, 2e4], (spring, None), substeps=3)
+    y = np.asarray(truth.simulate(t, u))
+    y = y + 0.005 * y.std() * random.normal(size=len(y))
+    spring = BoucWenForce(alpha=2.4e4, beta_gamma=500.0, beta_delta=0.0)
+    start = CoupledOscillators([2.3, 0.9], [14.0, 6.0], [2.6e4, 2.3e4], (spring, None), substeps=3)
+    record = Record.from_arrays(u, y, t, input_unit="N", output_unit="m")
+    begin = time.process_time()
+    fit = identify.fit(record, start, starts=1)
+    taken = time.process_time() - begin
+    values = {name: np.ravel(value) for name, _, value in parameters(truth) if value is not None}
+    off = []
+    for one in fit.parameters:
+        name, _, place = one.name.rpartition(".")
+        wanted = values[name][int(place)] if place.isdigit() else values[one.name][0]
+        off += [] if one.stderr is None else [abs(one.value - wanted) / one.stderr]
+    return [
+        noted("chain of two masses from given starts, worst of nine (standard errors)", max(off)),
+        noted("processor time, chain of two masses, 400 rows (s)", taken),
     ]
 
 
@@ -164,7 +247,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Plant().moved(np.zeros(4))  # compiled before anything is timed
     jax.config.update("jax_enable_x64", True)
     identify.fit(as_record(*training(1, samples=PERIOD // 4, periods=2)), KNOWN)
-    parts = {"known": known, "short": short, "blind": blind, "step": stepped}
+    parts = {"known": known, "short": short, "blind": blind, "coloured": coloured,
+             "posterior": posterior, "chain": chain, "step": stepped}  # fmt: skip
     run_parts("benchmarks.dynamics", __doc__, parts, arguments)
 
 

@@ -51,6 +51,8 @@ from .models._cyclic_drift import CyclicDrift as CyclicDrift
 from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
 from .models._degrading_bouc_wen import DegradingState as DegradingState
 from .models._degrading_bouc_wen import Pinching as Pinching
+from .models._duhem import DuhemOperator as DuhemOperator
+from .models._duhem import DuhemState as DuhemState
 from .models._extrapolation import extended as extended
 from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge

@@ -8,6 +8,7 @@ from ._registry import register
 from .models._bouc_wen import BoucWen
 from .models._burgers import Burgers, StandardLinearSolid
 from .models._degrading_bouc_wen import DegradingBoucWen
+from .models._duhem import DuhemOperator
 from .models._foam_curve import FoamCurve
 from .models._linear_sponge import LinearSponge
 from .models._prandtl_ishlinskii import PrandtlIshlinskii
@@ -79,6 +80,15 @@ def _bouc_wen(record: Record) -> BoucWen:
     return BoucWen(k, after / k, yield_at, 1.5, 0.0, (y.max() + y.min()) / 2)
 
 
+def _duhem(record: Record) -> DuhemOperator:
+    """The record's slope, half as steep at one end of the output and one and a half times at the other."""
+    u, y = record.input[record.mask], record.output[record.mask]
+    gain = float(np.ptp(y) / np.ptp(u))
+    after_turning = gain * np.linspace(0.5, 1.5, 5)
+    rising = after_turning[::-1] if loop_direction(record) < 0 else after_turning
+    return DuhemOperator(rising, rising[::-1], y.min(), y.max(), float(y[0] - gain * u[0]))
+
+
 def _plays(record: Record) -> PrandtlIshlinskii:
     """Half of the record's slope in the line, the rest spread over plays of a part of its span each."""
     u, y = record.input[record.mask], record.output[record.mask]
@@ -131,6 +141,7 @@ register(Burgers, guess=_burgers)
 register(FoamCurve, guess=_foam)
 register(BoucWen, guess=_bouc_wen)
 register(PrandtlIshlinskii, guess=_plays)
+register(DuhemOperator, guess=_duhem)
 register(DegradingBoucWen, guess=_degrading)
 register(StandardLinearSolid, guess=_solid)
 register(GeneralizedKelvinVoigt, guess=_creep_chain)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, get_args
 
 import jax.numpy as jnp
@@ -17,6 +18,7 @@ from hysteresis import (
     Burgers,
     CoupledOscillators,
     DuhemForce,
+    DuhemOperator,
     FoamCurve,
     GeneralizedKelvinVoigt,
     GeneralizedMaxwell,
@@ -449,6 +451,39 @@ def _oscillator_known(model: AbstractModel) -> Known:
     return t, u, np.array([0.0, y])
 
 
+def _duhem(rng: np.random.Generator) -> DuhemOperator:
+    rising, falling = rng.uniform(0.3, 2.0, (2, 4))
+    return DuhemOperator(rising, falling, -0.7, 1.1, rng.uniform(-0.3, 0.3))
+
+
+def _duhem_known(model: AbstractModel) -> Known:
+    """Up, down below the first knot, and up beyond the last one: the way is an integral over the output."""
+    assert isinstance(model, DuhemOperator)
+    knots = np.linspace(float(model.low), float(model.high), 4)
+    legs = (
+        np.linspace(float(model.offset), 0.9, 7),
+        np.linspace(0.9, -0.9, 9),
+        np.linspace(-0.9, 1.5, 9),
+    )
+    u, y = [0.0], [float(model.offset)]
+    for leg, slopes in zip(legs, (model.rising, model.falling, model.rising), strict=True):
+        values = np.asarray(slopes)
+        for a, b in pairwise(leg):
+            ends = np.clip(sorted((a, b)), knots[0], knots[-1])
+            inner = knots[(knots > min(a, b)) & (knots < max(a, b))]
+            places = np.sort([a, b, *ends, *inner])
+            way = sum(
+                quad(
+                    lambda x, f: 1 / np.interp(x, knots, f), *p, (values,), epsabs=0, epsrel=1e-13
+                )[0]
+                for p in pairwise(places)
+                if p[1] > p[0]
+            )
+            u.append(u[-1] + np.sign(b - a) * way)
+            y.append(b)
+    return np.array(u), np.array(u), np.array(y)
+
+
 def _links(rng: np.random.Generator) -> tuple[AbstractModel, AbstractModel]:
     plays = GeneralizedPlays([0.3], [2.0], [rng.uniform(-1, -0.5), rng.uniform(0.5, 1)], (2,))
     force = BoucWenForce(rng.uniform(0.5, 1), rng.uniform(0.02, 0.04), -rng.uniform(0.01, 0.02))
@@ -566,6 +601,7 @@ PROBLEMS: tuple[Problem, ...] = (
         frozenset[Tag]({"lagging"}), _preisach_known_from_the_middle,
     ),
     Problem("foam", _foam, 0.0, 8.0, frozenset[Tag]({"memoryless"}), _foam_known),
+    Problem("duhem", _duhem, LOW, HIGH, frozenset[Tag](), _duhem_known),
     Problem("curve", _curve, LOW, HIGH, frozenset[Tag]({"memoryless"}), _curve_known),
     Problem("bouc-wen", _bouc_wen, -3.0, 3.0, frozenset[Tag]({"leading"}), _bouc_wen_known),
     Problem(

@@ -6,6 +6,7 @@ from . import _conditioned as _conditioned
 from . import _curves as _curves
 from . import _default as _default
 from . import _degrading_bouc_wen as _degrading_bouc_wen
+from . import _duhem as _duhem
 from . import _linear_sponge as _linear_sponge
 from . import _moving_preisach as _moving_preisach
 from . import _oscillator as _oscillator

@@ -21,6 +21,9 @@ COARSER = 4
 LEFT = 1.1
 """chi2 per row below which more knots are tried only as long as the evidence rises."""
 
+FAR_FROM_ONE = 2.0
+"""chi2 per row from which plays are tried from another start."""
+
 TELLS = 20.0
 """Difference of chi2 by which one recorder explains a record better than another."""
 
@@ -109,7 +112,8 @@ def search(
             found = fitted(coarse, start)
             if np.isfinite(found.chi):
                 note("GeneralizedPlays", found)
-                break
+                if found.chi < FAR_FROM_ONE:
+                    break
     if not tried:
         raise InputError(
             "fit-broke",

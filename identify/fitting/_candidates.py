@@ -22,6 +22,9 @@ butterfly only where most branches have a valley or a peak."""
 OSCILLATOR = "Oscillator"
 """A mass on a hysteretic spring, fitted by a search of its own and never beside models without a mass."""
 
+ALSO = {"duhem": "DuhemOperator"}
+"""Other names of models, unless a distribution announces a model of that name."""
+
 SEARCHES = (SURFACE, COMPOSITION, BUTTERFLY)
 """Names that are no models: a way to find one."""
 
@@ -87,7 +90,7 @@ def _named(name: str) -> list[Candidate]:
     for search in SEARCHES:
         if name.casefold() == search.casefold():
             return [Candidate(search, None)]
-    known = find_model(name)
+    known = find_model(name) or find_model(ALSO.get(name.casefold(), name))
     if known is None:
         meant = similar(name, names())
         raise InputError(

@@ -101,7 +101,7 @@ def fit_oscillator(
         raise InputError("bad-option", f"oversampling={oversampling}; at least 1.")
     motion = measured_motion(record, period)
     linear = linear_approximation(motion)
-    warnings = [*_warnings(motion, linear, oversampling)]
+    warnings = [*warnings_of(motion, linear, oversampling)]
     asked = name[len(OSCILLATOR) + 1 : -1] or None
     found = search(
         motion, linear, asked, oversampling=oversampling, starts=starts, seed=seed, say=say
@@ -315,9 +315,10 @@ def _notes(motion: MeasuredMotion, found: Search, detail: Motion) -> tuple[str, 
     )
 
 
-def _warnings(
+def warnings_of(
     motion: MeasuredMotion, linear: LinearApproximation, oversampling: int
 ) -> tuple[Note, ...]:
+    """What to say before a fit: aliasing, too few steps of integration, too few samples a cycle."""
     found = []
     top = float(linear.frequencies[-1])
     rate = 1 / motion.dt
