@@ -469,9 +469,8 @@ def _duhem_known(model: AbstractModel) -> Known:
     for leg, slopes in zip(legs, (model.rising, model.falling, model.rising), strict=True):
         values = np.asarray(slopes)
         for a, b in pairwise(leg):
-            ends = np.clip(sorted((a, b)), knots[0], knots[-1])
             inner = knots[(knots > min(a, b)) & (knots < max(a, b))]
-            places = np.sort([a, b, *ends, *inner])
+            places = np.sort([a, b, *inner])
             way = sum(
                 quad(
                     lambda x, f: 1 / np.interp(x, knots, f), *p, (values,), epsabs=0, epsrel=1e-13

@@ -1,8 +1,5 @@
-"""Coupled oscillators: a chain of one, frequency responses, energy, derivatives, convergence."""
+"""Coupled oscillators: a chain of one, frequency responses, energy, convergence."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -110,24 +107,6 @@ def test_order_of_convergence_against_an_independent_solver(integrator: str, ord
         got = model.displacements(np.array([0.0, end]), forces)
         errors.append(np.abs(got[-1] - found.y[:2, -1]).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
-
-
-def test_derivatives_are_those_of_differences():
-    model = chain(substeps=2)
-
-    @eqx.filter_jit
-    def last(by: jax.Array) -> jax.Array:
-        moved = CoupledOscillators(
-            model.mass * (1 + by[0]), model.damping * (1 + by[1]), model.stiffness * (1 + by[2]),
-            (BoucWenForce(4e4 * (1 + by[3]), 700.0, -900.0), PLAYS), substeps=2,
-        )  # fmt: skip
-        return moved.evaluate(moved.prepare(T[:40], FORCE[:40]))[-1]
-
-    slope = np.asarray(jax.jacfwd(last)(jnp.zeros(4)))
-    step = 1e-5
-    for k in range(4):
-        ends = [float(last(jnp.zeros(4).at[k].set(sign * step))) for sign in (1, -1)]
-        assert slope[k] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5)
 
 
 def test_units_are_those_of_forces_and_displacements():
