@@ -100,7 +100,7 @@ def known(quick: bool) -> list[Row]:
             file=sys.stderr,
         )
     multisine = [one["multisine"] for one in found]
-    share = 100 * np.mean(inside, axis=0)
+    share = 100 * np.array(inside).mean(0)
     rows = [
         judged(
             "multisine, 40,960 samples, class known (m), median",

@@ -108,7 +108,7 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
         return jnp.where(falls, self.falling, self.rising)
 
     @property
-    def _width(self) -> Array:
+    def _width(self) -> Scalar:
         return (self.high - self.low) / (self.rising.shape[-1] - 1)
 
     def _knots(self, slopes: Slopes) -> Array:
