@@ -119,9 +119,9 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
     def _way(self, slopes: Slopes, y: Array) -> Array:
         """Integral of dy / slope from the first knot to y."""
         knots, width = self._knots(slopes), self._width
-        place = jnp.floor((y - self.low) / width)
-        place = jnp.clip(place, 0, slopes.shape[-1] - 2).astype(int)
-        inside = jnp.clip(y, self.low, self.high) - (self.low + place * width)
+        cell = jnp.clip(jnp.floor((y - self.low) / width), 0.0, slopes.shape[-1] - 2.0)
+        place = cell.astype(int)
+        inside = jnp.clip(y, self.low, self.high) - (self.low + cell * width)
         bend = (slopes[place + 1] / slopes[place] - 1) * inside / width
         within = knots[place] + _integral(slopes[place], bend, inside)
         below, above = jnp.minimum(y - self.low, 0.0), jnp.maximum(y - self.high, 0.0)
@@ -130,13 +130,13 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
     def _reached(self, slopes: Slopes, way: Array) -> Array:
         """y after a way from the first knot: the inverse of `_way`."""
         knots, width = self._knots(slopes), self._width
-        place = jnp.clip(jnp.sum(way >= knots[1:-1]), 0, slopes.shape[-1] - 2)
+        place = jnp.sum(way >= knots[1:-1])
         inside = jnp.clip(way, 0.0, knots[-1]) - knots[place]
         x = (slopes[place + 1] - slopes[place]) / width * inside
         small = jnp.abs(x) < SMALL
         safe = jnp.where(small, 1.0, x)
         growth = jnp.where(small, 1 + x / 2, jnp.expm1(safe) / safe)
-        y = self.low + place * width + slopes[place] * inside * growth
+        y = self.low + place.astype(way.dtype) * width + slopes[place] * inside * growth
         below, above = jnp.minimum(way, 0.0), jnp.maximum(way - knots[-1], 0.0)
         return y + below * slopes[0] + above * slopes[-1]
 
