@@ -89,6 +89,13 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
         """What the words in the parameters' units stand for on a record with these units."""
         force, displacement = input_unit, output_unit
+        if getattr(self, "moved_by_force", False):
+            # The models inside are hysteretic forces: their input is the displacement.
+            mass = f"{force} * {time_unit} * {time_unit} / {displacement}"
+            return {
+                "input": displacement, "output": force, "time": time_unit, "force": force,
+                "displacement": displacement, "mass": "kg" if mass == "N * s * s / m" else mass,
+            }  # fmt: skip
         if getattr(self, "leading", False):
             force, displacement = output_unit, input_unit
         return {

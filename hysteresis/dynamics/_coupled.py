@@ -1,7 +1,7 @@
 """Several masses with hysteretic links between them: chains, and matrices M, C and K."""
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,7 +16,6 @@ from .._parameter import is_concrete, parameter
 from .._registry import register
 from .._stepped_model import AbstractSteppedModel
 from ..models._compose import Sum
-from ._oscillator import words_of_motion
 from ._rate_form import AbstractRateForm
 
 NEWTON_STEPS = 4
@@ -101,6 +100,7 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
     observed: int = eqx.field(static=True, default=-1)
     substeps: int = eqx.field(static=True, default=20)
     integrator: str = eqx.field(static=True, default="newmark")
+    moved_by_force: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
         n = jnp.shape(self.mass)[-1] if jnp.ndim(self.mass) else 0
@@ -152,9 +152,6 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
                     cause="without a mass the force sets no acceleration.",
                     fix="give positive masses, or a positive definite matrix.",
                 )
-
-    def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
-        return words_of_motion(input_unit, output_unit, time_unit)
 
     def system(self) -> System:
         """The matrices of the equation of motion."""

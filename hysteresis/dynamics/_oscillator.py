@@ -1,6 +1,6 @@
 """A mass on a spring, a damper and a hysteretic force."""
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -30,16 +30,6 @@ class OscillatorState(NamedTuple):
     velocity: Array
     acceleration: Array
     parts: tuple[Any, ...]
-
-
-def words_of_motion(force: str, displacement: str, time: str) -> dict[str, str]:
-    """What the words in units of parameters stand for where a force moves a mass: the models of hysteretic
-    forces inside have the displacement as their input."""
-    mass = f"{force} * {time} * {time} / {displacement}"
-    return {
-        "input": displacement, "output": force, "time": time, "force": force,
-        "displacement": displacement, "mass": "kg" if mass == "N * s * s / m" else mass,
-    }  # fmt: skip
 
 
 @register
@@ -87,6 +77,7 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
     substeps: int = eqx.field(default=20, static=True)
     integrator: str = eqx.field(default="newmark", static=True)
     between: str = eqx.field(default="linear", static=True)
+    moved_by_force: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
         if not isinstance(self.hysteresis, AbstractModel):
@@ -108,9 +99,6 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
                 cause="without a mass the force sets no acceleration.",
                 fix="give a positive mass.",
             )
-
-    def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
-        return words_of_motion(input_unit, output_unit, time_unit)
 
     @property
     def parts(self) -> tuple[AbstractModel, ...]:
