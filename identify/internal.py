@@ -3,7 +3,7 @@
 These functions are documented and tested, and hysid uses them. They are not part of the public interface:
 they may change with any release.
 
-- Files: `candidate_residuals`, `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`,
+- Files: `residuals_of_all`, `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`,
   `read_fit`, `write_fit`, `write_set`, `whole_files`, `check_unedited`, `to_json`, `posterior_json`,
   `versions`.
 - Units: `check_unit`.
@@ -13,7 +13,7 @@ they may change with any release.
 
 from hysteresis._format import plain
 
-from .files._fit_folder import candidate_residuals, read_document, read_fit, to_json, write_fit
+from .files._fit_folder import read_document, read_fit, residuals_of_all, to_json, write_fit
 from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .records._folds import block_errors, root_difference
@@ -24,7 +24,6 @@ from .storage._provenance import versions
 
 __all__ = [
     "block_errors",
-    "candidate_residuals",
     "check_free",
     "check_unedited",
     "check_unit",
@@ -35,6 +34,7 @@ __all__ = [
     "read_document",
     "read_fit",
     "read_json",
+    "residuals_of_all",
     "root_difference",
     "sealed",
     "stepped",

@@ -90,7 +90,9 @@ class Studio:
             found["result"] = None
             if error.code != "file-not-found":
                 found["result_fault"] = as_document(error)
-        found["equivalents"] = equivalents(one.file, place, selection, found.get("fit", {}))
+        shown = (found["result"] or {}).get("folder", ".")
+        asked = found.get("fit", {})
+        found["equivalents"] = equivalents(one.file, place, selection, asked, shown)
         return found
 
     def change(self, name: str, changes: dict[str, dict[str, Any]]) -> None:

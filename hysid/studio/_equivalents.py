@@ -26,9 +26,16 @@ USUAL = {"nan": "raise", "decimal": "."}
 
 
 def equivalents(
-    file: Path, folder: Path, selection: Selection | None, fit: Mapping[str, Any]
+    file: Path,
+    folder: Path,
+    selection: Selection | None,
+    fit: Mapping[str, Any],
+    value: str = ".",
 ) -> dict[str, dict[str, str]]:
-    """Step -> {"command", "python"}, for a terminal and an interpreter that run in the studio's folder."""
+    """Step -> {"command", "python"}, for a terminal and an interpreter that run in the studio's folder.
+
+    `value`: the folder within `folder` of the fit that is shown, where a fit was made of each value.
+    """
     name, place = shell_word(file.name), shell_word(folder.name)
     own = "" if folder.name == Path(file.stem).name else f" --out {place}"
     commands = {
@@ -42,48 +49,80 @@ def equivalents(
     }
     python = dict.fromkeys(commands, "")
     if selection is not None:
-        python = _python(file, folder, selection, fit)
+        python = _python(file, folder, selection, fit, value)
     return {step: {"command": commands[step], "python": python[step]} for step in commands}
 
 
 def _python(
-    file: Path, folder: Path, selection: Selection, fit: Mapping[str, Any]
+    file: Path, folder: Path, selection: Selection, fit: Mapping[str, Any], value: str
 ) -> dict[str, str]:
-    lines = ["import hysid"]
     options: dict[str, Any] = {"input": selection.input, "output": selection.output}
     options |= _given(selection, OPTIONS)
-    reading = _given(selection, OF_READING)
-    source = repr(file.name)
-    if reading:
-        source = f"hysteresis.read_table({source}, {_said(reading)})"
-        lines = ["import hysid, hysteresis"]
-    if selection.where:
-        pairs = (condition.partition("=") for condition in selection.where)
-        options["where"] = {
-            name.strip(): [v.strip() for v in values.split(",")] for name, _, values in pairs
-        }
     if isinstance(options["input"], tuple):
         options["input"] = list(options["input"])
+    if columns := sorted({_column(condition) for condition in selection.test_where}):
+        options["keep"] = columns
+    reading = _given(selection, OF_READING)
+    each = selection.each is not None
+    source = repr(file.name)
+    if reading or each:
+        source = f"hysteresis.read_table({_said_first(file.name, reading)})"
+    pairs = (condition.partition("=") for condition in selection.where)
+    where = [f"{n.strip()!r}: {[v.strip() for v in values.split(',')]!r}" for n, _, values in pairs]
     double = "hysid.enable_x64()"
-    loaded = f"fit = hysid.load({folder.name!r})"
+    place = folder.name if value == "." else f"{folder.name}/{value}"
+    loaded = f"fit = hysid.load({place!r})"
     rest = {
         "posterior": f"import hysid\n{double}\n{loaded}\nposterior = hysid.sample(fit, seed=0)",
         "compensator": f"import hysid\n{double}\n{loaded}\n"
         "compensator = hysid.invert(fit.model, trained=fit.trained)\n"
         "estimate = compensator.simulate(fit.train.time, fit.train.output)",
         "export": f"import hysid\nfrom compensate import export_c\n{double}\n{loaded}\n"
-        f"export_c(fit.model, {f'{folder.name}/{header_name(folder)}'!r}, fit.train.output,"
+        f"export_c(fit.model, {f'{place}/{header_name(folder)}'!r}, fit.train.output,"
         " times=fit.train.time, trained=fit.trained)",
-        "report": f"import hysid\n{double}\n{loaded}\nhysid.report(fit, {folder.name + '/report.html'!r})",
+        "report": f"import hysid\n{double}\n{loaded}\nhysid.report(fit, {place + '/report.html'!r})",
     }
-    if selection.is_step or selection.each is not None:
-        said = "of a constant input" if selection.is_step else f"of each value of {selection.each}"
-        python = f"# The command line makes the records {said} by itself."
+    if selection.is_step:
+        python = "# The command line makes the records of a constant input by itself."
         return {"data": python, "fit": python, **rest}
-    lines += [f"record = hysid.read_csv({source}, {_said(options)})"]
+    chosen = {key: value for key, value in fit.items() if key != "model"}
+    model = fit.get("model", "auto")
+    model = ",".join(model) if isinstance(model, list) else model
+    fitted = f"hysid.fit({', '.join(['train', repr(model), 'test=test', *_words(chosen)])})"
+    if not each:
+        where = [f"where={{{', '.join(where)}}}"] if where else []
+        made = [f"record = hysid.read_csv({', '.join([source, *_words(options), *where])})"]
+        made += _held_out(selection)
+        top = _imports(made)
+        return {
+            "data": "\n".join([*top, *made, "print(record)"]),
+            "fit": "\n".join([
+                *top, *made, double, f"fit = {fitted}",
+                f"hysid.save(fit, {folder.name!r}, overwrite=True)",
+            ]), **rest,
+        }  # fmt: skip
+    rows = " & ".join(f"hysteresis.parse_condition({c!r})(table)" for c in selection.where)
+    cells = f"table.text[{selection.each!r}]{f'[{rows}]' if rows else ''}"
+    where = f"where={{{', '.join([*where, f'{selection.each!r}: [value]'])}}}"
+    made = [f"record = hysid.read_csv({', '.join(['table', *_words(options), where])})"]
+    made += _held_out(selection)
+    begin = ["import hysid, hysteresis", f"table = {source}"]
+    loop = f"for value in dict.fromkeys({cells}.tolist()):"
+    data = [*begin, loop, *(f"    {line}" for line in [*made, "print(value, record)"])]
+    fits = [*begin, double, "fits = {}", loop, *(f"    {line}" for line in made),
+            f"    fits[value] = {fitted}"]  # fmt: skip
+    return {"data": "\n".join(data), "fit": "\n".join(fits), **rest}
+
+
+def _imports(lines: list[str]) -> list[str]:
+    return ["import hysid, hysteresis" if "hysteresis." in "".join(lines) else "import hysid"]
+
+
+def _held_out(selection: Selection) -> list[str]:
+    """From `record` to `train` and `test`, as `Selection.records` does it."""
+    lines = []
     if selection.exclude_lines:
         lines += [f"record = record.exclude({_on_lines(selection.exclude_lines)})"]
-    test = ""
     if selection.test_cycles is not None:
         lines += [f"train, test = record.split_cycles({selection.test_cycles})"]
     elif selection.test_tail is not None:
@@ -91,22 +130,22 @@ def _python(
     elif selection.test_lines:
         lines += [f"train, test = record.split_rows({_on_lines(selection.test_lines)})"]
     elif selection.test_where:
+        held = (f"hysteresis.parse_condition({c!r})(record)" for c in selection.test_where)
         lines += [
-            "# --test-where holds out sequences or rows: record.split_groups, record.split_rows"
+            f"held = {' & '.join(held)}",
+            "whole = [label for label, rows in record.sequences() if held[rows].all()]",
+            "some = [label for label, rows in record.sequences() if held[rows].any()]",
+            "if whole == some and len(whole) < len(record.labels):",
+            "    train, test = record.split_groups(whole)",
+            "else:",
+            "    train, test = record.split_rows(held)",
         ]
-        lines += ["train, test = record, None"]
     else:
         lines += ["train, test = record, None"]
-    test = "test=test"
-    chosen = {key: value for key, value in fit.items() if key != "model"}
-    model = fit.get("model", "auto")
-    model = ",".join(model) if isinstance(model, list) else model
-    more = "".join(f", {key}={value!r}" for key, value in chosen.items())
-    fitted = [
-        *lines, double, f"fit = hysid.fit(train, {model!r}, {test}{more})",
-        f"hysid.save(fit, {folder.name!r}, overwrite=True)",
-    ]  # fmt: skip
-    return {"data": "\n".join([*lines, "print(record)"]), "fit": "\n".join(fitted), **rest}
+    if selection.branch is not None or selection.range:
+        asked = f"{selection.branch!r}, {tuple(selection.range) or None!r}"
+        lines += [f"train, test = (x and x.select({asked}) for x in (train, test))"]
+    return lines
 
 
 def _given(selection: Selection, names: tuple[str, ...]) -> dict[str, Any]:
@@ -119,8 +158,16 @@ def _given(selection: Selection, names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _said(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key}={value!r}" for key, value in options.items())
+def _words(options: Mapping[str, Any]) -> list[str]:
+    return [f"{key}={value!r}" for key, value in options.items()]
+
+
+def _said_first(file: str, options: Mapping[str, Any]) -> str:
+    return ", ".join([repr(file), *_words(options)])
+
+
+def _column(condition: str) -> str:
+    return condition.partition("=")[0].partition("%")[0].strip()
 
 
 def header_name(folder: Path) -> str:

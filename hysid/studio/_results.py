@@ -2,7 +2,7 @@
 
 import csv
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,7 +112,9 @@ class Fits:
             except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
                 sliders = []
             found["sliders"] = [one._asdict() for one in sliders]
-            found["candidates"] = _candidates(fit, identify.internal.candidate_residuals(folder))
+            candidates, baselines = identify.internal.residuals_of_all(folder)
+            found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
+            found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
             found["axes"] = {
                 "x": f"time ({record.time_unit})" if record.time is not None else "row",
                 "u": record.input_name, "y": record.output_name,
@@ -192,13 +194,15 @@ def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _candidates(fit: identify.FitResult, residuals: np.ndarray | None) -> list[dict[str, Any]]:
-    """The loops of the models that were not taken, on the training rows."""
-    if residuals is None or len(residuals) != len(fit.candidates):
+def _loops(
+    fit: identify.FitResult, names: Sequence[str], residuals: np.ndarray | None
+) -> list[dict[str, Any]]:
+    """The loops of what was tried, on the training rows; none where its residuals were not saved."""
+    if residuals is None or residuals.shape != (len(names), len(fit.train)):
         return []
     found = []
-    for one, residual in list(zip(fit.candidates, residuals, strict=True))[1:]:
-        curve = _curve(one.name, fit.train, fit.train.output + residual, np.isfinite(residual))
+    for name, residual in zip(names, residuals, strict=True):
+        curve = _curve(name, fit.train, fit.train.output + residual, np.isfinite(residual))
         found.append({key: curve[key] for key in ("word", "rms", "u", "model", "gap")})
     return found
 

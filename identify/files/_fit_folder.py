@@ -342,12 +342,13 @@ def summary(fit: FitResult | Candidate) -> dict[str, Any]:
     }
 
 
-def candidate_residuals(folder: Path) -> np.ndarray | None:
-    """Predicted - measured of each candidate on the training record, (candidates, samples).
+def residuals_of_all(folder: Path) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Predicted - measured on the training record, (candidates, samples) and (baselines, samples).
 
     NaN where not counted. None for a fit that was saved without them: they are too many, or it was loaded.
     """
-    return _read_arrays(folder / "fit.npz").get("candidate_residuals")
+    arrays = _read_arrays(folder / "fit.npz")
+    return arrays.get("candidate_residuals"), arrays.get("baseline_residuals")
 
 
 def _fit_arrays(fit: FitResult) -> dict[str, Any]:
@@ -356,9 +357,13 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
         "covariance": fit.covariance,
         "used": fit.used,
     }
-    tried = [one.residuals for one in fit.candidates if isinstance(one, FitResult)]
-    if len({len(one) for one in tried}) == 1 and len(tried) * len(fit.residuals) <= MOST_RESIDUALS:
-        arrays["candidate_residuals"] = np.array(tried, np.float32)
+    for name, tried in (
+        ("candidate_residuals", [c.residuals for c in fit.candidates if isinstance(c, FitResult)]),
+        ("baseline_residuals", [b.residuals for b in fit.baselines if b.residuals is not None]),
+    ):
+        count = len(tried) * len(fit.residuals)
+        if {len(one) for one in tried} == {len(fit.residuals)} and count <= MOST_RESIDUALS:
+            arrays[name] = np.array(tried, np.float32)
     if fit.starts is not None:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}
     return arrays | fit.detail.arrays()

@@ -57,4 +57,5 @@ def _figures(one: Scored, record: Record, test: Record | None) -> Baseline:
         test_blocks = np.array(block_errors((predicted - test.output)[test.mask]))
     held_out = float(one.blocks.mean()) if len(one.blocks) else np.nan
     score = 100 * float(np.sqrt(held_out)) / float(np.ptp(record.output[record.mask]))
-    return Baseline(one.baseline.name, score, figures, one.blocks, test_blocks)
+    residuals = np.where(one.used, one.output - record.output, np.nan)
+    return Baseline(one.baseline.name, score, figures, one.blocks, test_blocks, residuals)

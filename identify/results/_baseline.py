@@ -16,6 +16,8 @@ class Baseline(NamedTuple):
     - `metrics`: {"train": Metrics, "test": Metrics or None}.
     - `blocks`, `test_blocks`: mean squared errors of the held-out parts, and of the test rows, in blocks of
       consecutive rows, paired with those of a fit.
+    - `residuals`: predicted - measured on the training rows, NaN where not counted; None of a fit that was
+      loaded.
 
     **Example:**
 
@@ -29,6 +31,7 @@ class Baseline(NamedTuple):
     metrics: dict[str, Metrics | None]
     blocks: Float[np.ndarray, " blocks"]
     test_blocks: Float[np.ndarray, " test_blocks"] | None = None
+    residuals: Float[np.ndarray, " samples"] | None = None
 
     @property
     def judged(self) -> tuple[float, float]:
@@ -39,7 +42,7 @@ class Baseline(NamedTuple):
 
     @property
     def document(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Plain data for JSON: the figures."""
         rmse, percent = self.judged
         return {
             "name": self.name,

@@ -8,7 +8,7 @@ import pytest
 from hysid import plots
 from hysteresis import LinearSponge, Record
 from identify import Candidate, FitResult, compare_candidates, fit, load, save
-from identify.internal import candidate_residuals, to_json
+from identify.internal import residuals_of_all, to_json
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,18 @@ def test_candidates_come_back_with_their_figures(both: FitResult, tmp_path) -> N
             assert getattr(read, name) == getattr(tried, name)
 
 
-def test_residuals_of_candidates_are_saved_by_the_fit_that_tried_them(both: FitResult, tmp_path):
+def test_residuals_of_candidates_and_baselines_are_saved_by_the_fit_that_tried_them(
+    both: FitResult, tmp_path
+):
     first = save(both, tmp_path / "one")
     tried = np.array([candidate.residuals for candidate in both.candidates])
-    np.testing.assert_allclose(candidate_residuals(first), tried, rtol=1e-6)
-    assert candidate_residuals(save(load(first), tmp_path / "two")) is None
+    simple = np.array([baseline.residuals for baseline in both.baselines])
+    for saved, found in zip(residuals_of_all(first), (tried, simple), strict=True):
+        np.testing.assert_allclose(saved, found, rtol=1e-6)
+    assert residuals_of_all(save(load(first), tmp_path / "two")) == (None, None)
+    for one in both.baselines:  # the residuals are those of its figures
+        rmse = np.sqrt(np.nanmean(one.residuals**2))
+        assert rmse == pytest.approx(one.metrics["train"].rmse)
 
 
 def test_a_loaded_fit_says_and_compares_what_the_fit_does(both: FitResult, tmp_path) -> None:

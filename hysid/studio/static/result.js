@@ -68,12 +68,15 @@ export class ResultPanel {
         one.level ? word(one.level) : ""],
     });
     this.overlaid = new Set();
-    const drawn = (one, k) => curves.candidates.length > 0 && k > 0 && h("label", { class: "field" }, h("input", { type: "checkbox", onchange: (event) => {
-      if (event.target.checked) this.overlaid.add(k - 1);
-      else this.overlaid.delete(k - 1);
+    const drawn = (one, loop) => loop ? h("label", { class: "field" }, h("input", { type: "checkbox", onchange: (event) => {
+      if (event.target.checked) this.overlaid.add(loop);
+      else this.overlaid.delete(loop);
       this.drawLoops();
-    } }), h("span", { class: "unseen" }, "Draw the loop of "), one.model);
-    const rows = [...found.candidates.map((one, k) => row({ ...one, drawn: drawn(one, k) || one.model }, { class: k ? "" : "strong" })), ...found.baselines.map((one) => row(one, { class: "baseline" }))];
+    } }), h("span", { class: "unseen" }, "Draw the loop of "), one.model) : one.model;
+    const rows = [
+      ...found.candidates.map((one, k) => row({ ...one, drawn: drawn(one, k && curves.candidates[k - 1]) }, { class: k ? "" : "strong" })),
+      ...found.baselines.map((one, k) => row({ ...one, drawn: drawn(one, curves.baselines[k]) }, { class: "baseline" })),
+    ];
     const skipped = Object.entries(found.skipped);
     this.loopAt = h("div");
     this.residualAt = h("div");
@@ -86,7 +89,7 @@ export class ResultPanel {
           h("ul", { class: "key" }, h("li", { class: "k-under" }, "measured"), curves.records.length > 1 && h("li", { class: "k-held-under" }, "measured, held out"),
             h("li", { class: "k-model" }, `${found.model}`),
             curves.excluded && h("li", { class: "k-excluded" }, "excluded from the fit"), curves.sliders.length > 0 && h("li", { class: "k-moved" }, "with the sliders")), this.otherKey = h("ul", { class: "key" })),
-        h("div", {}, curves.candidates.length > 0 && h("p", { class: "soft" }, "Tick a model to draw its loop over the training rows."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
+        h("div", {}, curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
           skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))))),
       h("h3", {}, "Residuals"),
       h("div", { class: "plots even" }, chart(`Over ${curves.axes.x}: a pattern shows what the model misses.`, this.residualAt), chart("Over the input.", this.residualInput)),
@@ -118,7 +121,7 @@ export class ResultPanel {
     curves.push(gapped(train, train.y, { colour: "--under", width: 5 }));
     if (test) curves.push(gapped(test, test.y, { colour: "--held-under", width: 5 }));
     curves.push(gapped(judged, judged.model, { colour: "--model", width: 1.4 }));
-    const others = [...this.overlaid].map((k, place) => ({ ...this.curves.candidates[k], colour: OTHERS[place % OTHERS.length] }));
+    const others = [...this.overlaid].map((loop, place) => ({ ...loop, colour: OTHERS[place % OTHERS.length] }));
     for (const one of others) curves.push(gapped(one, one.model, { colour: one.colour, width: 1.6 }));
     fill(this.otherKey, others.map((one) => h("li", { class: `k${one.colour.slice(1)}` }, `${one.word}, on the training rows`)));
     if (moved) curves.push(gapped(moved, moved.model, { colour: "--moved", width: 1.6 }));

@@ -70,6 +70,8 @@ def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
             assert "LinearSponge" in one.locator("#verdict").inner_text()
         assert len(ready.studio.jobs.listed()) == 1
         other.close()
+        page.get_by_label("Draw the loop of straight line").check()
+        page.get_by_text("straight line, on the training rows").wait_for()
         slider = page.get_by_label(re.compile("^K"))
         slider.focus()
         page.keyboard.press("ArrowRight")

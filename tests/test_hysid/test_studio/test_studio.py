@@ -19,12 +19,14 @@ import typer
 import identify
 from hysid.cli._app import app
 from hysid.cli._fit import MODELS
+from hysid.intake._selection import Selection
 from hysid.operations import _check, _fit, _init
 from hysid.studio import _configuration, _processes
 from hysid.studio._app import Studio
+from hysid.studio._equivalents import equivalents
 from hysid.studio._folder import Folder, zipped
 from hysid.studio._processes import Job, Jobs
-from hysid.studio._results import _candidates
+from hysid.studio._results import _loops
 from hysid.studio._server import prepared
 from hysteresis import InputError
 from tests.test_hysid.test_studio.served import serving
@@ -143,11 +145,14 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     assert not studio.look("run.csv")["result"]["stale"]
     studio.change("run.csv", {"selection": {"test_cycles": 2}})
     assert studio.look("run.csv")["result"]["stale"]
-    curves = studio.fits.curves(tmp_path / "run")
+    loaded, curves = identify.load(tmp_path / "run"), studio.fits.curves(tmp_path / "run")
     assert curves["candidates"] == []  # one model was tried
-    loaded = identify.load(tmp_path / "run")
+    assert [one["word"] for one in curves["baselines"]] == [b.name for b in loaded.baselines]
+    for drawn, one in zip(curves["baselines"], loaded.baselines, strict=True):
+        assert drawn["rms"] == pytest.approx(one.metrics["train"].rmse, rel=1e-4)
     tried = replace(loaded, candidates=2 * loaded.candidates)
-    (other,) = _candidates(tried, np.array([loaded.residuals, loaded.residuals]))
+    names = [candidate.name for candidate in tried.candidates]
+    _, other = _loops(tried, names, np.array([loaded.residuals, loaded.residuals]))
     np.testing.assert_allclose(other["model"], loaded.predict(loaded.train)[loaded.train.mask])
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
     same, moved = (
@@ -155,6 +160,33 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     )
     assert same["rms"] == pytest.approx(curves["records"][-1]["rms"])
     assert moved["rms"] > same["rms"]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"test_where": ("cycle=5",)},
+        {"test_where": ("cycle=1,2,3,4",), "group": ("cycle",)},
+        {"each": "cycle", "where": ("cycle=2,3",), "test_tail": 0.3},
+        {"test_cycles": 1, "branch": "loading", "range": (2.0, 40.0)},
+    ],
+)
+def test_python_lines_hold_out_what_the_command_holds_out(tmp_path, monkeypatch, asked):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(SPONGE, tmp_path / "run.csv")
+    selection = Selection(
+        input="force (N)", output="displacement (mm)", time="time (s)", test_cycles=None
+    )
+    selection = replace(selection, **asked)
+    told = equivalents(tmp_path / "run.csv", tmp_path / "run", selection, {})
+    lines = told["data"]["python"]
+    space: dict = {}
+    exec(lines, space)
+    *_, (train, test) = selection.records(selection.read(tmp_path / "run.csv"))[0].values()
+    for ours, commands in ((space["train"], train), (space["test"], test)):
+        np.testing.assert_array_equal(ours.line[ours.mask], commands.line[commands.mask])
+        np.testing.assert_array_equal(ours.starts, commands.starts)
+    compile(told["fit"]["python"], "fit", "exec")
 
 
 def test_warnings_name_the_lines_that_they_mean(tmp_path):
