@@ -1,5 +1,6 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
+# make thorough  the studies among the tests, which `make test` leaves out: before a release
 # make pages   the code that docs/ and docstrings show, run as tests without building the pages
 # make lint    formatting, style, import directions, types
 # make docs    the documentation, its code run: out/docs/index.html
@@ -17,13 +18,16 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test pages lint docs datasets picture package targets minimum clean
+.PHONY: demo test thorough pages lint docs datasets picture package targets minimum clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q
+
+thorough: $(READY)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q -m thorough
 
 pages: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) -q -m pages tests/test_docs.py tests/test_examples.py

@@ -149,6 +149,7 @@ def test_every_docstring_becomes_restructured_text():
     assert ".. math::\n\n   y = K u\n" in made
 
 
+@pytest.mark.pages
 def test_equations_of_pages_are_typeset():
     displayed, inside = (
         re.compile(r"\$\$(.+?)\$\$", re.DOTALL),
@@ -166,6 +167,7 @@ def test_equations_of_pages_are_typeset():
     assert 'aria-label="\\dot z"' in made
 
 
+@pytest.mark.pages
 def test_equations_of_docstrings_are_typeset():
     """What a block says is in its TeX: the same digits, brackets and signs, in the same order."""
     kept = re.compile(r"[^\d()\[\]|/+=]")

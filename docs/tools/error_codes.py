@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ _FIELDS = ("code", "problem")
 _SHOWN = ("problem", "cause", "fix")
 
 
+@cache
 def faults(root: Path) -> list[Fault]:
     """All errors of the packages below `root`, by code; an error that several places raise, once."""
     sources = [

@@ -50,6 +50,7 @@ for words in json.loads(sys.argv[1]):
 """Every command line of a list in one process, which compiles once."""
 
 
+@pytest.mark.thorough
 def test_a_model_of_another_distribution_goes_through_every_command(
     installed: Path, tmp_path: Path
 ):

@@ -40,8 +40,12 @@ def duhem(monkeypatch: pytest.MonkeyPatch) -> Any:
     [
         LinearSponge(2.0, 1.0, 1.5),
         Burgers(2.0, 40.0, 1.0, 5.0),
-        BoucWen(1.0, 0.2, 0.5, 1.0, 0.3),
-        Preisach(GridDensity(-2.0, 3.0, np.tril(np.ones((4, 4)))), np.full(4, 0.2)),
+        # These keep the same laws in `test_models`, with other parameters.
+        pytest.param(BoucWen(1.0, 0.2, 0.5, 1.0, 0.3), marks=pytest.mark.thorough),
+        pytest.param(
+            Preisach(GridDensity(-2.0, 3.0, np.tril(np.ones((4, 4)))), np.full(4, 0.2)),
+            marks=pytest.mark.thorough,
+        ),
     ],
     ids=lambda model: type(model).__name__,
 )

@@ -11,7 +11,7 @@ from identify.records._conditions import condition_parts, trained_values
 
 U, Y, C = "field (A/m)", "flux (mT)", "temperature (K)"
 TEMPERATURES = (280.0, 290.0, 310.0, 320.0)
-ROWS = 240
+ROWS = 120
 
 
 def dahl(u: np.ndarray, temperature: float) -> np.ndarray:
@@ -112,6 +112,7 @@ def test_a_record_without_the_condition_is_refused(found):
     assert error.value.code == "no-condition"
 
 
+@pytest.mark.thorough
 def test_a_condition_that_drifts_within_one_run_is_followed():
     """One run while the temperature rises: knots are its ends."""
     columns = rig((280.0,))

@@ -13,6 +13,7 @@ from hysteresis.preisach import GridDensity
 from identify import Forc, everett_surface, fit, forc_curves, forc_diagram, load, sample, save
 from identify.fitting._reversal_curves import consists_of_curves
 from tests.problems import HIGH, LOW, histories
+from tests.thorough import rest_thorough
 
 RANGE = HIGH - LOW
 
@@ -166,7 +167,7 @@ def curves_of(seed: int) -> tuple[Forc, ...]:
     return tuple(curves)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", rest_thorough([0, 1, 2], 1))
 def test_the_model_reproduces_any_curves_at_the_nodes(seed: int):
     curves = curves_of(seed)
     surface = everett_surface(curves, cells=40)
@@ -209,6 +210,7 @@ def test_model_of_clean_curves_predicts_others():
     np.testing.assert_allclose(y, np.concatenate([fall, rise, second]), atol=0.1**2 / 8 * 5.4)
 
 
+@pytest.mark.thorough
 def test_real_curves_held_out(measured_data: Path):
     """Every other curve of a nanowire array from the ones between."""
     file = measured_data / "forc-magnetic" / "tidy_feco_nanowires.csv"

@@ -76,6 +76,7 @@ def test_a_line_is_fitted_as_by_itself(model):
         same(one, identify.fit(record, model, **SAME), 1e-6)
 
 
+@pytest.mark.thorough
 def test_a_model_that_is_no_line_is_fitted_as_by_itself():
     start = Burgers(1.0, 50.0, 1.0, 5.0, 0.0)
     records = [creeping(seed) for seed in range(3)]
@@ -181,6 +182,7 @@ def processes(count: int = 2) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(count, get_context("spawn"))
 
 
+@pytest.mark.thorough
 def test_a_pool_that_broke_is_made_anew(one_fit):
     batch = spread(processes, one_fit, "once")
     assert batch.failed == {}
@@ -188,6 +190,7 @@ def test_a_pool_that_broke_is_made_anew(one_fit):
     assert batch.fits["run 3"].parameters[:2] == identify.load(one_fit).parameters[:2]
 
 
+@pytest.mark.thorough
 def test_the_record_that_kills_every_process_is_named(one_fit):
     # One process at a time: each takes seconds to start, and several die.
     batch = spread(lambda: processes(1), one_fit, "always")
@@ -195,6 +198,7 @@ def test_the_record_that_kills_every_process_is_named(one_fit):
     assert len(batch) == 5
 
 
+@pytest.mark.thorough
 def test_threads_and_dask_give_the_same_and_a_killed_worker_loses_nothing(one_fit):
     from distributed import Client, LocalCluster
 

@@ -14,6 +14,7 @@ from identify.noise._arithmetic import Rows
 from identify.noise._model import NoiseModel, rows_of
 from identify.noise._reml import Linearised, kinds, noise_fit, of_free
 from identify.parametric._maximum_likelihood import likeliest_about
+from tests.thorough import rest_thorough
 
 ROWS = 40
 inner = st.floats(-0.95, 0.95)
@@ -138,7 +139,9 @@ def test_white_noise_has_the_textbook_errors() -> None:
     np.testing.assert_allclose(found.away, -np.linalg.lstsq(J, e, rcond=None)[0], rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["gaussian", "student-t", "ar1", "arma11", "growing"])
+@pytest.mark.parametrize(
+    "kind", rest_thorough(["arma11", "student-t", "gaussian", "ar1", "growing"], 2)
+)
 def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
     """Of 2,000 rows the evidence is beyond doubt."""
     random = np.random.default_rng(4)

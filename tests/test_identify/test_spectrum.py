@@ -84,6 +84,7 @@ def drawn(rng: np.random.Generator, kind: str) -> GeneralizedKelvinVoigt | Gener
     return GeneralizedKelvinVoigt(first, 1 / c, tau / c, 10 ** rng.uniform(2, 4) if lasts else None)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["creep", "relaxation"])
 def test_extrapolation_is_covered(kind: str):
     """From the first third of the record the whole rest lies in the range, nine times in ten."""
@@ -119,6 +120,7 @@ def test_the_range_narrows_with_the_noise_and_widens_with_time():
     assert (np.diff(widths, axis=0) < 0).all()
 
 
+@pytest.mark.thorough
 def test_errors_of_the_parameters():
     """Fits of the same curve with other noise differ as much as the errors say."""
     y, logs, errors = np.asarray(RELAXING.relaxation_modulus(T)), [], []
@@ -218,6 +220,7 @@ def test_measured_relaxation_of_foam(measured_data: Path):
     assert (np.array(by_order(found)[2:5]) <= [4.8, 2.65, 2.5]).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "skip", "begin", "kind"),
     [

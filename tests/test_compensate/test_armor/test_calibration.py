@@ -99,6 +99,7 @@ def test_planned_presses_are_missed_by_nothing():
     assert np.abs(residuals(start())).max() > 10
 
 
+@pytest.mark.thorough
 def test_the_armor_is_found_away_from_the_truth():
     found = calibrated()
     assert found.calibration.converged
@@ -113,6 +114,7 @@ def test_the_armor_is_found_away_from_the_truth():
     assert 0.4 < np.mean(np.square(z)) < 2.0
 
 
+@pytest.mark.thorough
 def test_contacts_are_within_their_ellipsoids():
     found, (made, true) = calibrated(), pressed(40, 9)
     run = jax.jit(jax.vmap(found.uncertain.simulate))
@@ -129,6 +131,7 @@ def test_contacts_are_within_their_ellipsoids():
     assert 0.8 <= (square < 6.25).mean() <= 1.0
 
 
+@pytest.mark.thorough
 def test_draws_agree_with_the_covariance_of_a_linear_solve():
     known = Armor(WristSensor(), ContactSolver(BOX, LinearSponge(K=0.0, b=5.0, threshold=0.5)))
     shifts = jnp.asarray(0.1 * np.random.default_rng(0).normal(size=4000))

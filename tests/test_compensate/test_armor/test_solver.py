@@ -1,5 +1,6 @@
 """The armor's solver: contacts found are contacts put."""
 
+from itertools import product
 from typing import Any
 
 import equinox as eqx
@@ -32,6 +33,7 @@ from hysteresis import (
     conversion,
     with_units,
 )
+from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)
 SPONGE = LinearSponge(1.298, 6.186)
@@ -386,7 +388,11 @@ def test_a_cover_the_wrong_way_round_is_refused():
     assert Cover(invert(foam), length_unit="mm").hard_push() == Cover(invert(known)).hard_push()
 
 
-UNITS = [(f, x) for f in ("N", "gf", "kgf", "lbf", "mN") for x in ("m", "cm", "mm", "inch")]
+EACH = [("N", "m"), ("gf", "cm"), ("kgf", "mm"), ("lbf", "inch"), ("mN", "mm")]
+"""Every unit once; they are factors, so that their pairs are a matter of thoroughness."""
+UNITS = rest_thorough(
+    product(("N", "gf", "kgf", "lbf", "mN"), ("m", "cm", "mm", "inch")), EACH.__contains__
+)
 
 
 @pytest.mark.parametrize(("force", "length"), UNITS)

@@ -20,6 +20,7 @@ from hysteresis import (
 )
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights, without
+from tests.thorough import rest_thorough
 
 DRAWS = 9
 
@@ -64,7 +65,7 @@ def test_side_by_side_as_one_by_one(make: Any):
 
 
 @both
-@pytest.mark.parametrize("sigma", [None, 0.05])
+@pytest.mark.parametrize("sigma", rest_thorough([0.05, None], 1))
 def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any, sigma: float | None):
     each, models = stacked(make)
     y = np.asarray(each[0].simulate(t, history()))
@@ -157,6 +158,7 @@ def coverage(compensator: Any, record: Record) -> float:
     return float(np.mean(((low <= record.input) & (record.input <= high))[record.mask]))
 
 
+@pytest.mark.thorough
 def test_a_calibrated_band_holds_what_it_says_of_other_cycles():
     """Errors that are the same for half a cycle each: 90 % bands, on average over 20 records of others."""
     held = []

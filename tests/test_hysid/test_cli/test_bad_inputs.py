@@ -28,6 +28,7 @@ from tests.test_hysid.command import (
     text,
     tree,
 )
+from tests.thorough import rest_thorough
 
 ROWS = sponge()
 CLEAN = text(ROWS)
@@ -382,11 +383,14 @@ def test_single_precision_is_refused_by_the_fit():
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [
-        (("fit", "nix.csv", *COLUMNS, *FIT), "not found"),
-        (("check", "run.csv", *COLUMNS), "--decimal ,"),
-        (("fit", "run.csv"), "Missing option"),
-    ],
+    rest_thorough(
+        [
+            (("fit", "nix.csv", *COLUMNS, *FIT), "not found"),
+            (("fit", "run.csv"), "Missing option"),
+            (("check", "run.csv", *COLUMNS), "--decimal ,"),
+        ],
+        2,
+    ),
 )
 def test_a_process_exits_with_two_and_one_line(arguments, word):
     put(COMMA)

@@ -161,6 +161,7 @@ def test_without_distributed(monkeypatch):
     refused(batch("--scheduler", "tcp://127.0.0.1:9"), "hysid[cluster]")
 
 
+@pytest.mark.thorough
 def test_several_processes():
     found = batch("--jobs", 2, "--json").json()
     assert (found["fitted"], list(found["failed"])) == (2, ["bad"])

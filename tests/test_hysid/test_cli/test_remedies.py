@@ -12,6 +12,7 @@ import typer
 from hysid.cli._app import app
 from hysid.cli._remedies import options_of_command
 from tests.test_hysid.command import F, T, X, put, run, sponge, text
+from tests.thorough import rest_thorough
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
@@ -141,8 +142,10 @@ def test_a_file_alone_takes_its_own_configuration():
     assert run("check", put(text(ROWS), "other.csv")).code == 2
 
 
-@pytest.mark.parametrize("held", [(), ("--test-cycles", 1)])
-@pytest.mark.parametrize("cycles", [1, 5])
+@pytest.mark.parametrize(
+    ("cycles", "held"),
+    rest_thorough([(1, ()), (5, ("--test-cycles", 1)), (1, ("--test-cycles", 1)), (5, ())], 2),
+)
 def test_what_a_report_prints_runs(cycles, held):
     put(text([row for row in ROWS if int(row[3]) <= cycles]), "a b.csv")
     if cycles == 1 and held:

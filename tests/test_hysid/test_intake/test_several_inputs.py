@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import T, X, coarse_pictures, run, sponge, text
+from tests.test_hysid.command import T, X, run, sponge, text
 
 A, B, STILL = "near (mT)", "far (V)", "temperature (K)"
 HEADER = (T, A, B, STILL, X, "cycle")
@@ -75,8 +75,7 @@ def test_no_output_tells_several_inputs_apart(folder, fitted):
 
 
 def test_a_report_shows_each_curve(folder, fitted):
-    with coarse_pictures():
-        page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
+    page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
     for words in ("Curves of 2 channels", "far", "2 inputs cannot be recovered from one output"):
         assert words in page
 

@@ -10,7 +10,7 @@ import pytest
 
 import hysid
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell
-from tests.test_hysid.command import coarse_pictures, run
+from tests.test_hysid.command import run
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
@@ -76,15 +76,13 @@ def test_relaxation_is_told_from_creep(folder: Path):
     assert found["model"] == "GeneralizedMaxwell of order 2"
     values = {p["name"]: p["value"] for p in found["parameters"]}
     np.testing.assert_allclose(values["tau2"], 20.0, rtol=0.1)
-    with coarse_pictures():
-        page = Path(run("report", out, "--json").json()["file"]).read_text()
+    page = Path(run("report", out, "--json").json()["file"]).read_text()
     assert "Relaxation of force under 0.500 mm" in page
     assert "--test-tail" in page  # what to do next
 
 
 def test_report_shows_curve_spectrum_and_range(creep: dict[str, Any], folder: Path):
-    with coarse_pictures():
-        page = Path(run("report", folder / "out", "--json").json()["file"]).read_text()
+    page = Path(run("report", folder / "out", "--json").json()["file"]).read_text()
     for heading in ("Creep", "Spectrum", "Parameters", "Residuals", "Data"):
         assert f">{heading}</h2>" in page
     assert page.count("<img") == 4

@@ -19,7 +19,7 @@ from hysteresis.preisach import GridDensity
 from identify import FitResult, load, predictive, sample
 from identify.records._clocks import Clocks
 from identify.records._run_model import predict
-from tests.test_hysid.command import coarse_pictures, run
+from tests.test_hysid.command import run
 
 FORCE, PATH, TIME = "force (N)", "path (mm)", "time (s)"
 
@@ -99,22 +99,21 @@ def test_every_number_and_picture_of_a_report_is_in_fit_json(
 ):
     case = Case(folder / "fit", document, fit, None)
     train, test = document["metrics"]["train"], document["metrics"]["test"]
-    with coarse_pictures():
-        loops = _section_fit.loops(case)
-        assert fit.test is not None
-        ours = {"train": fit.predict(fit.train), "test": fit.predict(fit.test)}
-        measured = {"train": fit.train.output[fit.used], "test": fit.test.output[fit.test.mask]}
-        assert np.array_equal(drawn["measured, training"], measured["train"])
-        assert np.array_equal(drawn["measured, held-out"], measured["test"])
-        assert np.array_equal(drawn["Preisach model"], ours["train"][fit.used])  # drawn first
-        assert [f"rms error {quantity(m['rmse'], 'mm')}." in p.caption
-                for m, p in zip((train, test), loops.pictures, strict=True)] == [True, True]  # fmt: skip
-        residuals = _section_fit.residuals(case)
-        assert quantity(train["rmse"], "mm") in residuals.text[0]
-        assert drawn["training"] == pytest.approx(ours["train"][fit.used] - measured["train"])
-        assert drawn["held-out"] == pytest.approx(ours["test"][fit.test.mask] - measured["test"])
-        facts = dict(_fit_page.facts(case))
-        compensator = _section_model.compensator(case)
+    loops = _section_fit.loops(case)
+    assert fit.test is not None
+    ours = {"train": fit.predict(fit.train), "test": fit.predict(fit.test)}
+    measured = {"train": fit.train.output[fit.used], "test": fit.test.output[fit.test.mask]}
+    assert np.array_equal(drawn["measured, training"], measured["train"])
+    assert np.array_equal(drawn["measured, held-out"], measured["test"])
+    assert np.array_equal(drawn["Preisach model"], ours["train"][fit.used])  # drawn first
+    assert [f"rms error {quantity(m['rmse'], 'mm')}." in p.caption
+            for m, p in zip((train, test), loops.pictures, strict=True)] == [True, True]  # fmt: skip
+    residuals = _section_fit.residuals(case)
+    assert quantity(train["rmse"], "mm") in residuals.text[0]
+    assert drawn["training"] == pytest.approx(ours["train"][fit.used] - measured["train"])
+    assert drawn["held-out"] == pytest.approx(ours["test"][fit.test.mask] - measured["test"])
+    facts = dict(_fit_page.facts(case))
+    compensator = _section_model.compensator(case)
     assert facts["held-out error, rms"] == quantity(test["rmse"], "mm")
     assert facts["held-out error, largest"] == quantity(test["max_abs"], "mm")
     assert facts["held-out error, of the range"] == quantity(test["nrmse_percent"], "%")

@@ -20,7 +20,6 @@ from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, load, sample, save, save_posterior
 from identify.internal import sealed
 from identify.linear._composition import PARTS
-from tests.test_hysid.command import coarse_pictures
 
 HEADINGS = [
     "Loops",
@@ -129,8 +128,7 @@ def test_it_says_what_a_rig_engineer_asks(preisach: Path, page: Page):
 
 
 def test_without_a_test_part_and_with_a_posterior(line: Path):
-    with coarse_pictures():
-        page = Page(write_report(line))
+    page = Page(write_report(line))
     assert page.headings() == HEADINGS
     assert "Nothing was held out" in page.text
     assert "--test-cycles 1" in page.text
@@ -217,8 +215,7 @@ def test_hostile_names_are_only_text(tmp_path: Path):
         source="<img src=x onerror=alert(1)>.csv",
     )  # fmt: skip
     found = fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
-    with coarse_pictures():
-        page = Page(write_report(save(found, tmp_path)))
+    page = Page(write_report(save(found, tmp_path)))
     assert "threshold" in page.text
     assert not page.all("script")
     assert not page.all("b")

@@ -59,6 +59,7 @@ def document(tmp_path_factory):
     return made, out
 
 
+@pytest.mark.thorough
 def test_every_printed_number_has_a_row(document):
     made, out = document
     rows = {row["key"]: row for row in made["rows"]}
@@ -83,6 +84,7 @@ def test_every_printed_number_has_a_row(document):
     assert any("kim" in line or "Table II" in line for line in terminal(made))
 
 
+@pytest.mark.thorough
 def test_the_search_follows_a_machine_through_lines(document):
     """Lines know neither closing nor friction; they still see most of a machine's presses."""
     rows = {row["key"]: row for row in document[0]["rows"]}

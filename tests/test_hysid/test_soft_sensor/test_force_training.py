@@ -9,6 +9,7 @@ from compensate.microchannel import BackwardsModel
 from hysid.soft_sensor._force_records import ForceRecord, gather, held_out_parts
 from hysid.soft_sensor._force_training import train_force
 from hysteresis import InputError, PrandtlIshlinskii
+from tests.thorough import rest_thorough
 
 FAST = {"updates": 150, "members": 2, "skip": 0.0}
 
@@ -31,7 +32,7 @@ def sensor(seed: int, channels: int = 1, count: int = 80, offset: float = 0.3) -
 RECORDS = [sensor(k) for k in range(6)]
 
 
-@pytest.mark.parametrize("kind", ["network", "everett"])
+@pytest.mark.parametrize("kind", rest_thorough(["network", "everett"], 1))
 def test_it_learns_far_better_than_a_mean(kind):
     told = []
     found = train_force(RECORDS, kind=kind, tell=lambda *now: told.append(now[:2]), **FAST)

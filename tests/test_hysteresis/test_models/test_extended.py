@@ -8,6 +8,7 @@ import pytest
 
 from hysteresis import LinearSponge, MonotoneCurve, Scaled, Series, Sum, extended
 from hysteresis.preisach import GridDensity, Preisach
+from tests.thorough import rest_thorough
 
 CELLS = 6
 
@@ -21,11 +22,11 @@ def model(leading: bool = False, initial: object = "negative", nodes: object = N
 
 
 UNEVEN = tuple(np.linspace(0, 1, CELLS + 1) ** 1.5)
-CASES = [
-    model(), model(True), model(initial="positive"), model(initial="demagnetised"),
+CASES = rest_thorough([
     model(initial=(0.7, 0.2, 0.5)), model(nodes=UNEVEN), Sum([model(), model(True)]),
     Scaled(model(), -2.0, 1.0), Series([MonotoneCurve.even(0.0, 1.0, np.array([0.2, 0.8])), model()]),
-]  # fmt: skip
+    model(), model(True), model(initial="positive"), model(initial="demagnetised"),
+], 5)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -48,7 +48,7 @@ def draw(problem: Problem, data: st.DataObject) -> tuple[AbstractModel, np.ndarr
 
 
 @every
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(data=st.data())
 def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
     model, t, u = draw(problem, data)
@@ -83,9 +83,20 @@ def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
     model, rng = problem.model(), np.random.default_rng(0)
     u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
     state, _ = model.stream(t[:CUT], u[:CUT])
-    for before, starts in ((None, (0,)), (state, (0, 5, 6, 13))):
-        got = model.simulate(t, u, before, starts=starts)
-        close(got, batch(model, t, u, before, starts), model)
+    # The programs of the traced ones are those of the tests above.
+    for rows, before, starts in ((slice(None), None, (0, CUT)), (slice(CUT, None), state, (0,))):
+        got = model.simulate(t[rows], u[rows], before, starts=starts)
+        close(got, batch(model, t[rows], u[rows], before, starts), model)
+
+
+@pytest.mark.thorough
+@every
+def test_a_state_and_short_sequences_prepared_on_the_host_give_the_same(problem: Problem):
+    model, rng = problem.model(), np.random.default_rng(0)
+    u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
+    state, starts = model.stream(t[:CUT], u[:CUT])[0], (0, 5, 6, 13)
+    got = model.simulate(t, u, state, starts=starts)
+    close(got, batch(model, t, u, state, starts), model)
 
 
 @every
@@ -114,20 +125,22 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
     c = jnp.asarray(rng.normal(size=SAMPLES))
     h = np.finfo(float).eps ** (1 / 3)
 
-    @eqx.filter_jit
-    def value(point: tuple[AbstractModel, jax.Array]) -> jax.Array:
-        return c @ batch(point[0], t, point[1])
+    arrays, rest = eqx.partition((model, u), eqx.is_inexact_array)
 
-    point = (model, u)
-    arrays, rest = eqx.partition(point, eqx.is_inexact_array)
-    # On the host, so that moved and unmoved ones are of one type, and `value` is compiled once.
+    @jax.jit
+    @jax.value_and_grad
+    def value_and_slopes(arrays: Any) -> jax.Array:
+        moved, u = eqx.combine(arrays, rest)
+        return c @ batch(moved, t, u)
+
+    # On the host, so that moved and unmoved ones are of one type, and one program is compiled.
     flat, structure = jax.tree.flatten(jax.tree.map(np.asarray, arrays))
 
     def at(flat: list[np.ndarray]) -> float:
-        return float(value(eqx.combine(jax.tree.unflatten(structure, flat), rest)))
+        return float(value_and_slopes(jax.tree.unflatten(structure, flat))[0])
 
-    slopes = jax.tree.leaves(jax.jit(jax.grad(lambda p: value(eqx.combine(p, rest))))(arrays))
-    size = abs(at(flat)) + float(jnp.abs(c).sum())
+    slopes = jax.tree.leaves(value_and_slopes(jax.tree.unflatten(structure, flat))[1])
+    size = abs(at(flat)) + float(np.abs(c).sum())
     for k, (leaf, slope) in enumerate(zip(flat, slopes, strict=True)):
         direction = rng.normal(size=leaf.shape)
 
@@ -168,9 +181,8 @@ def test_models_are_frozen(problem: Problem):
 @every
 def test_one_sample(problem: Problem):
     model = problem.model()
-    u = np.array([(problem.low + problem.high) / 3])
-    t = np.array([7.0])
-    close(batch(model, t, u), model.stream(t, u)[1], model)
+    t, u = 7.0 + clock(0), np.full(SAMPLES, (problem.low + problem.high) / 3)
+    close(batch(model, t[:1], u[:1]), model.stream(t, u)[1][:1], model)
 
 
 @every

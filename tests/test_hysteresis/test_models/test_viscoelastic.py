@@ -31,6 +31,7 @@ from hysteresis.numerics._recurrence import (
     linear_recurrence,
 )
 from tests.problems import clock
+from tests.thorough import rest_thorough
 
 EPS = np.finfo(float).eps
 BRANCHES = 3
@@ -197,7 +198,14 @@ side."""
 
 @pytest.mark.parametrize(
     ("case", "hold"),
-    [*((case, "linear") for case in CLOSED), ("two branches", "constant"), ("along", "constant")],
+    rest_thorough(
+        [
+            *((case, "linear") for case in CLOSED),
+            ("two branches", "constant"),
+            ("along", "constant"),
+        ],
+        len(CLOSED),
+    ),
 )
 def test_an_even_clock_is_one_number(case: str, hold: str):
     """The same outputs and derivatives as step by step, in two sequences; second derivatives too."""
@@ -272,7 +280,7 @@ def spectral_radius(model: AbstractViscoelastic, dt: float) -> float:
     return float(np.abs(np.linalg.eigvals(np.asarray(jax.vmap(move)(states)))).max())
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", rest_thorough(range(6), 2))
 def test_largest_stable_step(seed: int):
     E, tau, *_ = numbers(seed)
     held = {"leading": True, "hold": "constant"}

@@ -95,6 +95,7 @@ def test_loops_are_as_wide_as_fig_1_shows():
     np.testing.assert_allclose(width, [6.54, 11.27, 13.93], atol=0.05)
 
 
+@pytest.mark.thorough
 def test_five_nearest_neighbours_do_as_the_paper_s():
     """93.5 +- 2.4 % from 1,592 presses; per 20 presses of B 1.7 go to C, of D 2.2 to E."""
     right, confused, sensors = [], np.zeros((5, 5)), 200
@@ -132,6 +133,7 @@ def test_the_future_has_no_say(force, now):
     np.testing.assert_array_equal(RIG.follow(later)[:now], RIG.follow(force)[:now])
 
 
+@pytest.mark.thorough
 def test_machine_presses_as_often_and_as_hard_as_the_paper_s():
     record = RIG.cnc_loops()
     assert record.reading.shape == (56_708, 2)

@@ -162,6 +162,7 @@ def test_bad_arguments_are_refused_with_a_remedy(bad):
     assert caught.value.code == "bad-option"
 
 
+@pytest.mark.thorough
 def test_data_sets_are_byte_for_byte_what_the_rig_writes():
     for path, text in datasets.made():
         assert path.read_bytes() == text.encode(), path.name

@@ -17,6 +17,7 @@ from identify.comparison._pooling import PRIOR, population_draws
 from identify.comparison._trend import line_in_time
 from identify.parameters._transform import Transform
 from tests.test_identify.lines import line, pressed
+from tests.thorough import rest_thorough
 
 NEW, AGED = (1.2, 5.4), (1.298, 6.186)
 """K (mm/N) and b (mm) of a sponge, and after six months: Tsuji 2014's line of the aged one."""
@@ -33,6 +34,7 @@ def gaussian(random: np.random.Generator, centre: np.ndarray) -> Estimate:
     return Estimate(BOUNDS, ("N", "mm", "1"), free, covariance, {})
 
 
+@pytest.mark.thorough
 def test_p_values_of_nothing_are_uniform() -> None:
     """200 pairs: a p below 0.001 of Kolmogorov's test is one in a thousand such tests."""
     random = np.random.default_rng(0)
@@ -255,6 +257,7 @@ def test_pooling_agrees_with_quadrature() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_pooling_agrees_with_emcee_on_every_specimen() -> None:
     """mu, log tau and each theta sampled as they stand, nothing integrated."""
     z, sd = np.array([0.1, 0.4, 0.9]), np.array([0.1, 0.2, 0.1])
@@ -287,7 +290,10 @@ def test_pooling_agrees_with_emcee_on_every_specimen() -> None:
             assert a == pytest.approx(b, abs=0.15 * float(np.std(other)))
 
 
-@pytest.mark.parametrize(("specimens", "draws"), [(3, 400), (5, 400), (30, 150)])
+@pytest.mark.parametrize(
+    ("specimens", "draws"),
+    rest_thorough([(3, 400), (5, 400), (30, 150)], 1),
+)
 def test_nine_intervals_in_ten_hold_the_population(specimens: int, draws: int) -> None:
     """500 populations whose tau is from its prior: 86 to 94 % is three standard errors each way."""
     random = np.random.default_rng(specimens)

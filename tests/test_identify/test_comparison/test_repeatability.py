@@ -36,6 +36,7 @@ def of_later_cycles(fit: FitResult) -> FitResult:
     )
 
 
+@pytest.mark.thorough
 def test_the_errors_are_those_of_repeated_records(fits: list[FitResult]):
     """Noise of 0.05 mm makes K differ from record to record; the misfit of millimetres does not."""
     later = [of_later_cycles(fit) for fit in fits]

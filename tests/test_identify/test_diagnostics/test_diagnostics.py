@@ -43,6 +43,7 @@ def coloured(random: np.random.Generator, phi: float, rows: int = ROWS) -> np.nd
     return w
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("phi", [None, 0.5])
 def test_white_noise_has_every_p_value_as_often(phi: float | None) -> None:
     """One-step-ahead errors too, under the noise that they have."""
@@ -67,6 +68,7 @@ def test_coloured_residuals_are_not_white() -> None:
         assert "not white" in found.said[0]
 
 
+@pytest.mark.thorough
 def test_coloured_residuals_seldom_leave_the_band_of_an_input_they_do_not_follow() -> None:
     """1 % of the lags, although residuals and input both go slowly: 2 sd of a share of 300 x 26 lags that
     come in some hundred independent ones is 1 %."""

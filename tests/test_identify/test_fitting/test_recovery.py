@@ -20,6 +20,7 @@ def runs() -> list[Run]:
     return [one_run(case, number) for number in range(RUNS)]
 
 
+@pytest.mark.thorough
 def test_the_truth_lies_in_its_interval(runs: list[Run]) -> None:
     assert set(runs[0].found) == {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"}
     for name in runs[0].found:
@@ -28,6 +29,7 @@ def test_the_truth_lies_in_its_interval(runs: list[Run]) -> None:
         assert found >= binom.ppf(1e-4, RUNS, 0.95), name
 
 
+@pytest.mark.thorough
 def test_no_run_stays_where_it_started(runs: list[Run]) -> None:
     assert all(run.best for run in runs)
 

@@ -9,7 +9,7 @@ import pytest
 
 from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
-from identify import fit, load, sample, save
+from identify import FitResult, fit, load, sample, save
 from identify.linear import _composition_memory
 from identify.linear._composition import PARTS, CompositionUnknowns
 from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
@@ -17,6 +17,7 @@ from identify.linear._composition_memory import memory_of
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
 from identify.records._run_model import predict
+from tests.thorough import rest_thorough
 
 SAMPLES = 900
 
@@ -97,8 +98,13 @@ def test_relaxing_branches_are_found_and_predict_other_histories():
     assert np.sqrt(np.mean((predicted - other.output) ** 2)) < 0.005 * np.ptp(other.output)
 
 
-def test_a_lag_is_told_from_relaxation():
-    found = fit(record(noise=0.003, lag=0.23), "Composition", test_tail=0.3)
+@pytest.fixture(scope="module")
+def lagging() -> FitResult:
+    return fit(record(noise=0.003, lag=0.23), "Composition", test_tail=0.3)
+
+
+def test_a_lag_is_told_from_relaxation(lagging: FitResult):
+    found = lagging
     assert found.clocks.lag_error is not None
     assert abs(found.clocks.lag - 0.23) < max(4 * found.clocks.lag_error, 0.01)
     assert any("lags" in note for note in found.notes)
@@ -107,9 +113,8 @@ def test_a_lag_is_told_from_relaxation():
     assert kept.score > found.score
 
 
-def test_a_composition_is_saved_sampled_and_inverted(tmp_path: Path):
-    data = record(noise=0.003, lag=0.23)
-    found = fit(data, "Composition", test_tail=0.3)
+def test_a_composition_is_saved_sampled_and_inverted(lagging: FitResult, tmp_path: Path):
+    found, data = lagging, record(noise=0.003, lag=0.23)
     again = load(save(found, tmp_path / "fit"))
     assert again.clocks == found.clocks
     np.testing.assert_array_equal(again.predict(data), found.predict(data))
@@ -188,7 +193,7 @@ def test_least_at_finds_a_parabola():
     assert curvature == pytest.approx(6)
 
 
-@pytest.mark.parametrize("name", ["Composition", "Preisach", "Burgers"])
+@pytest.mark.parametrize("name", rest_thorough(["Preisach", "Burgers", "Composition"], 2))
 def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(name: str):
     data = record()
     rising, falling = (

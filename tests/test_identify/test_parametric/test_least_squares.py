@@ -13,6 +13,7 @@ from identify import fit
 from identify.parameters._transform import transform_for
 from identify.parametric._multistart import longer, prepared_longer, refine, thinned_rows
 from tests.problems import SAMPLES, Problem, clock, tagged
+from tests.thorough import rest_thorough
 
 compiled: list[str] = []
 jax.monitoring.register_event_duration_secs_listener(
@@ -63,7 +64,7 @@ def creep(rows: int) -> Record:
     return Record.from_arrays(u, y + noise, t)
 
 
-@pytest.mark.parametrize("rows", [400, 4000])
+@pytest.mark.parametrize("rows", rest_thorough([400, 4000], 1))
 def test_a_parameter_that_goes_to_infinity_is_unidentified_and_the_fit_converges(rows: int):
     """In these records noise makes any flow a worse fit; the verdict does not depend on their length."""
     found = fit(

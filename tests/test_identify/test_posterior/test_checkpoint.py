@@ -104,6 +104,7 @@ def test_the_rule_stops_at_the_same_step_however_often_it_was_interrupted(tmp_pa
     same(drawn(file, steps=None, resume=True), whole)
 
 
+@pytest.mark.thorough
 def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
     """Twice, at some step, while every block is being written."""
     file = tmp_path / "chains.h5"

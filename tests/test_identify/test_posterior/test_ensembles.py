@@ -48,6 +48,7 @@ def test_draws_are_those_of_the_density_and_stop_by_the_rule() -> None:
     assert chains.ess.min() * chains.autocorrelation == pytest.approx(ensembles * walkers * steps)
 
 
+@pytest.mark.thorough
 def test_ess_of_ensembles_is_that_of_their_means_scatter() -> None:
     """Variance of the mean over 40 repetitions: 1 / ess, known to 22 per cent, three times over."""
     runs = [draw(normal, steps=200, seed=k) for k in range(40)]

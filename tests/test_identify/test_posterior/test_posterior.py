@@ -138,6 +138,7 @@ def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
     assert error.value.code == "nothing-free"
 
 
+@pytest.mark.thorough
 def test_nuts_draws_from_the_same_posterior(line_fit, line_posterior, tmp_path) -> None:
     one = line_posterior
     other = sample(line_fit, 400, seed=1, method="nuts", checkpoint=tmp_path / "chains.h5")

@@ -26,6 +26,7 @@ def test_a_quantile_of_a_mixture_is_exact() -> None:
         )
 
 
+@pytest.mark.thorough
 def test_bands_hold_as_many_new_readings_as_they_say() -> None:
     """Held-out cycles of 10 lines: 10 x 39 rows, of which those below first contact are noise alone too."""
     inside, effective = [], []

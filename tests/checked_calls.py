@@ -1,0 +1,110 @@
+"""Types and shapes of calls, checked while the tests run.
+
+The hook of jaxtyping decorates inner functions too, which are made anew at each call, and binds the
+arguments of each call, whether or not their annotations name shapes.
+"""
+
+import ast
+import sys
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from functools import partial
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import cache_from_source
+from types import FunctionType
+from typing import Any, TypeVar, get_args
+from unittest.mock import patch
+
+from beartype import BeartypeConf, beartype
+from jaxtyping import AbstractArray, jaxtyped
+
+NAME = "_checked_call"
+_types = beartype(conf=BeartypeConf(is_pep484_tower=True))  # PEP 484's tower: an int is a float
+
+
+def _names_shapes(annotation: Any) -> bool:
+    """Whether an annotation holds an array with a shape. One that is a string may."""
+    if isinstance(annotation, str):
+        return True
+    if isinstance(annotation, type) and issubclass(annotation, AbstractArray):
+        return True
+    if isinstance(annotation, TypeVar):
+        parts = (*annotation.__constraints__, annotation.__bound__)
+    elif isinstance(annotation, list | tuple):  # the arguments of a Callable
+        parts = annotation
+    else:
+        parts = get_args(annotation)
+    return any(map(_names_shapes, parts))
+
+
+def checked(thing: Any) -> Any:
+    """A function, property or dataclass, whose calls are checked."""
+    if isinstance(thing, type):
+        # Of an `__init__` that is written out this was done when it was defined.
+        if is_dataclass(thing) and not hasattr(thing.__init__, NAME):
+            thing.__init__ = checked(thing.__init__)
+        return thing
+    if isinstance(thing, FunctionType) and not any(
+        map(_names_shapes, thing.__annotations__.values())
+    ):
+        found = _types(thing)
+    else:
+        found = jaxtyped(thing, typechecker=_types)
+    if isinstance(found, FunctionType):
+        setattr(found, NAME, True)
+    return found
+
+
+class _Decorated(ast.NodeTransformer):
+    """Functions and classes of a module, and methods, with `checked` around them."""
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        if not any(map(_unchecked, node.decorator_list)):
+            # The innermost: decorators such as JAX's take annotations away.
+            node.decorator_list.append(_decorator(node))
+        return node
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
+        if not any(map(_unchecked, node.decorator_list)):
+            node.decorator_list.insert(0, _decorator(node))
+            self.generic_visit(node)
+        return node
+
+
+def _decorator(node: ast.AST) -> ast.Name:
+    return ast.copy_location(ast.Name(NAME, ast.Load()), node)
+
+
+def _unchecked(decorator: ast.expr) -> bool:
+    return getattr(decorator, "id", getattr(decorator, "attr", "")) == "no_type_check"
+
+
+class _Loader(SourceFileLoader):
+    def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
+        tree = ast.fix_missing_locations(_Decorated().visit(ast.parse(data, path)))
+        return compile(tree, path, "exec", dont_inherit=True)
+
+    def get_code(self, fullname: str) -> Any:
+        name = partial(cache_from_source, optimization="checked")
+        with patch("importlib._bootstrap_external.cache_from_source", name):
+            return super().get_code(fullname)
+
+    def exec_module(self, module: Any) -> None:
+        setattr(module, NAME, checked)
+        super().exec_module(module)
+
+
+class _Finder:
+    def __init__(self, wanted: Callable[[str], bool]) -> None:
+        self.wanted = wanted
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        spec = PathFinder.find_spec(name, path, target) if self.wanted(name) else None
+        if spec is not None and type(spec.loader) is SourceFileLoader:
+            spec.loader = _Loader(spec.loader.name, spec.loader.path)
+        return spec
+
+
+def install(wanted: Callable[[str], bool]) -> None:
+    """From now on modules whose names are wanted are imported with their calls checked."""
+    sys.meta_path.insert(0, _Finder(wanted))
