@@ -101,6 +101,20 @@ def grid_fit() -> identify.FitResult:
 
 
 @prepared
+def shaken_fit() -> identify.FitResult:
+    """An oscillator around Bouc-Wen's force, fitted to two settled periods of a multisine."""
+    spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0, beta_delta=-300.0)
+    plant = hysteresis.Oscillator(mass=2.0, damping=20.0, stiffness=5e4, hysteresis=spring)
+    force = np.tile(identify.multisine(5.0, 70.0, 40.0, rows=512, dt=2e-3), 3)
+    t = 2e-3 * np.arange(len(force))
+    noise = 1e-5 * np.random.default_rng(0).normal(size=len(t))
+    shaken = hysteresis.Record.from_arrays(
+        force, plant.displacement(t, force) + noise, t, input_unit="N", output_unit="m"
+    )
+    return identify.fit(shaken, "Oscillator(BoucWen)")
+
+
+@prepared
 def posterior() -> identify.Posterior:
     """A short run of the sampler on `fit`."""
     return identify.sample(fit(), steps=100, seed=0)

@@ -82,7 +82,7 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
         >>> chain = hysteresis.CoupledOscillators([2.0, 1.0], [10.0, 10.0], [5e4, 3e4], (spring, None))
         >>> t = np.arange(4) / 750
         >>> (1e6 * np.asarray(chain.simulate(t, [0.0, 40.0, 40.0, 40.0]))).round(1).tolist()
-        [0.0, 11.8, 81.3, 214.2]
+        [0.0, 11.8, 81.4, 216.2]
     """
 
     mass: Vector | Matrix = parameter(unit="mass", bounds=(0.0, float("inf")), meaning="masses")

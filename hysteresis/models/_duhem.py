@@ -50,7 +50,7 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
 
         >>> rubber = hysteresis.DuhemOperator([2.0, 1.0, 0.5], [0.5, 1.0, 2.0], low=-1.0, high=1.0)
         >>> np.asarray(rubber.simulate(None, np.array([0.0, 1.0, 0.0]))).round(2).tolist()
-        [0.0, 0.79, -0.62]
+        [0.0, 0.79, -0.38]
     """
 
     rising: Slopes = parameter(

@@ -114,6 +114,12 @@ def design_excitation(
     `largest`; `bad-option` as `multisine` does.
 
     Source: Atkinson, Donev, Tobias, Optimum Experimental Designs, with SAS (2007).
+
+    **Example:**
+
+        >>> designs = identify.design_excitation(shaken_fit, levels=(20.0, 40.0), bands=[(5.0, 70.0)])
+        >>> [one.level for one in designs]
+        [40.0, 20.0]
     """
     detail, model = fit.detail, fit.model
     if not isinstance(detail, Motion) or not isinstance(model, Oscillator):
