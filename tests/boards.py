@@ -127,7 +127,7 @@ void begin(void);
 
 int stepped(real reading, real *estimate)
 {{
-    return {stem}_step(&state, {dt}reading, estimate{deviation});
+    {counted}
 }}
 
 /* What the board asks its debugger for: 4 writes a string, 0x18 ends. */
@@ -154,6 +154,7 @@ int main(void)
     {stem}_reset(&state);
     for (int k = 0; k < {n}; ++k) {{
         real estimate;
+        {before}
         int status = stepped(readings[k], &estimate);
         unsigned bits;
         memcpy(&bits, &estimate, sizeof bits);
@@ -188,15 +189,25 @@ SECTIONS
 """
 
 
-def on_cortex_m4(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoard:
-    """A Cortex-M4 with its unit for float, in QEMU: `cycles` are the instructions of a step."""
+def on_cortex_m4(
+    header: Path, readings: np.ndarray, dt: float | None = None, learner: int | None = None
+) -> OnBoard:
+    """A Cortex-M4 with its unit for float, in QEMU: `cycles` are the instructions of a step, or of an
+    update of the node `learner` by a reference."""
     stem, fixed = header.stem, readings.dtype.kind == "i"
     source = header.with_name(f"{stem}_arm.c")
+    time = "" if dt is None else f"({stem}_real){dt!r}, "
+    step = f"return {stem}_step(&state, {time}reading, estimate{'' if fixed else ', 0'});"
+    before = f"(void){stem}_step(&state, {time}readings[k], &estimate, 0);"
+    update = (
+        f"{stem}_adaptive_learn(&{stem}_{learner}, &state.n{learner}, reading);"
+        f" *estimate = state.n{learner}.theta[2]; return 0;"
+    )
     source.write_text(
         ON_ARM.format(
             stem=stem, n=len(readings), real="int32_t" if fixed else f"{stem}_real",
             readings=", ".join(f"{y!r}" for y in readings.tolist()),
-            dt="" if dt is None else f"({stem}_real){dt!r}, ", deviation="" if fixed else ", 0",
+            counted=step if learner is None else update, before="" if learner is None else before,
         )
     )  # fmt: skip
     layout, program, log = (source.with_suffix(end) for end in (".ld", ".elf", ".log"))

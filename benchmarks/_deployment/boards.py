@@ -1,13 +1,24 @@
 """Cycles, instructions and memory of steps on simulated boards."""
 
+import re
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from compensate import adaptive
 from compensate.export._export import Program
 from compensate.export.targets._export_to import write_to
-from hysteresis import AbstractModel, Burgers, LinearSponge, PrandtlIshlinskii, StandardLinearSolid
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    LinearSponge,
+    MonotoneCurve,
+    PrandtlIshlinskii,
+    Record,
+    StandardLinearSolid,
+    Sum,
+)
 from tests.boards import OnBoard, on_avr, on_cortex_m4
 from tests.judges import JUDGES
 from tests.problems import random_histories
@@ -17,6 +28,9 @@ from tests.test_compensate.test_targets import integers
 from .._measure import Row, judged, noted
 
 STEP = 0.02
+WEIGHTS, IN_TIME = 16, 4200
+"""Of an update; instructions in 25 microseconds at 168 MHz."""
+
 ELEMENTS: dict[str, tuple[AbstractModel, bool]] = {
     "line": (LinearSponge(2.0, 1.0), False),
     "standard linear solid": (StandardLinearSolid(1.0, 2.0, 5.0), True),
@@ -50,6 +64,25 @@ def _on(
     return done, float(np.abs(value - u).max())
 
 
+def _update() -> Row:
+    """Instructions in which a compensator of 16 weights learns from a reference, at most."""
+    line = MonotoneCurve(np.array([0.0, 1.0]), np.array([0.1]))
+    plays = [PrandtlIshlinskii(np.array([0.05 * k]), np.array([0.3]), 0.1) for k in range(1, 8)]
+    model = Sum(line, line, *plays)
+    u = random_histories(np.random.default_rng(3), 0.0, 1.0, (1, 400))[0]
+    y = np.asarray(model.simulate(None, u)) + 1e-3 * np.random.default_rng(4).normal(size=len(u))
+    own = adaptive(model, Record.from_arrays(u, y))
+    assert len(own.parts) == WEIGHTS
+    program = Program(model, y, adaptive=own)
+    with tempfile.TemporaryDirectory() as place:
+        out = write_to("arduino", program, Path(place) / "sensor", "float").path
+        header = out / "src" / "sensor.h"
+        numbers = re.findall(r"sensor_adaptive_parameters sensor_(\d+)", header.read_text())
+        done = on_cortex_m4(header, y[:20].astype(np.float32), learner=int(numbers[0]))
+    what = f"Cortex-M4: instructions of an update of {WEIGHTS} weights, at most"
+    return judged(what, int(done.cycles.max()), IN_TIME)
+
+
 def boards(quick: bool) -> list[Row]:
     """An ATmega328 in simavr, a Cortex-M4 in QEMU."""
     rows, found = 200 if quick else 1500, []
@@ -75,6 +108,7 @@ def boards(quick: bool) -> list[Row]:
         # The first step of an even clock tabulates its exponentials.
         steady = int(done.cycles[2:].max())
         found.append(judged(f"Cortex-M4, {name}: instructions of a step, at most", steady, 250))
+    found.append(_update())
     for real in ("float", "fixed"):
         done, _ = _on("Cortex-M4", grid(20), False, real, 100)
         what = f"Cortex-M4, 20x20 grid in {real}: instructions of a step, at most"

@@ -8,6 +8,7 @@ the plan, a compensator and a motor current. How much of the error lasts is lear
 
 import sys
 from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import jax
@@ -25,17 +26,24 @@ from .._measure import Row, judged, noted, options, report
 DT, SIGMA, WALK = 0.5, 0.2, 0.3
 """s; mm, of the sensor; N per root second, by which the plan is missed."""
 
+LAGS = 20
+"""Rows over which the autocorrelations of errors are fitted."""
+
 LEAD, ROWS, FITTED, TAUGHT, RUNS = 10, 60, 14, 36, 100
 """Rows that lead to a run, and of one; runs of the fit, runs before the test, and those of the test."""
 
 
+TIMES = np.geomspace(1.0, 64.0, 13)
+"""Rows in which a part of the error decays to an e-th: those that the two decays are chosen from."""
+
+
 class Lasting(NamedTuple):
-    """The mean error in deviations, its size, the share of it that lasts, and its decay in a row."""
+    """The mean error in deviations, its size, the shares of it that last, and their decays in a row."""
 
     mean: float
     size: float
-    share: float
-    phi: float
+    shares: np.ndarray
+    phis: np.ndarray
 
 
 def estimator_rows(quick: bool) -> list[Row]:
@@ -105,11 +113,20 @@ def _presses(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.nd
 
 
 def _lasting(score: np.ndarray) -> Lasting:
+    """Two decays whose sum is nearest to the autocorrelations of the errors, none of them negative."""
     mean, size = score.mean(), score.std()
-    lags = np.arange(1, 9)
-    rho = [np.mean((score - mean)[:, k:] * (score - mean)[:, :-k]) / size**2 for k in lags]
-    phi = np.exp(np.polyfit(lags, np.log(np.maximum(rho, 0.02)), 1)[0])
-    return Lasting(mean, size, float(np.clip(np.mean(rho / phi**lags), 0.0, 1.0)), float(phi))
+    lags, apart = np.arange(1, LAGS + 1), (score - mean) / size
+    rho = np.array([np.mean(apart[:, k:] * apart[:, :-k]) for k in lags])
+    # A mean over fewer products is less certain.
+    sure = np.sqrt(ROWS - lags)
+    fits = []
+    for pair in combinations(np.exp(-1 / TIMES), 2):
+        shares, off = scipy.optimize.nnls(
+            sure[:, None] * np.asarray(pair) ** lags[:, None], sure * rho
+        )
+        fits.append((off, shares / max(1.0, shares.sum()), np.asarray(pair)))
+    _, shares, phis = min(fits, key=lambda one: one[0])
+    return Lasting(mean, size, shares, phis)
 
 
 @jax.jit
@@ -122,25 +139,27 @@ def _filter(
     start: jax.Array,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Force, its variance, and whitened innovations, of every run."""
-    share, phi = lasting.share, lasting.phi
-    move = jnp.eye(2).at[1, 1].set(phi)
-    grown = jnp.diag(jnp.stack([jnp.asarray(WALK**2 * DT), share * (1 - phi**2)]))
+    shares, phis = lasting.shares, lasting.phis
+    n = 1 + len(phis)
+    move = jnp.diag(jnp.concatenate([jnp.ones(1), phis]))
+    walk = jnp.full(1, WALK**2 * DT)
+    grown = jnp.diag(jnp.concatenate([walk, shares * (1 - phis**2)]))
 
     def step(carry, now):
         nominal, e, P = carry
         rate, z, d, current = now
         nominal, e, P = nominal + rate, move @ e, move @ P @ move.T + grown
-        H = jnp.array([[1.0, 0.0], [1.0, 0.0]]).at[0, 1].set(d)
-        S = H @ P @ H.T + jnp.diag(jnp.stack([(1 - share) * d**2, jnp.ones(())]))
+        H = jnp.zeros((2, n)).at[:, 0].set(1.0).at[0, 1:].set(d)
+        S = H @ P @ H.T + jnp.diag(jnp.stack([(1 - shares.sum()) * d**2, jnp.ones(())]))
         K = P @ H.T @ jnp.linalg.inv(S)
         innovation = jnp.stack([z, current]) - nominal - H @ e
-        e, P = e + K @ innovation, (jnp.eye(2) - K @ H) @ P
+        e, P = e + K @ innovation, (jnp.eye(n) - K @ H) @ P
         nominal, e = nominal + e[0], e.at[0].set(0.0)
         white = jax.scipy.linalg.solve_triangular(jnp.linalg.cholesky(S), innovation, lower=True)
         return (nominal, e, P), (nominal, P[0, 0], white)
 
     def run(rates, z, d, current, start):
-        first = start, jnp.zeros(2), jnp.diag(jnp.stack([jnp.ones(()), jnp.asarray(share)]))
+        first = start, jnp.zeros(n), jnp.diag(jnp.concatenate([jnp.ones(1), shares]))
         return jax.lax.scan(step, first, (rates, z, d, current))[1]
 
     return jax.vmap(run)(rates, z, d, current, start)

@@ -20,7 +20,7 @@ def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth:
         {
             "low": own.low, "high": own.high, "rounding": ROUNDING * eps, "finest": 2 * eps * reach,
             "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(own.parts), "sign": own.sign,
-            "floored": own.floored, "follows": bool(p.follows > 0),
+            "floored": own.floored,
             "zero": p.zero, "centres": own.centres, "nominal": p.nominal, "least": p.least,
             "rises": p.rises, "widths": p.widths, "noise": p.noise, "correlation": p.correlation,
             "memory": p.memory, "settling": p.settling, "threshold": p.threshold, "spread": p.spread,
@@ -29,8 +29,9 @@ def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth:
         {
             "value": own.low, "reference": 0.0, "known": 0, "elapsed": 0.0, "idle": 0.0,
             "used": begin.used, "theta": begin.theta, "covariance": begin.covariance,
+            "before": begin.before, "run": 0.0, "common": 0.0, "apart": 0.0,
             "evidence": 0.0, "excess": 0.0,
-            "possible": 0.0, "settled": 0.0, "loss": begin.loss, "changes": 0,
+            "possible": 0.0, "settled": 0.0, "loss": begin.loss, "residual": 1.0, "changes": 0,
             "output": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
         },
         [part["parts"][0] if is_search(part) else part for part in parts],

@@ -12,6 +12,7 @@ from hysteresis import (
     BoucWen,
     Conditioned,
     CyclicDrift,
+    DegradingBoucWen,
     FoamCurve,
     InputError,
     LinearSponge,
@@ -31,6 +32,7 @@ from hysteresis import (
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.models._bouc_wen import NODES
 from hysteresis.models._conditioned import AXES
+from hysteresis.models._degrading_bouc_wen import SUBSTEPS
 from hysteresis.preisach import saturated_outputs
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
@@ -39,6 +41,7 @@ from ..guards._run_in import RunIn
 from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
+from ..inverses._degrading_bouc_wen import LEAST_SLOPE
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._node import Tree, node
 from ._preisach_tree import preisach_node, preisach_parts
@@ -146,6 +149,28 @@ def _(model: BoucWen, eps: float, depth: int) -> Tree:
             "offset": model.offset, "rounding": ROUNDING * eps, "finest": max(1e-12, 32 * eps),
         },
         {"u": 0.0, "w": 0.0},
+    )  # fmt: skip
+
+
+@_tree.register
+def _(model: DegradingBoucWen, eps: float, depth: int) -> Tree:
+    inner, slip = model.inner, model.pinching
+    return node(
+        "degrading_bouc_wen",
+        {
+            "substeps": SUBSTEPS, "ahead": [0.5, 0.5, 1.0], "weights": [1 / 6, 1 / 3, 1 / 3, 1 / 6],
+            "k": inner.k, "alpha": inner.alpha, "yield_at": inner.yield_at, "n": inner.n,
+            "descent": inner.descent(), "offset": inner.offset,
+            "strength_loss": 0.0 if model.strength_loss is None else model.strength_loss,
+            "stiffness_loss": 0.0 if model.stiffness_loss is None else model.stiffness_loss,
+            "slip": 0.0 if slip is None else slip.slip, "onset": 0.0 if slip is None else slip.onset,
+            "level": 0.0 if slip is None else slip.level, "spread": 1.0 if slip is None else slip.spread,
+            "severity": 1.0 if slip is None else slip.severity,
+            "widening": 0.0 if slip is None or slip.widening is None else slip.widening,
+            "least": max(float(model.least_slope()), LEAST_SLOPE * float(inner.k)),
+            "rounding": ROUNDING * eps,
+        },
+        {"u": 0.0, "w": 0.0, "energy": 0.0, "rate": 0.0, "drive": 0.0},
     )  # fmt: skip
 
 

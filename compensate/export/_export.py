@@ -211,7 +211,7 @@ class Program:
         low, high = limits or wider(y)
         self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
-        n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive"} else GOLDEN
+        n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         given = np.column_stack([y, c]) if conditioned else y
         value = np.asarray(compensator.simulate(t[:n], given[:n]).value)
         begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]

@@ -65,9 +65,14 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
     once in exp(`threshold`) independent references, or less often. An alarm opens the covariance, and the
     next references are learnt fast.
 
-    What is learnt is used from an alarm on until it has settled. Before and after the weights stay, so that
-    a sensor that has not changed is not made worse by what references happen to say. Where a drift of the
-    zero is expected, all is used at once.
+    What is learnt is used only as far as it has proved better: what was known before a run of references
+    predicts that run. With e the errors of the fit there and d what was learnt less the fit, the share
+
+        2 (sum(d e) / sum(d^2) - 3 sqrt(noise / sum(d^2))),    between 0 and 1,
+
+    of the way from the fit to what was learnt is gone: all of it where what was learnt is surely nearer to
+    the readings. So a sensor that has not changed is not made worse by what a few references happen to
+    say, and a change is used from the second run of references on.
 
     `adaptive` makes one from a model and a record.
 
@@ -181,7 +186,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         p = self.settings
         return Recalibrated(
             *found, _recursion.advice(p, s), _recursion.lost(p, s), s.changes,
-            self.sign * (s.zero - p.zero), _recursion.gain(p, s), _recursion.loop(p, s),
+            self.sign * (s.learnt_zero - p.zero), _recursion.gain(p, s), _recursion.loop(p, s),
         )  # fmt: skip
 
 

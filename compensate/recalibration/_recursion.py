@@ -15,6 +15,13 @@ MOST = 25.0
 """Squared errors over their variance count as this at most: one reference that is wrong is no change."""
 
 
+LARGE = 4.0
+"""Mean square residual, over that of the fit, from which on the model no longer explains the readings."""
+
+SURE = 3.0
+"""Standard errors by which what was learnt has to be better than the fit."""
+
+
 class Advice(IntEnum):
     """Why a calibration is needed now."""
 
@@ -37,10 +44,14 @@ class Recursion(NamedTuple):
     - `used`: zero, drift (per time) and weights behind the estimates; `theta`: the same as learnt;
       `covariance`: of them, at the last reference.
     - `elapsed`, `idle`: time and samples since the last reference.
+    - `before`: `theta` before this run of references, of which `run` independent ones have come; `common`,
+      `apart`: what it would have explained of the fit's errors at references, and the square of its
+      distance from the fit.
     - `evidence`: of a change since; `excess`, `possible`: the errors that make it, squared, and what a
       change of all unknowns by `spread` would make. `settled`: independent references after the last one;
       `changes`: so many.
-    - `loss`: mean square of the errors of the last estimates at references.
+    - `loss`: mean square error of the estimates at this run of references; `residual`: that of the readings
+      as they are explained now, over the variance of innovations.
     """
 
     used: Float[Array, " unknowns"]
@@ -48,17 +59,27 @@ class Recursion(NamedTuple):
     covariance: Float[Array, "unknowns unknowns"]
     elapsed: Float[Array, ""]
     idle: Float[Array, ""]
+    before: Float[Array, " unknowns"]
+    run: Float[Array, ""]
+    common: Float[Array, ""]
+    apart: Float[Array, ""]
     evidence: Float[Array, ""]
     excess: Float[Array, ""]
     possible: Float[Array, ""]
     settled: Float[Array, ""]
     loss: Float[Array, ""]
+    residual: Float[Array, ""]
     changes: Int[Array, ""]
 
     @property
     def zero(self) -> Float[Array, ""]:
-        """The zero by now."""
+        """The zero that is used by now."""
         return self.used[0] + self.used[1] * self.elapsed
+
+    @property
+    def learnt_zero(self) -> Float[Array, ""]:
+        """The zero by now, as learnt."""
+        return self.theta[0] + self.theta[1] * self.elapsed
 
 
 class Settings(eqx.Module):
@@ -77,40 +98,34 @@ class Settings(eqx.Module):
     settling: Float[Array, ""]
     threshold: Float[Array, ""]
     error: Float[Array, ""]
-    follows: Float[Array, ""]
 
     def begin(self) -> Recursion:
         """As fitted."""
         none = jnp.zeros_like(self.zero)
         theta = jnp.concatenate([jnp.stack([self.zero, none]), self.nominal])
-        of_start = (
-            theta,
-            theta,
-            jnp.diag(self.start),
-            none,
-            none,
-            none,
-            none,
-            none,
-            none,
-            self.error**2,
-        )
-        return Recursion(*of_start, jnp.asarray(0))
+        return Recursion(
+            used=theta, theta=theta, covariance=jnp.diag(self.start), elapsed=none, idle=none,
+            before=theta, run=none, common=none, apart=none, evidence=none, excess=none, possible=none,
+            settled=none, loss=self.error**2, residual=jnp.ones_like(none), changes=jnp.asarray(0),
+        )  # fmt: skip
 
 
 def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Recursion:
     """After one reference: `output` of the parts at it, the reading y, and how far the estimate was off."""
     weight = jnp.minimum(s.idle / p.correlation, 1.0)
     move = jnp.eye(len(s.theta)).at[0, 1].set(s.elapsed)
-    used, theta, covariance = move @ s.used, move @ s.theta, move @ s.covariance @ move.T
+    theta, covariance = move @ s.theta, move @ s.covariance @ move.T
+    # What was learnt before a run of references is tried on it.
+    new_run = (s.idle > p.correlation) | (s.run >= p.settling + 1)
+    before = jnp.where(new_run, theta, move @ s.before)
+    run = jnp.where(new_run, 0.0, s.run) + weight
     h = jnp.concatenate([jnp.array([1.0, 0.0]), output])
-    missed, wrong = y - h @ theta, y - h @ used
-    part = jnp.minimum(weight / p.settling, 1.0)
-    loss = s.loss + part * (off**2 - s.loss)
+    missed = y - h @ theta
+    loss = s.loss + weight / run * (off**2 - s.loss)
 
-    square = jnp.minimum(wrong**2 / (p.noise + h @ covariance @ h), MOST)
+    square = jnp.minimum(missed**2 / (p.noise + h @ covariance @ h), MOST)
     evidence = jnp.maximum(s.evidence + weight * (TWICE * square - jnp.log(2.0)), 0.0)
-    excess = jnp.where(evidence > 0, s.excess + weight * wrong**2, 0.0)
+    excess = jnp.where(evidence > 0, s.excess + weight * missed**2, 0.0)
     possible = jnp.where(evidence > 0, s.possible + weight * (p.spread @ h**2), 0.0)
     changed = evidence > p.threshold
     size = jnp.minimum(excess / possible, 1.0)
@@ -127,15 +142,33 @@ def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Re
     theta = theta + jnp.where(informed, along * missed / (total * (1 + seen)), 0.0)
     covariance = covariance - jnp.where(informed, less * jnp.outer(along, along), 0.0)
     theta = bounded(p.least, theta, covariance)
-    settled, changes = jnp.where(changed, 0.0, s.settled + weight), s.changes + new.astype(int)
-    learning = (p.follows > 0) | ((changes > 0) & (settled < p.settling))
+
+    fitted = jnp.concatenate([jnp.stack([p.zero, jnp.zeros_like(p.zero)]), p.nominal])
+    apart = h @ (before - fitted)
+    common = kept * s.common + weight * apart * (y - h @ fitted)
+    distance = kept * s.apart + weight * apart**2
+    used = fitted + share(p.noise, common, distance) * (theta - fitted)
+    # A third of a run forgets what was before.
+    left = jnp.minimum((y - h @ used) ** 2 / p.noise, MOST)
+    residual = s.residual + jnp.minimum(3 * weight / p.settling, 1.0) * (left - s.residual)
     return Recursion(
-        used=jnp.where(learning, theta, used), theta=theta, covariance=covariance,
+        used=used, theta=theta, covariance=covariance,
         elapsed=jnp.zeros_like(s.elapsed), idle=jnp.zeros_like(s.idle),
+        before=before, run=run, common=common, apart=distance,
         evidence=jnp.where(changed, 0.0, evidence), excess=jnp.where(changed, 0.0, excess),
         possible=jnp.where(changed, 0.0, possible),
-        settled=settled, loss=loss, changes=changes,
+        settled=jnp.where(changed, 0.0, s.settled + weight), loss=loss, residual=residual,
+        changes=s.changes + new.astype(int),
     )  # fmt: skip
+
+
+def share(noise: Array, common: Array, apart: Array) -> Array:
+    """How much of what was learnt is used: all where it has proved better than the fit at later references,
+    nothing where it has not, and a part between."""
+    some = common > 0
+    divisor = jnp.where(some, apart, 1.0)
+    part = 2 * (common - SURE * jnp.sqrt(noise * divisor)) / divisor
+    return jnp.where(some, jnp.clip(part, 0.0, 1.0), 0.0)
 
 
 def bounded(least: Array, theta: Array, covariance: Array) -> Array:
@@ -158,15 +191,15 @@ def bounded(least: Array, theta: Array, covariance: Array) -> Array:
 
 
 def gain(p: Settings, s: Recursion) -> Array:
-    """The rise of the output, over that of the fit."""
-    return s.used[2:] @ p.rises / (p.nominal @ p.rises)
+    """The rise of the output as learnt, over that of the fit."""
+    return s.theta[2:] @ p.rises / (p.nominal @ p.rises)
 
 
 def loop(p: Settings, s: Recursion) -> Array:
-    """The width of the loop over the rise, over that of the fit; 1 where the fit has no loop."""
+    """The width of the loop over the rise as learnt, over that of the fit; 1 where the fit has no loop."""
     fitted = p.nominal @ p.widths
     there = fitted > 0
-    now = s.used[2:] @ p.widths / jnp.where(there, fitted, 1.0) / gain(p, s)
+    now = s.theta[2:] @ p.widths / jnp.where(there, fitted, 1.0) / gain(p, s)
     return jnp.where(there, now, 1.0)
 
 
@@ -178,14 +211,15 @@ def open_zero(s: Recursion) -> Array:
 
 def advice(p: Settings, s: Recursion) -> Array:
     """An `Advice`."""
-    moved = jnp.abs(s.zero - p.zero)
+    moved = jnp.abs(s.learnt_zero - p.zero)
     steeper = jnp.abs(gain(p, s) - 1) * (p.nominal @ p.rises) / 2
     wider = jnp.abs(loop(p, s) - 1) * (p.nominal @ p.widths) / 2
     effects = jnp.stack([moved, steeper, wider])
     which = jnp.where((effects < jnp.sqrt(p.noise)).all(), Advice.SHAPE, 1 + jnp.argmax(effects))
-    large = (s.loss > 4 * p.error**2) & (p.error > 0)
     later = jnp.where(
-        large, Advice.SHAPE, jnp.where(open_zero(s) > 3 * p.noise, Advice.STALE, Advice.NONE)
+        s.residual > LARGE,
+        Advice.SHAPE,
+        jnp.where(open_zero(s) > 3 * p.noise, Advice.STALE, Advice.NONE),
     )
     return jnp.where((s.changes > 0) & (s.settled < p.settling), which, later)
 

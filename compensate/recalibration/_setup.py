@@ -4,6 +4,7 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
+from scipy.special import chdtri
 
 from hysteresis import AbstractModel, InputError, Record, Scaled, Series
 
@@ -30,6 +31,12 @@ by less is as good as new."""
 MEMORY = 5.0
 """Cycles of references whose weight is forgotten by a factor e, where others say something else."""
 
+UNSURE = 0.02
+"""Probability that a variance is larger than what is taken for it: set-up records have few cycles."""
+
+FEWEST = 3
+"""Independent parts that a record is taken for at least, so that a variance has an upper limit of use."""
+
 CELLS, LOOP = 16, 2e-3
 """Cells of the input in which branches are compared; loops narrower than this part of the rise are none."""
 
@@ -50,8 +57,8 @@ def adaptive(
 
     - `model`: fitted, with an inverse and without a condition.
     - `record`: of the unchanged sensor, best one that the model was not fitted to. From it come the
-      variance of the residuals, after how many samples they are independent, the rms error of estimates,
-      and how much of the rise and of the loop each part has.
+      variance of the residuals (its upper limit of 98 per cent confidence), after how many samples they are
+      independent, the rms error of estimates, and how much of the rise and of the loop each part has.
 
     **Other arguments:**
 
@@ -94,8 +101,12 @@ def adaptive(
     outputs, centres, zero = _centred(outputs, whole, nominal, found.floor, used)
     residual = np.where(used, y - whole, np.nan)
     span = float(np.ptp(y[used])) or 1.0
-    noise = max(float(np.nanmean(residual**2)), (PRECISE * span) ** 2)
+    # Cycles are numbered anew in each sequence.
+    of = np.where(used, record.cycle, 0)
+    turns = sum(len(np.setdiff1d(of[rows], [0])) for _, rows in record.sequences())
     correlation = _correlation(residual, record)
+    noise = _at_most(float(np.nanmean(residual**2)), used.sum() / correlation)
+    noise = max(noise, (PRECISE * span) ** 2)
     rises, widths = _rises(outputs, used), _widths(outputs, record, used)
     total = float(nominal @ widths)
     widths = widths * np.sign(total) if abs(total) > LOOP * float(nominal @ rises) else 0 * widths
@@ -109,16 +120,13 @@ def adaptive(
     )
     start[2:] *= free
     spread = np.concatenate([[(ZERO_AFTER * span) ** 2, drift**2], (AFTER * size) ** 2])
-    # Cycles are numbered anew in each sequence.
-    of = np.where(used, record.cycle, 0)
-    turns = sum(len(np.setdiff1d(of[rows], [0])) for _, rows in record.sequences())
     cycle = used.sum() / max(1, turns) / correlation
     low, high = _ends(model, record, used)
     settings = Settings(
         *(jnp.asarray(x, float) for x in (
             zero, nominal, np.where(free, LEAST * nominal, nominal), rises, widths, start, spread, noise,
             correlation, max(MEMORY * cycle, 2.0), max(cycle, 1.0), -math.log(false_alarms),
-            _error(model, record, used), drift > 0,
+            _error(model, record, used),
         ))
     )  # fmt: skip
     models = tuple(p.model for p in found.parts)
@@ -173,7 +181,11 @@ def _ways(record: Record, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _correlation(residual: np.ndarray, record: Record) -> float:
-    """Samples after which residuals are independent: 1 + 2 sum of autocorrelations until one is below 0."""
+    """Samples after which residuals are independent, by autocorrelations and by the means of cycles.
+
+    An error of the model often lasts a whole cycle and changes its sign within it. 1 + 2 sum of
+    autocorrelations until one is below 0 does not see that; the variance of the means of cycles does.
+    """
     sequences = [rows for _, rows in record.sequences()]
     longest = max(sequences, key=lambda rows: rows.stop - rows.start)
     r = np.nan_to_num(residual[longest] - np.nanmean(residual))
@@ -184,7 +196,29 @@ def _correlation(residual: np.ndarray, record: Record) -> float:
         return 1.0
     rho = rho / rho[0]
     end = int(np.argmax(rho < 0)) if (rho < 0).any() else n
-    return float(np.clip(1 + 2 * rho[1:end].sum(), 1.0, max(n / 4, 1.0)))
+    lasting = max(1 + 2 * float(rho[1:end].sum()), _by_cycles(residual, record))
+    return min(lasting, max(float(np.isfinite(residual).sum()) / FEWEST, 1.0))
+
+
+def _by_cycles(residual: np.ndarray, record: Record) -> float:
+    """The variance of the means of cycles, at most, over that of a mean of independent residuals; a cycle
+    at most, because cycles are taken for independent."""
+    numbers = [
+        (rows, k) for _, rows in record.sequences() for k in np.unique(record.cycle[rows]) if k
+    ]
+    parts = [residual[rows][record.cycle[rows] == k] for rows, k in numbers]
+    parts = [part[np.isfinite(part)] for part in parts]
+    parts = [part for part in parts if len(part)]
+    if len(parts) < 2:
+        return 1.0
+    rows = float(np.mean([len(part) for part in parts]))
+    variance = float(np.var([part.mean() for part in parts], ddof=1))
+    return min(rows * _at_most(variance, len(parts) - 1) / float(np.nanvar(residual)), rows)
+
+
+def _at_most(variance: float, independent: float) -> float:
+    """A variance's upper limit of 98 per cent confidence, from so many independent values."""
+    return variance * independent / float(chdtri(independent, 1 - UNSURE))
 
 
 def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float, float]:

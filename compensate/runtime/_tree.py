@@ -13,7 +13,8 @@ Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 KINDS = (
-    "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band", "drift", "foam", "friction", "line",
+    "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
+    "degrading_bouc_wen", "drift", "foam", "friction", "line",
     "maxwell", "moving", "occupancy", "plays", "polynomial", "preisach", "scaled", "series", "share",
     "softening", "stops", "sum",
 )  # fmt: skip

@@ -183,6 +183,38 @@ def test_nothing_is_learnt_where_nothing_changed():
         assert np.sqrt(np.mean(error**2)) <= 1.05 * np.sqrt(np.mean(before**2))
 
 
+def test_what_was_learnt_is_used_once_a_later_run_has_proved_it():
+    """After one run of references estimates are those of the fit; after a second one that says the same
+    they have changed, after one that says the contrary they have not."""
+    own = made("sum")
+    found, y = changed(MODELS["sum"], 0.85, 1.2)
+    frozen = np.asarray(own.simulate(found.t, y).value)
+    first = own.simulate(found.t, y, references=known_in(found, (0,)))
+    np.testing.assert_array_equal(first.value[ROWS:], frozen[ROWS:])
+    assert abs(float(first.gain[-1]) - 1) > 0.05  # it was learnt
+    both = known_in(found, (0, 4))
+    used = np.asarray(own.simulate(found.t, y, references=both).value)
+    assert np.abs(used - frozen)[5 * ROWS :].max() > 0.1
+    back = np.where(np.arange(len(y)) < 4 * ROWS, y, found.y + found.noise)
+    value = own.simulate(found.t, back, references=both).value
+    np.testing.assert_array_equal(value[5 * ROWS :], own.simulate(found.t, back).value[5 * ROWS :])
+
+
+def test_errors_that_last_a_cycle_count_once_a_cycle():
+    """White residuals count once in a few samples; an error that is another one in each cycle and the same
+    within it, beside a part that changes its sign there, once in most of a cycle."""
+    found = run(MODELS["sum"])
+    random, phase = np.random.default_rng(1), 2 * np.pi * np.arange(len(found.u)) / ROWS
+    each = np.repeat(random.normal(size=len(found.u) // ROWS), ROWS)
+    lasting = 4e-3 * np.ptp(found.y) * (0.7 * each + np.sin(phase))
+    correlations = []
+    for more in (0.0, lasting):
+        record = Record.from_arrays(found.u, found.y + found.noise + more, found.t)
+        correlations.append(float(adaptive(MODELS["sum"], record).settings.correlation))
+    assert correlations[0] < 0.25 * ROWS
+    assert correlations[1] > 0.6 * ROWS
+
+
 def test_a_drifting_zero_is_extrapolated():
     """Between references the learnt drift goes on."""
     found = run(MODELS["sum"], seed=3)

@@ -12,7 +12,17 @@ import pytest
 
 from compensate import Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import Compensator, FileError, load
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Record, Sum
+from hysteresis import (
+    AbstractModel,
+    BoucWen,
+    Burgers,
+    DegradingBoucWen,
+    InputError,
+    LinearSponge,
+    Preisach,
+    Record,
+    Sum,
+)  # fmt: skip
 from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import INVERTIBLE, Problem, random_histories, weights
@@ -20,7 +30,7 @@ from tests.problems import INVERTIBLE, Problem, random_histories, weights
 ROOT = Path(__file__).parents[2]
 ROWS = 200
 """As many as the golden pair has, so that exports compile no other program."""
-NOT_EXPORTED = {"degrading-bouc-wen", "duhem"}
+NOT_EXPORTED = {"duhem"}
 EXPORTED = [p for p in INVERTIBLE if p.name not in NOT_EXPORTED]
 every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
 DEPTH, GOLDEN = 128, 200
@@ -344,4 +354,7 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         (problem,) = (p for p in INVERTIBLE if p.name == name)
         with refused("not-exportable"):
             export_c(problem.model(), tmp_path / "it.h", y)
+    with refused("not-invertible"):
+        worn = DegradingBoucWen(BoucWen(1.0, 0.1, 1.0), strength_loss=0.2)
+        export_c(worn, tmp_path / "it.h", y)
     assert not list(tmp_path.iterdir())

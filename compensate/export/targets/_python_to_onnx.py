@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hysteresis import InputError
+
 from ...runtime._elements import _codes
 from .._python_to_c99 import Element, Function, element
 from ._onnx_graph import TYPES, Graph, Value
@@ -257,6 +259,11 @@ class Frame:
             root = graph.node("Sqrt", [graph.node("Add", [square, one], "real")], "real")
             whole = graph.node("Log", [graph.node("Add", [size, root], "real")], "real")
             return graph.node("Mul", [sign, whole], "real")
+        if name not in MATHEMATICS:
+            raise InputError(
+                "not-exportable", f"ONNX has no function {name}, which this model needs.",
+                fix="export it to another target, as c or runtime.",
+            )  # fmt: skip
         return graph.node(MATHEMATICS[name], reals, "real")
 
     def _arithmetic(self, op: ast.operator | ast.cmpop, a: Value, b: Value) -> Value:

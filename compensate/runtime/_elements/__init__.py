@@ -16,7 +16,7 @@ from importlib import import_module
 from types import ModuleType
 
 HOMES = {"adaptive": "_adaptation"} | dict.fromkeys(
-    ("bouc_wen", "dead_band", "occupancy"), "_operators"
+    ("bouc_wen", "dead_band", "degrading_bouc_wen", "occupancy"), "_operators"
 )
 """Folders of the elements that are not in this one."""
 
