@@ -140,7 +140,7 @@ class BlockDensityFit(NamedTuple):
 
 
 def fit_density_in_blocks(
-    blocks: Iterable[tuple[Float[np.ndarray, " rows"], Float[np.ndarray, " rows"]]],
+    blocks: Iterable[tuple[Float[np.ndarray, " rows"], ...]],
     cells: int = 50,
     *,
     low: float,
