@@ -54,7 +54,7 @@ class Run(NamedTuple):
 @cache
 def run(problem: Problem) -> Run:
     model = problem.model()
-    u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, ROWS))[0]
+    u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, 240))[0, :ROWS]
     step = 10.0 ** np.random.default_rng(1).uniform(-2, 0.5, ROWS)
     if isinstance(model, Burgers) and model.hold == "constant":
         step = np.minimum(step, 0.9 * model.largest_stable_step())
