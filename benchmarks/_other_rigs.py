@@ -10,13 +10,22 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+import identify
 from hysteresis import Record
+
+from ._measure import Row, judged
 
 NOISE = 0.002
 """Standard deviation of the reading, of the output's range."""
 
 STEP = 0.02
 """Sampling step."""
+
+VIRTUAL = "virtual rigs, error over the best baseline's"
+"""What `--only` has to be part of for these rows."""
+
+WORST = 1.05
+"""Times the rms error of the best baseline."""
 
 Samples = Float[np.ndarray, " samples"]
 
@@ -51,11 +60,6 @@ def record_of(rig: Rig, seed: int = 0) -> Record:
     y = rig.output(t, u)
     noisy = y + NOISE * np.ptp(y) * np.random.default_rng(seed).normal(size=len(y))
     return Record.from_arrays(u, noisy, t)
-
-
-def held_out(rig: Rig) -> int:
-    """Cycles that a fit does not see."""
-    return rig.tested
 
 
 def magnetisation(u: Samples) -> Samples:
@@ -257,3 +261,29 @@ RIGS = {
     "slide with bristles": Rig(bristles, BOTH, rows=(120, 60, 200)),
     "sticking valve": Rig(sticking_valve, ONE),
 }
+
+
+def rows() -> list[Row]:
+    """Held-out error of each rig over that of the best baseline, then PASS where a baseline is better."""
+    found, beaten = [], 0
+    for name, rig in RIGS.items():
+        fit = identify.fit(record_of(rig), test_cycles=rig.tested)
+        test, ours = fit.metrics["test"], fit.test_blocks
+        assert test is not None
+        assert ours is not None
+        best = min(fit.baselines, key=lambda one: one.judged[0])
+        share = 100 / float(np.ptp(fit.test.output[fit.test.mask])) if fit.test is not None else 1.0
+        beside = (
+            f"{fit.name} {share * test.rmse:.2g} %; {best.name} {share * best.judged[0]:.2g} %;"
+            f" {fit.verdict.level}"
+        )
+        found.append(judged(f"{VIRTUAL}: {name} ({beside})", test.rmse / best.judged[0], WORST))
+        each = (
+            identify.internal.root_difference(one.test_blocks, ours)
+            for one in fit.baselines
+            if one.test_blocks is not None
+        )
+        better = any(one is not None and one.value > one.error for one in each)
+        beaten += better and fit.verdict.level == "PASS"
+    what = f"{VIRTUAL}: verdicts that PASS though a baseline is better"
+    return [*found, judged(what, beaten, 0)]

@@ -21,7 +21,7 @@ from hysid.intake._selection import Selection
 from hysid.operations._fit import fit
 from hysteresis import InputError
 
-from . import _creep
+from . import _creep, _other_rigs
 from . import _measured_data as data
 from ._measure import Row, judged, noted, options, report
 
@@ -274,6 +274,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = [one.row for one in tried] + honest(tried)
     if (chosen.only or "") in CREEP:
         found += _creep.rows(data_folder())
+    if (chosen.only or "") in _other_rigs.VIRTUAL:
+        found += _other_rigs.rows()
     report(found, chosen.json)
 
 

@@ -44,6 +44,7 @@ from hysteresis import Series as Series
 from hysteresis import Softening as Softening
 from hysteresis import StandardLinearSolid as StandardLinearSolid
 from hysteresis import Sum as Sum
+from hysteresis import TimeDrift as TimeDrift
 from hysteresis import VelocityFriction as VelocityFriction
 from hysteresis import read_csv as read_csv
 from hysteresis import register as register

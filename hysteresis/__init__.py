@@ -47,10 +47,11 @@ from .models._conditioned import Conditioned as Conditioned
 from .models._conditioned import condition_of as condition_of
 from .models._conditioned import with_condition as with_condition
 from .models._curves import MonotoneCurve as MonotoneCurve
-from .models._cyclic_drift import CyclicDrift as CyclicDrift
 from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
 from .models._degrading_bouc_wen import DegradingState as DegradingState
 from .models._degrading_bouc_wen import Pinching as Pinching
+from .models._drift import CyclicDrift as CyclicDrift
+from .models._drift import TimeDrift as TimeDrift
 from .models._duhem import DuhemOperator as DuhemOperator
 from .models._duhem import DuhemState as DuhemState
 from .models._extrapolation import extended as extended

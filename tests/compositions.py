@@ -17,6 +17,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    TimeDrift,
     VelocityFriction,
     parameters,
 )
@@ -62,13 +63,14 @@ def _stops(rng: np.random.Generator, levels: np.ndarray, by: Modulator) -> Modul
 
 
 def friction(rng: np.random.Generator) -> Sum:
-    """Beside a line: of friction alone the input is known but for a constant."""
+    """Beside a line and a warming zero: of friction alone the input is known but for a constant."""
     speeds, levels = np.array([0.1, 1.0]), np.array([LOW, 0.3, HIGH])
     weights = rng.uniform(0.1, 0.2, (2, 3))
     slider = VelocityFriction(
         LOW, HIGH, speeds, levels, weights, rng.uniform(0.1, 0.2, 3), smoothing=0.5
     )
-    return Sum([LinearSponge(rng.uniform(0.5, 2)), slider])
+    warming = TimeDrift(np.array([0.5, 20.0]), rng.normal(size=2))
+    return Sum([LinearSponge(rng.uniform(0.5, 2)), slider, warming])
 
 
 def drifting(rng: np.random.Generator) -> Sum:
@@ -191,6 +193,9 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
         return np.full_like(t, (d * both).sum())
     if isinstance(model, VelocityFriction | CyclicDrift):
         return np.zeros_like(t)  # a first sample has no velocity, and no path behind it
+    if isinstance(model, TimeDrift):
+        since = (t - t[0])[:, None]
+        return (1 - np.exp(-since / np.asarray(model.times))) @ np.asarray(model.rates)
     assert isinstance(model, NonlinearMaxwell)
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))

@@ -27,6 +27,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    TimeDrift,
     VelocityFriction,
 )
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
@@ -333,14 +334,26 @@ def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
     """Part of a sum: alone it has no inverse."""
-    return node(
-        "drift",
-        {
-            "count": len(model.levels), "levels": model.levels, "drift": model.rates,
-            "least": model.least, "length": model.length + model.least, "offset": model.offset,
-        },
-        {"begun": 0, "u": 0.0, "path": 0.0},
+    return _drift(
+        count=len(model.levels), levels=model.levels, drift=model.rates, least=model.least,
+        length=model.length + model.least, offset=model.offset,
     )  # fmt: skip
+
+
+@_tree.register
+def _(model: TimeDrift, eps: float, depth: int) -> Tree:
+    """Part of a sum: alone it has no inverse."""
+    times = np.asarray(model.times)
+    return _drift(times_count=len(times), rates=1 / times, ends=model.rates, offset=model.offset)
+
+
+def _drift(**own: Any) -> Tree:
+    """A drift by path or by time; what it has not is 0."""
+    nothing = {
+        "count": 2, "levels": np.array([0.0, 1.0]), "drift": np.zeros(2), "least": 0.0, "length": 1.0,
+        "times_count": 0, "rates": np.zeros(1), "ends": np.zeros(1),
+    }  # fmt: skip
+    return node("drift", nothing | own, {"begun": 0, "u": 0.0, "path": 0.0, "elapsed": 0.0})
 
 
 @_tree.register

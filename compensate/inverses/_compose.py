@@ -17,6 +17,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    TimeDrift,
     VelocityFriction,
     is_concrete,
     register,
@@ -135,10 +136,10 @@ def _(
 
 
 @inverse_of.register
-def _(model: CyclicDrift) -> AbstractCompensator:
+def _(model: CyclicDrift | TimeDrift) -> AbstractCompensator:
     raise InputError(
         "not-invertible",
-        "the output of a CyclicDrift does not depend on the present input.",
+        f"the output of a {type(model).__name__} does not depend on the present input.",
         fix="add a part that rises with it: Sum([part, drift]).",
     )
 

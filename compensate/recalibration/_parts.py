@@ -17,6 +17,7 @@ from hysteresis import (
     Scaled,
     Series,
     Sum,
+    TimeDrift,
 )
 from hysteresis.curves import Clip
 from hysteresis.preisach import AbstractGridDensity
@@ -88,7 +89,7 @@ def _(model: Series) -> Split:
 def _(model: Sum) -> Split:
     parts: list[Part] = []
     for one in model.parts:
-        if isinstance(one, CyclicDrift):
+        if isinstance(one, CyclicDrift | TimeDrift):
             parts.append(Part(one, fixed=True))
             continue
         try:

@@ -136,6 +136,7 @@ PARTS_IN_WORDS = {
     "stops by span": "friction elements whose strength depends on the range that the input has covered",
     "friction": "friction that depends on the speed of the input",
     "drift": "a drift with the path that the input has travelled",
+    "drift in time": "a drift with the time since the first sample",
 }
 
 

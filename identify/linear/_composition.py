@@ -3,10 +3,10 @@
 The model is a sum of parts that are linear in non-negative unknowns (but for the offset's sign):
 
     y = offset + curve(u) + Maxwell branches + their strengths + softening + relays
-        + stops by position + stops by span + friction + drift
+        + stops by position + stops by span + friction + drift + drift in time
 
 Each part rises with its input by construction, but for the strengths, or does not depend on the present
-one (drift); so does a sum of them.
+one (drifts); so does a sum of them.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -28,6 +28,7 @@ from hysteresis import (
     Series,
     Softening,
     Sum,
+    TimeDrift,
     VelocityFriction,
 )
 from hysteresis.curves import Clip
@@ -46,8 +47,9 @@ CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "relays",
 )
 PLACE_STOPS, SPAN_STOPS, FRICTION = "stops by position", "stops by span", "friction"
-DRIFT = "drift"
-PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION, DRIFT)
+DRIFT, TIME_DRIFT = "drift", "drift in time"
+DRIFTS = (DRIFT, TIME_DRIFT)
+PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION, *DRIFTS)
 CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
 
@@ -66,12 +68,16 @@ PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0]
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
 
-SMOOTHING = 2.0
-"""Time constant of the velocity's filter, in sampling steps."""
+DECAYS = np.array([1 / 16, 1 / 4, 1.0, 4.0])
+"""Time constants of a drift in time, in parts of the longest sequence."""
+
+SMOOTHING, SHARP = 2.0, 0.3
+"""Time constant of the velocity's filter, in sampling steps, and where the input's steps hardly differ."""
 
 FIRMNESS = {
     CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0,
     PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0, DRIFT: 1.0,
+    TIME_DRIFT: 1.0,
 }  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
 
@@ -98,7 +104,9 @@ class CompositionUnknowns(NamedTuple):
     - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
     - `rest`: where the input of the stops is before the first sample.
     - `unseen`: the shortest path before a fitted row, in ranges of the input: before it nothing drifts.
-    - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time.
+    - `duration`: of the longest sequence, 0 without time.
+    - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time. `smoothing`: of the
+      velocity, in steps.
     """
 
     parts: tuple[str, ...]
@@ -114,6 +122,8 @@ class CompositionUnknowns(NamedTuple):
     speed: float = 0.0
     step: float = 0.0
     unseen: float = 0.0
+    duration: float = 0.0
+    smoothing: float = SMOOTHING
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -129,6 +139,7 @@ class CompositionUnknowns(NamedTuple):
             SPAN_STOPS: (2 * len(THRESHOLDS) + 1) * len(SPANS),
             FRICTION: (len(SPEEDS) + 1) * len(PLACES),
             DRIFT: len(PLACES),
+            TIME_DRIFT: len(DECAYS),
         }
         return (1, *(of[part] for part in self.parts))
 
@@ -145,7 +156,7 @@ class CompositionUnknowns(NamedTuple):
     @property
     def free(self) -> Bool[np.ndarray, " unknowns"]:
         """The unknowns of either sign."""
-        return np.repeat([True, *(part == DRIFT for part in self.parts)], self.sizes)
+        return np.repeat([True, *(part in DRIFTS for part in self.parts)], self.sizes)
 
     def where(self, parts: tuple[str, ...]) -> Int[np.ndarray, " some"]:
         """Places of the unknowns that a composition of these parts has too."""
@@ -190,7 +201,7 @@ class CompositionUnknowns(NamedTuple):
             CELLS[MAXWELL] if MAXWELL in self.parts else 1,
             tuple(THRESHOLDS.tolist()) if stopped else (), (self.rest - self.low) / span,
             CELLS[RELAYS] if RELAYS in self.parts else 0, self.initial,
-            SMOOTHING * self.step if FRICTION in self.parts else 0.0,
+            self.smoothing * self.step if FRICTION in self.parts else 0.0,
         )  # fmt: skip
 
     def columns(self, memory: Memory) -> Columns:
@@ -199,7 +210,7 @@ class CompositionUnknowns(NamedTuple):
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
             SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
             SPAN_STOPS: self._span_stops, FRICTION: self._friction,
-            DRIFT: self._drift,
+            DRIFT: self._drift, TIME_DRIFT: self._time_drift,
         }  # fmt: skip
         one = np.ones((len(memory.v), 1))
         return np.hstack([one, *(made[part](memory) for part in self.parts)])
@@ -267,7 +278,7 @@ class CompositionUnknowns(NamedTuple):
             parts.append(
                 VelocityFriction(
                     self.low, self.high, self.speed * SPEEDS, self._inputs(PLACES), coulomb,
-                    viscous / self.speed, smoothing=SMOOTHING * self.step,
+                    viscous / self.speed, smoothing=self.smoothing * self.step,
                 )
             )  # fmt: skip
         if DRIFT in values:
@@ -278,6 +289,8 @@ class CompositionUnknowns(NamedTuple):
                     self.low, self.high, places, rates, length=span, least=self.unseen * span
                 )
             )
+        if TIME_DRIFT in values:
+            parts.append(TimeDrift(self.duration * DECAYS, values[TIME_DRIFT]))
         before = [self._first] if self.first else []
         after = [] if self.floor is None else [Clip(low=self.floor)]
         whole: AbstractModel = Sum(parts)
@@ -328,11 +341,14 @@ class CompositionUnknowns(NamedTuple):
 
     @property
     def totals(self) -> Float[np.ndarray, "sums unknowns"]:
-        """The sums as rows: a rise over the range, a mean strength, a mass of relays, a mean drift."""
+        """The sums as rows: a rise over the range, a mean strength, a mass of relays, a mean drift,
+        what drifts in the longest sequence."""
         rows = [np.ones((1, 1))]
         for part, size in zip(self.parts, self.sizes[1:], strict=True):
             branches = len(self.branches(part)) or 1
             each = np.ones((1, size // branches))
+            if part == TIME_DRIFT:
+                each = _gone(np.ones(1))
             rows += [each / each.size if part in (STRENGTHS, DRIFT) else each] * branches
         return np.asarray(scipy.linalg.block_diag(*rows))
 
@@ -389,6 +405,14 @@ class CompositionUnknowns(NamedTuple):
     def _drift(self, memory: Memory) -> Columns:
         further = np.maximum(memory.path - self.unseen, 0.0) / (1 + self.unseen)
         return np.log1p(further)[:, None] * hats_of(memory.felt, PLACES)
+
+    def _time_drift(self, memory: Memory) -> Columns:
+        return _gone(memory.elapsed / self.duration)
+
+
+def _gone(elapsed: Samples) -> Columns:
+    """What each drift has done, at times in parts of the longest sequence."""
+    return -np.expm1(-elapsed[:, None] / DECAYS)
 
 
 def _with_bands(

@@ -52,7 +52,7 @@ class Memory(NamedTuple):
 
     - `v`: the input. `before`: the one before, `rest` at a start. `felt`: the same, but `v` at a start.
     - `largest`, `covered`: the largest input so far, and the range covered before. `path`: the path
-      travelled before.
+      travelled before. `elapsed`: the time since the sequence's first sample.
     - `left`: (rows, times, cells) what is left of the springs' rises. `strained`: stops over thresholds.
     - `relays`: rows of the design in node space, sparse. `velocity`: of v, smoothed.
     """
@@ -63,6 +63,7 @@ class Memory(NamedTuple):
     largest: Samples
     covered: Samples
     path: Samples
+    elapsed: Samples
     left: Float[np.ndarray, "rows times cells"]
     strained: Float[np.ndarray, "rows stops"]
     relays: Any
@@ -115,8 +116,8 @@ def memory_blocks(
 
 
 class _State(NamedTuple):
-    """Behind a row: time, input, largest input, and largest and least before it, path, springs, stops,
-    speed."""
+    """Behind a row: time, input, largest input, and largest and least before it, path, time since the
+    first row, springs, stops, speed."""
 
     t: float
     v: float
@@ -124,6 +125,7 @@ class _State(NamedTuple):
     most: float
     least: float
     path: float
+    elapsed: float
     left: np.ndarray
     z: np.ndarray
     lead: np.ndarray
@@ -132,7 +134,7 @@ class _State(NamedTuple):
     def nothing(cls, layout: MemoryLayout) -> "_State":
         left = np.zeros((len(layout.times), layout.cells))
         z = np.full(len(layout.thresholds), layout.rest)
-        return cls(0.0, 0.0, -np.inf, -np.inf, np.inf, 0.0, left, z, np.zeros((1, 1)))
+        return cls(0.0, 0.0, -np.inf, -np.inf, np.inf, 0.0, 0.0, left, z, np.zeros((1, 1)))
 
 
 def _advanced(
@@ -148,12 +150,14 @@ def _advanced(
     least = running(np.minimum, before, first, state.least)
     gone = np.abs(v - felt)
     path = state.path + np.cumsum(gone) - gone
+    dt = np.zeros(len(v)) if t is None else np.diff(t, prepend=state.t)
+    dt[first] = 0.0
+    elapsed = state.elapsed + np.cumsum(dt)
     begun = np.zeros(len(v), int)
     begun[first] = first
     if len(first):
-        path[first[0] :] -= path[np.maximum.accumulate(begun)][first[0] :]
-    dt = np.zeros(len(v)) if t is None else np.diff(t, prepend=state.t)
-    dt[first] = 0.0
+        for sums in (path, elapsed):
+            sums[first[0] :] -= sums[np.maximum.accumulate(begun)][first[0] :]
     springs = rises(v, layout.cells)
     moved = np.diff(springs, axis=0, prepend=rises(np.array([state.v]), layout.cells))
     moved[first] = springs[first]
@@ -171,10 +175,11 @@ def _advanced(
     velocity = lead[:, 0, 0] / (layout.smoothing or 1.0)
     behind = _State(
         0.0 if t is None else float(t[-1]), float(v[-1]), float(largest[-1]),
-        float(most[-1]), float(least[-1]), float(path[-1] + gone[-1]), left[-1], z[-1], lead[-1],
+        float(most[-1]), float(least[-1]), float(path[-1] + gone[-1]), float(elapsed[-1]),
+        left[-1], z[-1], lead[-1],
     )  # fmt: skip
     strained = (v[:, None] - z) / r
-    return behind, (v, before, felt, largest, most - least, path, left, strained, velocity)
+    return behind, (v, before, felt, largest, most - least, path, elapsed, left, strained, velocity)
 
 
 def _relaxed(

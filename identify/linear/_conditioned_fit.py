@@ -20,7 +20,7 @@ from ..records._folds import (
     held_out_errors,
     simplest,
 )
-from ._composition import CURVE
+from ._composition import CURVE, PARTS, TIME_DRIFT
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
@@ -33,6 +33,9 @@ those next to even steps on the axis are knots."""
 WIDE = 1.5
 """The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
 straight one by enough to be tried."""
+
+CONDITIONED = tuple(part for part in PARTS if part != TIME_DRIFT)
+"""A condition may change slowly in time, so a drift in time is not told from its effect."""
 
 GROWN_WITH = 3
 """Knots at most while parts join: how many there are at last is chosen with all parts."""
@@ -82,7 +85,9 @@ class ConditionedProblem(Problem):
         self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial
     ) -> None:
         super().__init__(
-            record, parts, unknowns_for(record, parts, initial)._replace(leading=leading)
+            record,
+            parts,
+            unknowns_for(record, parts, initial, CONDITIONED)._replace(leading=leading),
         )
         c = record.columns[name]
         self.condition, self.c = name, c[self.rows]

@@ -56,7 +56,7 @@ def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float,
     data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
-        rest=0.2, speed=0.3, step=0.1,
+        rest=0.2, speed=0.3, step=0.1, duration=7.0,
     )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
@@ -76,7 +76,7 @@ def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float,
 
 def test_all_parts_but_the_strengths_rise_with_the_input():
     meaning = CompositionUnknowns(
-        PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative", speed=0.3, step=0.1
+        PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative", speed=0.3, step=0.1, duration=7.0
     ).of(*(p for p in PARTS if p != "strengths"))
     model = meaning.model(np.random.default_rng(1).uniform(0, 1, meaning.count))
     t, u = walk(3)

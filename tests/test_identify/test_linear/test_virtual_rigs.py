@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks._other_rigs import RIGS, record_of
 from hysteresis import Record
 from identify import fit
 from tests.thorough import rest_thorough
@@ -90,3 +91,24 @@ def test_a_rig_is_learnt_beyond_the_best_baseline(
     assert test is not None
     assert test.rmse < bar * min(others)
     assert found.verdict.level == "PASS"
+
+
+def test_friction_is_sharp_where_the_input_moves_evenly():
+    """Bristles bend within a step. A velocity smoothed over two steps errs three times as much."""
+    rig = RIGS["slide with bristles"]
+    found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
+    assert "friction" in found.name
+    test = found.metrics["test"]
+    assert test is not None
+    assert test.rmse < 0.5 * min(baseline.judged[0] for baseline in found.baselines)
+    assert found.verdict.level == "PASS"
+
+
+def test_a_zero_that_warms_up_is_told_from_memory():
+    """Ridge regression has it in its slow states; parts without a clock miss it sixfold."""
+    rig = RIGS["warming load cell"]
+    found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
+    assert "drift in time" in found.name
+    test = found.metrics["test"]
+    assert test is not None
+    assert test.rmse < 1.05 * min(baseline.judged[0] for baseline in found.baselines)

@@ -1,10 +1,11 @@
-"""A drift of the output with the path that the input has travelled."""
+"""Drifts of the output: with the path that the input has travelled, and with the time."""
 
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
@@ -120,3 +121,102 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
         rate = jnp.dot(jnp.asarray(self.rates), hats(before, jnp.asarray(self.levels)))
         further = jnp.maximum(path - self.least, 0.0) / (self.length + self.least)
         return self.offset + rate * jnp.log1p(further)
+
+
+class ClockState(NamedTuple):
+    """The time of the last sample, NaN before the first, and the time since the first one."""
+
+    t: Array
+    elapsed: Array
+
+
+class ClockInput(NamedTuple):
+    """The time of each sample since the first one of its sequence."""
+
+    elapsed: Array
+
+
+@register
+class TimeDrift(AbstractModel[ClockState, ClockInput]):
+    """Warming up, aging or a creeping zero: a drift that goes on whatever the input does.
+
+        y_t = offset + sum_k d_k (1 - exp(-s / tau_k)),    s = time since the first sample
+
+    It does not depend on the input: beside parts that rise with it, the sum has an inverse. A sequence
+    that begins anew drifts anew, so it describes runs that begin alike, from the same rest.
+
+    **Arguments:**
+
+    - `times`: (K,) tau_k, positive. `rates`: (K,) d_k, of either sign.
+    - `offset`: the output's constant.
+
+    Raises `InputError` where an argument does not meet these conditions, and `no-time` without times.
+
+    Source: the response of a zero to a step of temperature, e.g. Doebelin, Measurement Systems (2003).
+
+    **Example:**
+
+        >>> drift = hysteresis.TimeDrift(np.array([1.0]), np.array([2.0]))
+        >>> np.asarray(drift.simulate(np.array([3.0, 4.0]), np.zeros(2))).round(3).tolist()
+        [0.0, 1.264]
+    """
+
+    times: Values = parameter(
+        unit="time", bounds=(0.0, float("inf")), fixed=True, meaning="time constants of the drift"
+    )
+    rates: Values = parameter(unit="output", meaning="drift of each time constant in the end")
+    offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+
+    def __check_init__(self) -> None:
+        if self.rates.shape[-1:] != np.shape(self.times)[-1:]:
+            raise InputError(
+                "length-mismatch",
+                f"{len(self.times)} times, but rates of shape {self.rates.shape}.",
+                fix=f"give ({len(self.times)},) rates.",
+            )
+        if is_concrete(self.times) and not (np.asarray(self.times) > 0).all():
+            raise InputError("parameter-out-of-bounds", "times must be positive.")
+
+    def init(self, t0: Any = None, u0: Any = None) -> ClockState:
+        zero = jnp.zeros_like(jnp.asarray(self.offset, float))
+        return ClockState(zero + jnp.nan, zero)
+
+    def step(self, state: ClockState, t: Any, u: Any) -> tuple[ClockState, Float[Array, ""]]:
+        if t is None:
+            raise _no_time()
+        t = jnp.asarray(t, state.t.dtype)
+        elapsed = state.elapsed + jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
+        return ClockState(t, elapsed), self._output(elapsed)
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: ClockState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> ClockInput:
+        if t is None:
+            raise _no_time()
+        state = self.init() if state is None else state
+        t = jnp.asarray(t, state.t.dtype)
+        start = is_start(len(t), starts)
+        since = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
+        steps = jnp.where(start > 0, since + state.elapsed, jnp.diff(t, prepend=t[:1]))
+        (elapsed,) = linear_recurrence((1 - start,), (steps,))
+        return ClockInput(elapsed)
+
+    def evaluate(self, prepared: ClockInput) -> Float[Array, " samples"]:
+        return jax.vmap(self._output)(prepared.elapsed)
+
+    def _output(self, elapsed: Array) -> Array:
+        gone = -jnp.expm1(-elapsed / jnp.asarray(self.times))
+        return self.offset + jnp.dot(gone, jnp.asarray(self.rates))
+
+
+def _no_time() -> InputError:
+    return InputError(
+        "no-time",
+        "TimeDrift depends on the time, and this record has none.",
+        fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+    )
