@@ -22,6 +22,7 @@ from hysteresis.rigs import SpongeRig
 from identify import fit
 
 from .._measure import Row, judged, noted, options, report
+from .plain_filters import plain_rows
 
 DT, SIGMA, WALK = 0.5, 0.2, 0.3
 """s; mm, of the sensor; N per root second, by which the plan is missed."""
@@ -57,8 +58,8 @@ def estimator_rows(quick: bool) -> list[Row]:
     y = np.asarray(SpongeRig().follow(pressed, dt=DT)) + SIGMA * random.normal(size=len(t))
     known, taught = (len(wear) + k * (LEAD + ROWS) for k in (FITTED, TAUGHT))
     rows = slice(80, known)
-    model = fit(Record.from_arrays(pressed[rows], y[rows], t[rows]), model="Preisach").model
-    filtered = FilteredCompensator(model, input_step=4.0, output_sigma=SIGMA)
+    fitted = fit(Record.from_arrays(pressed[rows], y[rows], t[rows]), model="Preisach")
+    filtered = FilteredCompensator(fitted.model, input_step=4.0, output_sigma=SIGMA)
     mask = np.arange(taught) >= known
     before = Record.from_arrays(pressed[:taught], y[:taught], t[:taught], mask=mask)
     found = calibrated(filtered, before).simulate(t, y)
@@ -96,6 +97,7 @@ def estimator_rows(quick: bool) -> list[Row]:
             f"{what}rms error of the compensator, N", float(np.sqrt(np.mean((value - true) ** 2)))
         ),
         noted(f"{what}rms error of the filter, N", float(np.sqrt(np.mean((F - true) ** 2)))),
+        *plain_rows(fitted, before, y, (true, plan, current, start), LEAD, DT, WALK),
     ]
 
 

@@ -240,6 +240,7 @@ class Program:
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
+            "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {
                 "dt": np.diff(t[:n], prepend=t[0]).tolist(), "reading": y[:n].tolist(),

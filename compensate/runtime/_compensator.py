@@ -35,6 +35,9 @@ class Compensator:
       {"name", "unit", "low", "high"}; None where the model depends on none.
     - `trained`: inputs of the training rows, None where the file does not know them; `beyond`: "limit",
       "nan" or "free", what becomes of estimates beyond. Their status is EXTRAPOLATED.
+    - `lasting`: {"share", "time"}: the part of the error's variance that lasts, and the time in which that
+      decays to 1/e, in the unit of `dt` (in readings where the record had no times), for filters in which
+      the error is a state; None where the file does not know it.
     - `band`: of the last estimate; it holds whole runs with a guaranteed probability.
     - `advice` and `lost`: of a compensator that recalibrates itself.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
@@ -58,6 +61,7 @@ class Compensator:
         self.longest: float = document.get("longest") or LONGEST
         self._tree, self._start = document["tree"], document["start"]
         self._band: Tree | None = document.get("band")
+        self.lasting: dict[str, float] | None = document.get("lasting")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")

@@ -28,6 +28,9 @@ CANDIDATES = 81
 TINY = 1e-30
 """The scale of residuals that are all 0."""
 
+LASTING = 0.1
+"""Correlation of errors below which nothing of it is taken to last."""
+
 PRIOR_VISITS = 2.0
 """As many visits of a level are added with the mean error: few say little about one level."""
 
@@ -56,6 +59,12 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     held the truth; 0.9 is meant. NaN where it was not measured. `has_draws`: whether estimates have draws,
     200 numbers a sample.
 
+    `share`, `lasts`: the part of the error's variance that lasts, and the time in which it decays to 1/e,
+    in the unit of the record's times (in samples where it has none). A filter that takes the error for
+    white noise trusts it too much; with these it can make a state of it:
+
+        estimate = input + deviation (beta + sqrt(1 - share) v),    beta' = -beta / lasts + noise, var share
+
     **Example:**
 
         >>> band = compensate.calibrated(compensate.invert(fit.model), record, levels=4)
@@ -70,6 +79,8 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     width: float = eqx.field(static=True)
     coverage: float = eqx.field(default=float("nan"), static=True)
     has_draws: bool = eqx.field(default=True, static=True)
+    share: float = eqx.field(default=0.0, static=True)
+    lasts: float = eqx.field(default=0.0, static=True)
 
     def init(self) -> CalibratedState:
         return CalibratedState(self.inner.init(), jnp.asarray(jnp.nan, float), jnp.asarray(1))
@@ -208,7 +219,40 @@ def calibrated(
     errors = np.sqrt(ahead) * error(of_visit >= 0)
     symmetric = np.concatenate([-half[::-1], half])
     learnt = (jnp.asarray(part) for part in (middles, errors, symmetric))
-    return CalibratedCompensator(compensator, *learnt, width=width)
+    last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
+    share, lasts = _lasting(
+        np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
+    )
+    return CalibratedCompensator(compensator, *learnt, width=width, share=share, lasts=lasts)
+
+
+def _lasting(
+    score: np.ndarray, row: np.ndarray, sequence: np.ndarray, time: np.ndarray | None
+) -> tuple[float, float]:
+    """Share of the variance of an error that decays exponentially, and its time: a line through the
+    logarithms of its correlations at lags of 1, 2, 4, ... rows, down to the first that is small."""
+    off, size = score - score.mean(), float(np.var(score))
+    lags, correlation, lag = [], [], 1
+    while size and lag < len(score) // 10:
+        together = (row[lag:] - row[:-lag] == lag) & (sequence[lag:] == sequence[:-lag])
+        if not together.any():
+            break
+        now = float(np.mean((off[lag:] * off[:-lag])[together])) / size
+        if now < LASTING:
+            break
+        lags.append(lag)
+        correlation.append(now)
+        lag *= 2
+    if not lags:
+        return 0.0, 0.0
+    # Two lags at least make a line; one alone is taken to hold all of the error.
+    slope, level = (
+        np.polyfit(lags, np.log(correlation), 1)
+        if len(lags) > 1
+        else (np.log(min(correlation[0], 1 - 1e-6)) / lags[0], 0.0)
+    )
+    step = 1.0 if time is None else float(np.median(np.diff(time)[np.diff(time) > 0]))
+    return float(min(np.exp(level), 1.0)), float(-step / min(slope, -1e-9))
 
 
 def _residuals(compensator: AbstractCompensator, record: Record) -> tuple[Any, ...]:
