@@ -70,7 +70,7 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     if not (isinstance(fit.detail, Parametric) and names and count >= LEAST):
         return None
     used = fit.used & np.isfinite(fit.residuals)
-    r, J = fit.residuals[used], np.column_stack([_slope(fit, name)[used] for name in names])
+    r, J = fit.residuals[used], np.column_stack([slope_of(fit, name)[used] for name in names])
     scale = np.maximum(np.sqrt((J**2).sum(0)), np.finfo(float).tiny)
     steps = np.zeros((count, len(names)))
     belongs = group[used]
@@ -105,13 +105,17 @@ def _groups(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
     return np.where(found, at, -1)
 
 
-def _slope(fit: FitResult, name: str) -> Float[np.ndarray, " samples"]:
+def slope_of(fit: FitResult, name: str) -> Float[np.ndarray, " samples"]:
     """dy / d parameter of every row, by central differences."""
-    value = parameter_at(fit.model, name)
+    array, _, place = name.rpartition(".")
+    is_entry = place.isdigit() and eqx.is_array(parameter_at(fit.model, array))
+    field = array if is_entry else name
+    value = jnp.asarray(parameter_at(fit.model, field))
     own = next(p for p in fit.parameters if p.name == name)
     step = STEP * (abs(own.value) or own.stderr or 1.0)
     ends = []
     for side in (step, -step):
-        moved = eqx.tree_at(lambda m: parameter_at(m, name), fit.model, jnp.asarray(value + side))
+        new = value.at[int(place)].add(side) if is_entry else value + side
+        moved = eqx.tree_at(lambda m: parameter_at(m, field), fit.model, new)
         ends.append(np.asarray(replace(fit, model=moved).predict(fit.train)))
     return (ends[0] - ends[1]) / (2 * step)
