@@ -168,8 +168,7 @@ def coloured(quick: bool) -> list[Row]:
 
 def posterior(quick: bool) -> list[Row]:
     """Draws until the ensembles agree; the deviations beside the standard errors."""
-    samples = PERIOD // 4 if quick else PERIOD
-    fit, _ = fitted(as_record(*training(1, samples=samples)), KNOWN)
+    fit, _ = fitted(as_record(*training(1, samples=PERIOD // (8 if quick else 4))), KNOWN)
     begin = time.process_time()
     drawn = identify.sample(fit)
     taken = time.process_time() - begin
