@@ -103,8 +103,10 @@ class Target(eqx.Module):
         return jnp.where(rows.counted, predicted - self.measured, 0.0), rows
 
 
-def target(fit: FitResult) -> Target:
+def target(fit: FitResult, held: tuple[str, ...] = ()) -> Target:
     """The log-posterior of a fit of few parameters.
+
+    Parameters that are `held` keep the value of the fit.
 
     Without a noise model that explains the residuals they are Gaussian and count for as many as are
     independent.
@@ -127,7 +129,8 @@ def target(fit: FitResult) -> Target:
             "no-posterior", f"{fit.name} was fitted by linear weights, not by parameters."
         )
     record, used, noise = fit.train, fit.used, fit.noise_model
-    bounds = transform_for(fit.model, record, fit.settings)
+    settings = fit.settings | {name: Setting(fixed=True) for name in held}
+    bounds = transform_for(fit.model, record, settings)
     if not bounds.names:
         raise InputError("nothing-free", "the model has no free parameter, so nothing to sample.")
     predicted = np.where(used, record.output + np.where(used, fit.residuals, 0.0), 0.0)

@@ -14,7 +14,9 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError
 from hysteresis._serialisation import described
+from hysteresis.numerics._normal import NORMAL_95
 
+from ..parametric._standard_errors import UNCERTAIN
 from ..results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -38,6 +40,10 @@ from ._pointwise import per_row
 from ._posterior import Posterior, modes_of, summary_of
 
 MOST_STEPS = 20_000
+DOUBTFUL, WIDE, PILOT = 0.7, 1.0, 600
+"""Deviation of a logarithm from which on a posterior may have long tails; that from which on the parameter
+is held, if a short run shows it; steps of that run."""
+
 PRIOR_DRAWS = 1000
 """Enough for a variance to 5 per cent."""
 
@@ -62,7 +68,9 @@ def sample(
     R-hat means something. Without `steps` they go on until R-hat is below 1.01 and every ensemble holds 50
     autocorrelation times of every parameter; where that is not so after `most` steps, the notes say so.
     Burn-in is five autocorrelation times. First walkers are drawn about the fit from Laplace's covariance,
-    wider, each ensemble about a place of its own.
+    wider, each ensemble about a place of its own. Parameters that the data leave open, by a
+    deviation of a factor of e and more, keep the value of the fit, and the notes name them; of several that
+    the data know together only as many as it takes. A prior of the user's keeps a parameter from that.
 
     `method="nuts"`, the extra `hysid[nuts]`: the No-U-Turn sampler, for many parameters; `ensembles`
     chains, a thousand `steps` of each by default. Not for weights.
@@ -133,7 +141,12 @@ def sample(
         length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
         kept = Checkpoint(file, _weights_identity(fit, detail, length), resume, every)
         return sample_weights(fit, detail.linear, length, kept, tell)
-    aim = motion_target(fit) if isinstance(detail, Motion) else target(fit)
+    held: tuple[str, ...] = ()
+    aim: Target | MotionTarget
+    if isinstance(detail, Motion):
+        aim = motion_target(fit)
+    else:
+        aim, held = known_target(fit, ensembles, walkers, seed)
     if method == "nuts" and isinstance(aim, MotionTarget):
         raise InputError(
             "bad-option",
@@ -145,6 +158,7 @@ def sample(
         from ._nuts import sample_nuts
 
         notes = ("NUTS keeps no checkpoint.",) if checkpoint is not None else ()
+        notes = (*_held_in_words(fit, held), *notes)
         chains = sample_nuts(aim, steps or 1000, ensembles, seed, tell, notes)
         return _posterior(aim, chains, seed, begin)
     walkers = walkers_for(walkers, len(aim.names))
@@ -156,7 +170,55 @@ def sample(
         place, _, root = map(np.asarray, top_of(aim))
     first = first_walkers(density, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
+    chains = chains._replace(notes=(*_held_in_words(fit, held), *chains.notes))
     return _posterior(aim, chains, seed, begin)
+
+
+def known_target(
+    fit: FitResult, ensembles: int, walkers: int | None, seed: int
+) -> tuple[Target, tuple[str, ...]]:
+    """The log-posterior of the parameters that the data know, and the others, which keep their values.
+
+    Where the fit or Laplace's covariance leaves a bounded parameter uncertain by more than `DOUBTFUL` in
+    the free space, a short run shows how wide the posterior is, because a ridge that bends has long tails.
+    The parameter that is known worst is held if its deviation is above `UNCERTAIN`, or in the short run
+    above `WIDE`, until all others are known. Parameters with a prior of the user's are never held.
+    """
+    held: tuple[str, ...] = ()
+    while True:
+        aim = target(fit, held)
+        bounds = aim.bounds
+        bounded = np.isfinite(bounds.low) | np.isfinite(bounds.high)
+        default = np.array([prior.default for prior in bounds.priors])
+        may = np.flatnonzero(bounded & default)
+        lost = {p.name for p in fit.parameters if p.status == "unidentified"}
+        place, _, root = map(np.asarray, top_of(aim))
+        sd = np.sqrt((root**2).sum(1))[may]
+        if not len(may) or len(bounds.names) < 2 or not (held or lost or (sd > DOUBTFUL).any()):
+            return aim, held
+        if sd.max() <= UNCERTAIN:
+            count, density = walkers_for(walkers, len(aim.names)), log_probability(aim)
+            first = first_walkers(density, place, root, ensembles, count, seed)
+            nowhere = Checkpoint(None)
+            short = sample_ensembles(
+                density, first, place, root, seed, PILOT, PILOT, nowhere, lambda *_: None
+            )
+            points = short.points.reshape(-1, len(aim.names))
+            low, high = np.quantile(points[:, may], [0.05, 0.95], axis=0)
+            sd = np.maximum(points[:, may].std(0), (high - low) / (2 * NORMAL_95))
+            if sd.max() <= WIDE:
+                return aim, held
+        held = (*held, bounds.names[may[int(sd.argmax())]])
+
+
+def _held_in_words(fit: FitResult, held: tuple[str, ...]) -> tuple[str, ...]:
+    said = [f"{p.name} = {p.value:.4g} {p.unit}" for p in fit.parameters if p.name in held]
+    if not said:
+        return ()
+    return (
+        f"the data do not determine {', '.join(held)}, so the posterior holds {', '.join(said)}: it is"
+        " that of the other parameters given them.",
+    )
 
 
 def log_probability(aim: Target) -> LogProbability:

@@ -263,3 +263,9 @@ def test_posterior_comes_back_and_other_tools_read_it(grid_fit, grid_posterior, 
     (tmp_path / "posterior.nc").write_bytes(b"cut off")
     with pytest.raises(InputError, match="sample again"):
         load_posterior(tmp_path)
+
+
+def test_a_parameter_that_is_held_is_not_sampled_and_keeps_its_value(line_fit) -> None:
+    aim = target(line_fit, ("b",))
+    assert aim.names == ("K", "sigma")
+    assert aim.model(aim.start).b == line_fit.model.b
