@@ -16,7 +16,6 @@ from hysteresis import InputError
 from hysteresis._serialisation import described
 from hysteresis.numerics._normal import NORMAL_95
 
-from ..parametric._standard_errors import UNCERTAIN
 from ..results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -40,6 +39,9 @@ from ._pointwise import per_row
 from ._posterior import Posterior, modes_of, summary_of
 
 MOST_STEPS = 20_000
+UNCERTAIN = 2.0
+"""Laplace's deviation of a logarithm from which on a parameter is held: a factor of 7, as in a fit."""
+
 DOUBTFUL, WIDE, PILOT = 0.7, 1.0, 600
 """Deviation of a logarithm from which on a posterior may have long tails; that from which on the parameter
 is held, if a short run shows it; steps of that run."""
