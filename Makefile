@@ -1,6 +1,6 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
-# make thorough  the studies among the tests, which `make test` leaves out: before a release
+# make thorough  the studies among the tests, which `make test` leaves out
 # make pages   the code that docs/ and docstrings show, run as tests without building the pages
 # make lint    formatting, style, import directions, types
 # make docs    the documentation, its code run: out/docs/index.html
