@@ -19,9 +19,11 @@ from hysteresis import BoucWen as BoucWen
 from hysteresis import BoucWenForce as BoucWenForce
 from hysteresis import Burgers as Burgers
 from hysteresis import Conditioned as Conditioned
+from hysteresis import CoupledOscillators as CoupledOscillators
 from hysteresis import CyclicDrift as CyclicDrift
 from hysteresis import DegradingBoucWen as DegradingBoucWen
 from hysteresis import DuhemForce as DuhemForce
+from hysteresis import DuhemOperator as DuhemOperator
 from hysteresis import FoamCurve as FoamCurve
 from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell

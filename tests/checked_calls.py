@@ -19,7 +19,8 @@ from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray, jaxtyped
 
 NAME = "_checked_call"
-_types = beartype(conf=BeartypeConf(is_pep484_tower=True))  # PEP 484's tower: an int is a float
+# PEP 484's tower: an int is a float. Callers know a wrong type as Python's own error.
+_types = beartype(conf=BeartypeConf(is_pep484_tower=True, violation_type=TypeError))
 
 
 def _names_shapes(annotation: Any) -> bool:

@@ -64,13 +64,13 @@ class _Way(NamedTuple):
 def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
     """A composition behind which the output has a valley, or a peak; see `unfolded`.
 
-    Raises `InputError` `no-butterfly` where the output has none on most ways of the input.
+    Raises `InputError` `nothing-fits` where the output has none on most ways of the input.
     """
     record, parts = data.record, data.parts
     state = unfolded(record)
     if state is None or data.condition is not None:
         raise InputError(
-            "no-butterfly",
+            "nothing-fits",
             "the output has no valley or peak on most ways of the input from one reversal to the next."
             if state is None
             else "a butterfly that depends on a condition is not fitted.",

@@ -48,7 +48,7 @@ def test_the_state_is_found_behind_a_square(peak: bool, level: float):
 def test_loops_without_valleys_are_no_butterflies(y: np.ndarray):
     record = Record.from_arrays(U, y)
     assert unfolded(record) is None
-    with pytest.raises(InputError, match="no-butterfly"):
+    with pytest.raises(InputError, match="nothing-fits"):
         fit(record, "Butterfly", test_cycles=1)
 
 

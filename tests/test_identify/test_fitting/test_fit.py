@@ -212,7 +212,9 @@ def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
     ):
         assert key in document
     for parameter in document["parameters"]:
-        assert set(parameter) == {"name", "value", "unit", "stderr", "status", "low", "high"}
+        assert set(parameter) == {
+            "name", "value", "unit", "stderr", "status", "low", "high", "repeatability",
+        }  # fmt: skip
     metrics = {"rmse", "nrmse_percent", "max_abs", "r2", "relative_percent"}
     assert set(document["metrics"]["test"]) == metrics
     assert document["detail"] == {"kind": "grid weights"}
