@@ -154,7 +154,7 @@ def coloured(quick: bool) -> list[Row]:
     for seed in range(1, 6 if quick else 41):
         random = np.random.default_rng([seed, 9])
         u, y = steady(Plant(), multisine(random, PERIOD // 4), 5)
-        noise = lfilter([1.0], [1.0, -0.9], random.normal(size=len(y) + 500))[500:]
+        noise = np.asarray(lfilter([1.0], [1.0, -0.9], random.normal(size=len(y) + 500)))[500:]
         fit, _ = fitted(as_record(u, y + NOISE / np.std(noise) * noise), KNOWN)
         assert isinstance(fit.detail, identify.Motion)
         inside.append(held(fit))

@@ -141,7 +141,7 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
         return y + below * slopes[0] + above * slopes[-1]
 
 
-def _integral(slope: Array, bend: Array, length: Array) -> Array:
+def _integral(slope: Array, bend: Array, length: Scalar) -> Array:
     """Integral of dx / f over a length where f goes straight from `slope` to (1 + bend) slope."""
     small = jnp.abs(bend) < SMALL
     safe = jnp.where(small, 1.0, bend)

@@ -17,7 +17,7 @@ Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992); Rasmussen, 
 for Machine Learning (2006), section 5.4.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -156,7 +156,7 @@ class WeightsEvidence:
             rows = self.sums.rows - 1
             return 0.5 * float(np.min(rows * np.log(left) + spread + log_det))
 
-        found = scipy.optimize.minimize_scalar(
+        found: Any = scipy.optimize.minimize_scalar(
             loss, bounds=(ENDS[0] + 0.1, ENDS[1] - 0.1), method="bounded", options={"xatol": 1e-3}
         )
         top, h = float(found.x), 0.05
