@@ -35,7 +35,7 @@ def demo(
     )
     document = fit(file, selection, out, overwrite=True, say=say)
     say("sampling the posterior")
-    sample(out, steps=1000, ensembles=4, seed=0, resume=False, progress=progress)
+    sample(out, steps=1000, ensembles=2, seed=0, resume=False, progress=progress)
     say("running the compensator: displacement in, force out")
     backwards = predict(out, file, inverse=True)
     say("writing the report")
