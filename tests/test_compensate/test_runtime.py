@@ -89,6 +89,16 @@ def test_python_is_the_same(problem: Problem, tmp_path: Path):
             compensator.step(float(done.y[0]))
 
 
+def test_readings_at_the_end_of_a_flat_place_do_not_damage_a_file(tmp_path: Path):
+    """Rounding decides there which end of it is the estimate; the golden readings keep away from it."""
+    problem = next(p for p in EXPORTED if p.name == "preisach-sparse")
+    model = problem.model()
+    u = random_histories(np.random.default_rng(3), problem.low, problem.high, (1, ROWS))[0]
+    y = np.asarray(model.simulate(None, u))
+    export_runtime(model, tmp_path / "it.json", y)
+    load(tmp_path / "it.json")
+
+
 @every
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
