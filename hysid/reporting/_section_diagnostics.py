@@ -42,19 +42,22 @@ def _parts(case: Case) -> Iterator[Section | None]:
         aim = identify.target(case.fit)
     except InputError:
         aim = None
-    if aim is not None and len(case.fit.train) <= MOST_ROWS:
+    long = len(case.fit.train) > MOST_ROWS
+    if aim is not None and not long:
         yield _profiles(case)
         yield _sloppiness(case)
     if aim is not None:
         yield _beliefs(case, aim)
-    yield _predictive(case)
-    if aim is not None and len(case.fit.train) <= MOST_ROWS:
+    if not long or case.posterior is not None:
+        yield _predictive(case)
+    if aim is not None and not long:
         yield _sensitivity(case)
-    elif aim is not None:
+    if long:
         yield Section("Skipped diagnostics", [
-            "The report skips profiles, combinations of parameters and fits without single cycles for more"
-            f" than {MOST_ROWS:,} rows. identify.profiles, identify.sloppiness and identify.sensitivity"
-            " compute them."
+            f"For more than {MOST_ROWS:,} rows the report skips what would be fitted or sampled anew:"
+            " profiles, combinations of parameters and fits without single cycles of a model of few"
+            " parameters, and predictive bands where no posterior was drawn. identify.profiles,"
+            " identify.sloppiness, identify.sensitivity and identify.predictive compute them."
         ])  # fmt: skip
 
 
