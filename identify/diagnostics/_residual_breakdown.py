@@ -81,11 +81,11 @@ def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
     r = residuals[used]
     sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
     time = estimate_noise(sequences).correlation_time
+    total = float(np.sum(r**2)) or 1.0
     parts = tuple(
-        _part(kind, name, r[inside], r, time)
+        _part(kind, names[k], inside, total / len(r), total, time)
         for kind, names, which in _cuts(record, used)
-        for k, name in enumerate(names)
-        if (inside := which == k).any()
+        for k, inside in _grouped(r, which)
     )
     return Breakdown(parts, _in_words(parts, record))
 
@@ -123,14 +123,20 @@ def _per(unit: str, time: str) -> str:
     return f"{unit}/{'time' if time == '1' else time}"
 
 
+def _grouped(r: np.ndarray, which: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """The residuals of each part that has any, in order, with its number."""
+    order = np.argsort(which, kind="stable")
+    numbers, first = np.unique(which[order], return_index=True)
+    yield from zip(numbers.tolist(), np.split(r[order], first[1:]), strict=True)
+
+
 def _part(
-    kind: Kind, name: str, inside: Float[np.ndarray, " _"], all_: np.ndarray, time: float
+    kind: Kind, name: str, inside: Float[np.ndarray, " _"], whole: float, total: float, time: float
 ) -> Part:
-    whole = float(np.mean(all_**2)) or 1.0
     square = float(np.mean(inside**2))
     # The mean of m squares of Gaussian residuals has the relative deviation sqrt(2 / m).
     chance = np.sqrt(2 * max(time, 1.0) / len(inside))
-    share = float(np.sum(inside**2)) / (whole * len(all_))
+    share = float(np.sum(inside**2)) / total
     return Part(kind, name, len(inside), float(np.sqrt(square)), float(inside.mean()), share,
                 float((square / whole - 1) / chance))  # fmt: skip
 
