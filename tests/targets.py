@@ -10,7 +10,7 @@ import numpy as np
 from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program
 from compensate.export.targets._export_to import write_to
-from hysteresis import AbstractModel, Burgers, PrandtlIshlinskii, Preisach, Record
+from hysteresis import AbstractModel, Burgers, DuhemOperator, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.c_harness import Compiled
 from tests.problems import random_histories
@@ -50,8 +50,15 @@ def _plays() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
     return model, 0.02 * np.arange(ROWS), u
 
 
+def _duhem() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
+    model = DuhemOperator([2.0, 1.0, 0.5], [0.5, 1.0, 2.0], low=-1.0, high=1.0)
+    u = random_histories(np.random.default_rng(2), 0.0, 1.0, (1, ROWS))[0]
+    return model, 0.02 * np.arange(ROWS), u
+
+
 MAKERS: dict[str, Callable[[], tuple[AbstractModel, np.ndarray, np.ndarray]]] = {
     "relays": _relays, "creep": _rated, "conditioned": _conditioned, "plays": _plays,
+    "duhem": _duhem,
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from hysteresis import (
     Conditioned,
     CyclicDrift,
     DegradingBoucWen,
+    DuhemOperator,
     FoamCurve,
     InputError,
     LinearSponge,
@@ -176,6 +177,21 @@ def _(model: DegradingBoucWen, eps: float, depth: int) -> Tree:
 
 
 @_tree.register
+def _(model: DuhemOperator, eps: float, depth: int) -> Tree:
+    """Both directions' slopes, one after the other."""
+    slopes = np.stack([np.asarray(model.rising, float), np.asarray(model.falling, float)])
+    return node(
+        "duhem",
+        {
+            "knots": slopes.shape[1], "low": model.low,
+            "width": (model.high - model.low) / (slopes.shape[1] - 1), "slopes": slopes,
+            "ways": [model._knots(jnp.asarray(one)) for one in slopes],
+        },
+        {"u": 0.0, "y": model.offset},
+    )  # fmt: skip
+
+
+@_tree.register
 def _(model: MovingPreisach, eps: float, depth: int) -> Tree:
     floor, ceiling = saturated_outputs(model.inner)
     return node(
@@ -334,26 +350,25 @@ def _(model: VelocityFriction, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
     """Part of a sum: alone it has no inverse."""
-    return _drift(
-        count=len(model.levels), levels=model.levels, drift=model.rates, least=model.least,
-        length=model.length + model.least, offset=model.offset,
+    return node(
+        "drift",
+        {
+            "count": len(model.levels), "levels": model.levels, "drift": model.rates, "least": model.least,
+            "length": model.length + model.least, "offset": model.offset,
+        },
+        {"begun": 0, "u": 0.0, "path": 0.0},
     )  # fmt: skip
 
 
 @_tree.register
 def _(model: TimeDrift, eps: float, depth: int) -> Tree:
     """Part of a sum: alone it has no inverse."""
-    times = np.asarray(model.times)
-    return _drift(times_count=len(times), rates=1 / times, ends=model.rates, offset=model.offset)
-
-
-def _drift(**own: Any) -> Tree:
-    """A drift by path or by time; what it has not is 0."""
-    nothing = {
-        "count": 2, "levels": np.array([0.0, 1.0]), "drift": np.zeros(2), "least": 0.0, "length": 1.0,
-        "times_count": 0, "rates": np.zeros(1), "ends": np.zeros(1),
-    }  # fmt: skip
-    return node("drift", nothing | own, {"begun": 0, "u": 0.0, "path": 0.0, "elapsed": 0.0})
+    rates = 1 / np.asarray(model.times)
+    return node(
+        "time_drift",
+        {"count": len(rates), "rates": rates, "ends": model.rates, "offset": model.offset},
+        {"begun": 0, "elapsed": 0.0},
+    )
 
 
 @_tree.register

@@ -15,6 +15,7 @@ from hysteresis import AbstractModel, InputError, condition_of, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.records._common_part import STILL
 
+from .._contract import AbstractCompensator
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..recalibration._adaptive import AdaptiveCompensator
@@ -182,7 +183,9 @@ class Program:
             reading = _named(reading, model.units.output)
             estimate = _named(estimate, model.units.input)
         original, model = model, with_grids(model)
-        compensator: Any = invert(model, trained=trained, beyond=beyond, start=start)
+        compensator: AbstractCompensator = invert(
+            model, trained=trained, beyond=beyond, start=start
+        )
         if adaptive is not None:
             guarded = isinstance(compensator, GuardedCompensator)
             compensator = replace(compensator, inner=adaptive) if guarded else adaptive
@@ -313,7 +316,7 @@ class Program:
         return Exported(path, self.notes)
 
 
-def _told_apart(compensator: Any, t: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _told_apart(compensator: AbstractCompensator, t: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Readings, of none of which rounding decides between two estimates, as at the end of a flat place.
 
     Those whose estimates jump where all readings rise by a rounding are moved a thousandth inwards.

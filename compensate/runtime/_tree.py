@@ -14,9 +14,9 @@ Tree = dict[str, Any]
 
 KINDS = (
     "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
-    "degrading_bouc_wen", "drift", "foam", "friction", "line",
+    "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
     "maxwell", "moving", "occupancy", "plays", "polynomial", "preisach", "scaled", "series", "share",
-    "softening", "stops", "sum",
+    "softening", "stops", "sum", "time_drift",
 )  # fmt: skip
 
 

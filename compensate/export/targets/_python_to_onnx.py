@@ -25,6 +25,42 @@ OPERATORS: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
 MATHEMATICS = {"sqrt": "Sqrt", "exp": "Exp", "log": "Log", "fabs": "Abs", "tanh": "Tanh"}
 
 
+def _asinh(graph: Graph, x: Value) -> Value:
+    """log(|x| + sqrt(x^2 + 1)), with the sign of x: ONNX has it for float only."""
+    size, sign = graph.node("Abs", [x], "real"), graph.node("Sign", [x], "real")
+    one = graph.constant(1.0, "real")
+    square = graph.node("Mul", [x, x], "real")
+    root = graph.node("Sqrt", [graph.node("Add", [square, one], "real")], "real")
+    whole = graph.node("Log", [graph.node("Add", [size, root], "real")], "real")
+    return graph.node("Mul", [sign, whole], "real")
+
+
+def _log1p(graph: Graph, x: Value) -> Value:
+    """log(u) x / (u - 1) with u = 1 + x as rounded: the rounding of u cancels (Kahan)."""
+    one = graph.constant(1.0, "real")
+    u = graph.node("Add", [one, x], "real")
+    whole = graph.node("Mul", [graph.node("Log", [u], "real"), x], "real")
+    return _over_unless_zero(graph, whole, graph.node("Sub", [u, one], "real"), x)
+
+
+def _expm1(graph: Graph, x: Value) -> Value:
+    """(u - 1) x / log(u) with u = exp(x) as rounded: the rounding of u cancels (Kahan)."""
+    one = graph.constant(1.0, "real")
+    u = graph.node("Exp", [x], "real")
+    whole = graph.node("Mul", [graph.node("Sub", [u, one], "real"), x], "real")
+    return _over_unless_zero(graph, whole, graph.node("Log", [u], "real"), x)
+
+
+def _over_unless_zero(graph: Graph, above: Value, below: Value, otherwise: Value) -> Value:
+    none = graph.node("Equal", [below, graph.constant(0.0, "real")], "bool")
+    quotient = graph.node("Div", [above, below], "real")
+    return graph.node("Where", [none, otherwise, quotient], "real")
+
+
+COMPOSED = {"asinh": _asinh, "log1p": _log1p, "expm1": _expm1}
+"""Functions that ONNX lacks for double."""
+
+
 @dataclass(eq=False)
 class Part:
     """An element with its parameters, and where its state lies among the variables."""
@@ -249,16 +285,8 @@ class Frame:
             return graph.constant(getattr(math, name)(*(v.known for v in reals)), "real")
         if name == "pow":
             return graph.node("Pow", reals, "real")
-        if (
-            name == "asinh"
-        ):  # there is none for double: log(|x| + sqrt(x^2 + 1)), with the sign of x
-            (x,) = reals
-            size, sign = graph.node("Abs", [x], "real"), graph.node("Sign", [x], "real")
-            one = graph.constant(1.0, "real")
-            square = graph.node("Mul", [x, x], "real")
-            root = graph.node("Sqrt", [graph.node("Add", [square, one], "real")], "real")
-            whole = graph.node("Log", [graph.node("Add", [size, root], "real")], "real")
-            return graph.node("Mul", [sign, whole], "real")
+        if name in COMPOSED:
+            return COMPOSED[name](graph, *reals)
         if name not in MATHEMATICS:
             raise InputError(
                 "not-exportable", f"ONNX has no function {name}, which this model needs.",

@@ -16,7 +16,8 @@ from importlib import import_module
 from types import ModuleType
 
 HOMES = {"adaptive": "_adaptation"} | dict.fromkeys(
-    ("bouc_wen", "dead_band", "degrading_bouc_wen", "occupancy"), "_operators"
+    ("bouc_wen", "dead_band", "degrading_bouc_wen", "duhem", "occupancy", "time_drift"),
+    "_operators",
 )
 """Folders of the elements that are not in this one."""
 

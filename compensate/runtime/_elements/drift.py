@@ -1,15 +1,13 @@
-"""A drift with the path travelled, different from place to place, and one with the time."""
+"""A drift with the path travelled, different from place to place."""
 
-from math import exp, fabs, log1p
+from math import fabs, log1p
 
 from ._codes import Reals
 from ._search import among
 
 
 class Parameters:
-    """y = offset + sum of h_k(u before) drift_k log(1 + max(path - least, 0) / length)
-
-        + sum of ends_j (1 - exp(-rates_j time since the first sample)).
+    """y = offset + sum of h_k(u before) drift_k log(1 + max(path - least, 0) / length).
 
     h_k are hat functions on `levels`.
     """
@@ -19,20 +17,16 @@ class Parameters:
     drift: Reals
     least: float
     length: float
-    times_count: int
-    rates: Reals
-    ends: Reals
     offset: float
 
 
 class State:
-    """The input before, and path and time until then; `begun` is 0 before the first sample."""
+    """The input before and the path until then; `begun` is 0 before the first sample."""
 
     status: int
     begun: int
     u: float
     path: float
-    elapsed: float
 
 
 def look(p: Parameters, s: State, dt: float, u: float) -> float:
@@ -47,18 +41,13 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     further = s.path - p.least
     if further < 0.0:
         further = 0.0
-    y = p.offset + slope * log1p(further / p.length)
-    elapsed = s.elapsed + dt
-    for j in range(p.times_count):
-        y = y + p.ends[j] * (1.0 - exp(-p.rates[j] * elapsed))
-    return y
+    return p.offset + slope * log1p(further / p.length)
 
 
 def move(p: Parameters, s: State, dt: float, u: float) -> float:
     y = look(p, s, dt, u)
     if s.begun:
         s.path = s.path + fabs(u - s.u)
-        s.elapsed = s.elapsed + dt
     s.begun = 1
     s.u = u
     return y

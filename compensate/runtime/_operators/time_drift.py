@@ -1,0 +1,40 @@
+"""A drift with the time since the first sample, as of a zero that warms up."""
+
+from math import exp
+
+from .._elements._codes import Reals
+
+
+class Parameters:
+    """y = offset + sum of ends_j (1 - exp(-rates_j time since the first sample))."""
+
+    count: int
+    rates: Reals
+    ends: Reals
+    offset: float
+
+
+class State:
+    """The time since the first sample; `begun` is 0 before it."""
+
+    status: int
+    begun: int
+    elapsed: float
+
+
+def look(p: Parameters, s: State, dt: float, u: float) -> float:
+    if not s.begun:
+        return p.offset
+    elapsed = s.elapsed + dt
+    y = p.offset
+    for j in range(p.count):
+        y = y + p.ends[j] * (1.0 - exp(-p.rates[j] * elapsed))
+    return y
+
+
+def move(p: Parameters, s: State, dt: float, u: float) -> float:
+    y = look(p, s, dt, u)
+    if s.begun:
+        s.elapsed = s.elapsed + dt
+    s.begun = 1
+    return y
