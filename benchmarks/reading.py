@@ -1,10 +1,14 @@
-"""Reading of large tables: rows a second, memory, and what `hysid init` takes.
+"""Reading of files: variants of what rig makers export, and large tables.
 
-python -m benchmarks.reading [--quick] [--json]
+python -m benchmarks.reading [--quick] [--json] [--only TEXT]
 
-A table of three columns, written for it: a gigabyte, with `--quick` a fortieth. It is read in a process of
-its own, once by the compiled parser and, a million rows of it, by the careful reader alone. Seconds are
-those of processor time. `hysid init` is the whole command, from the start of Python on.
+`variants`: a hundred files of testing machines, rheometers, magnetometers, loggers and binary formats, in
+the languages, encodings, separators, units and layouts that their programs have, are written with made-up
+numbers, and `hysid init` has to tell columns, units, clock and roles.
+
+`large`: a table of three columns, a gigabyte, with `--quick` a fortieth. It is read in a process of its
+own, once by the compiled parser and, a million rows of it, by the careful reader alone. Seconds are those
+of the processor. `hysid init` is the whole command, from the start of Python on.
 """
 
 import resource
@@ -17,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ._measure import Row, judged, noted, options, report
+from ._measure import Row, judged, noted, run_parts
+from ._vendor_files._judge import judge, variants
 
 GIGABYTE = 10**9
 PIECE = 1_000_000
@@ -35,27 +40,37 @@ print(rows, time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the table, read it both ways, and print."""
-    chosen = options("benchmarks.reading", __doc__, arguments)
+    """Run the parts, and print."""
+    parts = {"variants": lambda _: judge(variants()), "large": _large}
+    run_parts("benchmarks.reading", __doc__, parts, arguments)
+
+
+def _large(quick: bool) -> list[Row]:
+    """Write the table, and read it both ways."""
     with tempfile.TemporaryDirectory() as folder:
-        size = GIGABYTE // 40 if chosen.quick else GIGABYTE
         whole, piece = Path(folder) / "run.csv", Path(folder) / "piece.csv"
-        _write(whole, size)
+        _write(whole, GIGABYTE // 40 if quick else GIGABYTE)
         _write(piece, GIGABYTE // 40)
-        report([*_read(whole, piece), _init(whole)], chosen.json)
+        return [*_read(whole, piece), _init(whole)]
 
 
 def _write(file: Path, size: int) -> None:
-    """A clock, a sine and its answer, until there are `size` bytes."""
-    time_s = 0.001 * np.arange(PIECE)
-    turn = 0.1 * np.pi * time_s
-    noise = 0.01 * np.random.default_rng(0).normal(size=PIECE)
-    columns = time_s, 10 * np.sin(turn), 5 * np.sin(turn - 0.3) + noise
-    rows = "".join(f"{t:.3f},{f:.6f},{x:.6f}\n" for t, f, x in zip(*columns, strict=True))
-    with file.open("w") as opened:
-        opened.write("time (s),force (N),displacement (mm)\n")
+    """The rows of `write_rows` again and again, until there are `size` bytes."""
+    write_rows(file, PIECE)
+    rows = file.read_text().partition("\n")[2]
+    with file.open("a") as opened:
         while opened.tell() < size:
             opened.write(rows)
+
+
+def write_rows(file: Path, count: int) -> None:
+    """A clock, a sine and its answer."""
+    time_s = 0.001 * np.arange(count)
+    turn = 0.1 * np.pi * time_s
+    noise = 0.01 * np.random.default_rng(0).normal(size=count)
+    columns = time_s, 10 * np.sin(turn), 5 * np.sin(turn - 0.3) + noise
+    rows = "".join(f"{t:.3f},{f:.6f},{x:.6f}\n" for t, f, x in zip(*columns, strict=True))
+    file.write_text(f"time (s),force (N),displacement (mm)\n{rows}")
 
 
 def _read(whole: Path, piece: Path) -> list[Row]:

@@ -13,7 +13,7 @@ from ._console import BUG, AsJson, log, print_result
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
     "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
-    "microchannel", "reading", "ruggedness",
+    "microchannel", "reading", "studio", "ruggedness",
 )  # fmt: skip
 """Modules of `benchmarks` that judge the package; those that are there are run in this order."""
 

@@ -1,5 +1,6 @@
 """Cells of a text file as numbers."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from .._errors import InputError
 LONG_CELL, MOST_TEXT = 256, 256_000_000
 """Characters of a cell that never matter, and bytes of a column of text with longer ones."""
 
+_FORTRAN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)D[+-]?\d+")
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 """Words for a value that is not there, in small letters."""
 
@@ -31,8 +33,8 @@ def floats(cells: Sequence[str] | np.ndarray, decimal: str = ".") -> np.ndarray:
 def _float(cell: str) -> float:
     try:
         return float(cell)
-    except ValueError:
-        return np.nan
+    except ValueError:  # Fortran writes 1.5D+03
+        return float(cell.replace("D", "e")) if _FORTRAN.fullmatch(cell) else np.nan
 
 
 def missing(cells: np.ndarray, na_values: Collection[str]) -> np.ndarray:

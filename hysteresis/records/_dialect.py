@@ -8,22 +8,25 @@ import numpy as np
 
 from .._errors import InputError
 from ._cells import floats
+from .importers import is_number
 
 MOST_COLUMNS = 10_000
 
 
 def separator_of(lines: list[str]) -> str:
-    """The separator that gives most of the first rows as many cells as the header."""
+    """The separator that gives most of the first rows as many cells as the header, and most numbers."""
 
-    def score(sep: str) -> tuple[float, int]:
+    def score(sep: str) -> tuple[float, int, int]:
         try:
-            counts = [len(trimmed(row)) for row in csv.reader(lines, delimiter=sep)]
+            rows = [trimmed(row) for row in csv.reader(lines, delimiter=sep)]
         except csv.Error:  # a cell beyond the module's limit
-            return 0.0, 0
-        if counts[0] < 2:
-            return 0.0, 0
-        agree = sum(1 for n in counts[1:] if n == counts[0])
-        return (agree + 1) / len(counts), counts[0]
+            return 0.0, 0, 0
+        width = len(rows[0])
+        if width < 2:
+            return 0.0, 0, 0
+        agree = [row for row in rows[1:] if len(row) == width]
+        whole = sum(all(is_number(c) for c in row if c) for row in agree)
+        return (len(agree) + 1) / len(rows), whole, width
 
     return max(",;\t|", key=score)
 

@@ -13,6 +13,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._cells import check_room, floats, long_cell, parsed
+from ._clock_columns import with_clocks
 from ._compiled_rows import CompiledRows, OddRowsError
 from ._dialect import header_of, made_square, separator_of, trimmed
 from ._table import Table, followed
@@ -25,10 +26,15 @@ from .importers import (
     decode,
     fault,
     file_bytes,
+    is_number,
     labview,
     without_table,
 )
 
+_RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
+"""A line drawn below a header, and the characters that it begins with."""
+MOST_FEET = 4
+"""Lines below a table."""
 HEAD, LEAST_LINES = 2**18, 1000
 """Bytes and lines of a large text that are read carefully and say how its rows go on."""
 
@@ -80,9 +86,9 @@ def read_table(
     if (sheet := binary(path, data, table)) is None:
         ways = separator, decimal, units_row, dialects, table
         if found := _by_its_head(path, data, size, ways, tuple(na_values)):
-            return found
+            return with_clocks(found)
         sheet = _sheet(path, data, *ways)
-    return _table(path, data, size, sheet, decimal, tuple(na_values))
+    return with_clocks(_table(path, data, size, sheet, decimal, tuple(na_values)))
 
 
 def _by_its_head(
@@ -152,8 +158,11 @@ def _sheet(
 
 
 def _numbered(lines: Sequence[str], first: int = 1) -> list[tuple[int, str]]:
-    """The lines that are neither blank nor a comment, each with its number."""
-    return [(k, s) for k, s in enumerate(lines, first) if s and not s.isspace() and s[0] != "#"]
+    """The lines that are neither blank nor a comment nor a rule, each with its number."""
+    return [
+        (k, s) for k, s in enumerate(lines, first)
+        if s and not s.isspace() and s[0] != "#" and not (s[0] in _RULED and _RULE.fullmatch(s))
+    ]  # fmt: skip
 
 
 def _rows(
@@ -203,13 +212,29 @@ def _plain(
     if blank := len(body) - full:
         body, line = body[:full], line[: full + 1]
         notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
+    if feet := _feet(body, len(header)):
+        said = f"Left out {len(feet)} lines at the end that are no rows, first line {line[1:][-len(feet)]}."
+        body, line = body[: -len(feet)], line[: -len(feet)]
+        notes.append(Note("skipped", said))
     if not body:
         raise fault("no-rows", path, "a header and no rows.")
     line = np.array(line[1:])
     made_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
-    layout = None if blank else Layout(sep, plain=True)
+    layout = None if blank or feet else Layout(sep, plain=True)
     return Sheet(columns, line, units, tuple(notes), decimal, layout)
+
+
+def _feet(body: list[list[str]], width: int) -> list[list[str]]:
+    """The last rows of words alone, shorter than the header: what a program says below its table."""
+    first = len(body)
+    while (
+        first
+        and len(trimmed(body[first - 1])) < min(width, 3)
+        and not any(map(is_number, trimmed(body[first - 1])))
+    ):
+        first -= 1
+    return body[first:] if len(body) - first <= MOST_FEET else []
 
 
 def _table(

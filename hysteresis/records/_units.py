@@ -8,24 +8,40 @@ from .._unit_grammar import LIMITS, LONGEST, is_within_grammar
 
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
-N mN uN kN gf kgf lbf mm um cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT Oe
-emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
+N mN uN kN gf kgf lbf mm um nm cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT
+Oe emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
 """
 RIG_UNITS = tuple(_UNITS.split())
 FORCES = ("N", "mN", "uN", "kN", "gf", "kgf", "lbf")
+MASSES = {"g": "gf", "kg": "kgf", "mg": "mgf", "lb": "lbf", "grams": "gf", "gram": "gf"}
+"""Units of mass that rigs write for a force, and the weight that is meant."""
 LENGTHS = ("mm", "um", "cm", "m", "inch", "in")
 _SPELLING = {
     "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Nm": "N*m", "Nmm": "N*mm",
     "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",
+    "uNm": "uN*m", "µNm": "uN*m", "Pas": "Pa*s", "mPas": "mPa*s", "in-lb": "lbf*in", "lb-in": "lbf*in",
+    "ft-lb": "lbf*ft", "lb-ft": "lbf*ft",
 }  # fmt: skip
 _IN_WORDS = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
     "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
-    "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "inches": "inch",
-    "torr": "torr", "kgf": "kgf", "cycles": "count", "segments": "count",
+    "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "lbf": "lbf",
+    "inches": "inch", "torr": "torr", "kgf": "kgf", "cycles": "count", "segments": "count",
+    "с": "s", "сек": "s", "мс": "ms", "мин": "min", "н": "N", "кн": "kN", "мм": "mm", "мкм": "um",
+    "см": "cm",
+    "мпа": "MPa", "кпа": "kPa", "па": "Pa", "кгс": "kgf", "град": "deg",
     "秒": "s", "毫米": "mm", "牛": "N", "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "分": "min",
 }  # fmt: skip
-_BRACKET = re.compile(r"^(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
+_BRACKET = re.compile(
+    r"^(?P<name>.*?)\s*(\((?P<a>[^()\[\]]*)\)|\[(?P<b>[^()\[\]]*)\]|\{(?P<c>[^{}]*)\}|<(?P<d>[^<>]*)>)$"
+)
+# "Kraft in kN", "Load, N", "Force / N" and "F/N": name and unit as norms and labs write them.
+_BEHIND = (
+    re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$"),
+    re.compile(r"^(?P<name>.+?),\s*(?P<unit>[^\s,]+)$"),
+    re.compile(r"^(?P<name>.+?)\s+/\s*(?P<unit>\S+)$"),
+    re.compile(r"^(?P<name>[^\s/]+)/(?P<unit>[^\s/]+)$"),
+)
 # Words in brackets behind a name that say which one it is: "Stress (step)" has no unit "step".
 _QUALIFIERS = """
 step cmd command raw sample filtered trigger average avg mean abs absolute rel relative calculated measured
@@ -43,19 +59,26 @@ def bare_unit(cell: str) -> str:
 def spelled(unit: str) -> str:
     """A unit as this package spells it: "Sec" is s, "Volts" is V, "-" is 1, "s-¹" is 1/s."""
     bare = bare_unit(unit)
+    if bare.endswith(".") and bare[:-1].isalpha():  # sec., in., lb.
+        bare = bare[:-1]
     bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+    bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
+    if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m
+        bare = bare.replace("-", "*")
     return f"1/{bare[:-2]}" if re.fullmatch(r"[A-Za-z]+(-¹|⁻¹|-1)", bare) else bare
 
 
 def is_unit(text: str) -> bool:
     """Whether this is a unit, in the spelling of rigs or of pint."""
     text = spelled(text)
+    if not re.search(r"[^\W_]|[%°'\"]", text):  # a line below a header
+        return False
     number = text[:1].isdigit() and not text.startswith("1/")
     if re.search(
         r"\w\s+[(\[]", text
     ):  # a name and its unit: pint, which takes a second to load, knows none
         return False
-    return text == "1" or text in RIG_UNITS or (not number and _known(text))
+    return text == "1" or _is_of_rigs(text) or (not number and _known(text))
 
 
 def are_units(cells: list[str]) -> bool:
@@ -66,17 +89,40 @@ def are_units(cells: list[str]) -> bool:
     )
 
 
+def name_and_unit(header: str) -> tuple[str, str | None]:
+    """What a header names, and the unit that stands behind it as the file writes it; None without any.
+
+    Units stand in brackets, behind an underscore, or behind a slash, a comma or "in" where it is one that
+    rigs use.
+    """
+    if bracket := _BRACKET.match(header):
+        unit = next(part for part in bracket.group("a", "b", "c", "d") if part is not None).strip()
+        return bracket["name"], None if unit.lower() in _QUALIFIERS.split() else unit
+    name, _, suffix = header.rpartition("_")
+    if name and suffix in RIG_UNITS:
+        return name, suffix
+    for form in _BEHIND:
+        found = form.match(header)
+        if found and _is_of_rigs(found["unit"]):
+            ratio = form is _BEHIND[-1] and _is_of_rigs(found["name"])  # mV/V is a unit alone
+            return (header, None) if ratio else (found["name"], found["unit"])
+    return header, None
+
+
+def _is_of_rigs(text: str) -> bool:
+    """Whether this is a unit that rigs use, or a product or quotient of such."""
+    parts = re.split(r"[/*·.]", spelled(text).removeprefix("1/"))
+    return all(re.sub(r"\^?[23²³]$", "", part) in RIG_UNITS for part in parts)
+
+
 def written_unit(name: str, in_row: str | None) -> str | None:
     """The unit of a column as the file writes it, without brackets; None without any.
 
     It comes from the row of units (`in_row`, "" where that row has none for the column), or the header.
     """
-    bracket, suffix = _BRACKET.match(name), name.rpartition("_")[2]
     if in_row is not None:
         return bare_unit(in_row) or None
-    if bracket and bracket["unit"].strip().lower() not in _QUALIFIERS.split():
-        return bracket["unit"].strip()
-    return suffix if "_" in name and suffix in RIG_UNITS else None
+    return name_and_unit(name)[1]
 
 
 def named_unit(name: str, given: str | None, in_row: str | None) -> str | None:
@@ -99,16 +145,16 @@ def column_unit(
     if unit is None:
         unit, notes = "1", [Note("no-unit", f"Column {name!r} names no unit: taken as 1.")]
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
-    if unit != "1" and unit not in RIG_UNITS and not _known(unit):
+    if unit != "1" and not _is_of_rigs(unit) and not _known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
         shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
         cause = "" if is_within_grammar(unit) else LIMITS
         raise InputError(
             "unknown-unit", f"Unit {shown!r} is unknown.", place=place, cause=cause, fix=mend
         )
-    if unit in ("g", "kg", "mg") and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
+    if unit in MASSES and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
         problem = f"{unit} is mass, not force."
-        mend = f"{option} with {unit}f (1 gf is 0.00981 N)."
+        mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     return unit, notes
 

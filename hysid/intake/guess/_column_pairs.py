@@ -23,6 +23,8 @@ PAIRS: dict[tuple[str, str], float] = {
     ("force", "strain"): 0.9,
     ("stress", "displacement"): 0.9,
     ("field", "moment"): 1.0,
+    ("field", "polarization"): 1.0,
+    ("voltage", "polarization"): 0.97,  # from which a tester computes the field
     ("current", "field"): 1.0,
     ("current", "moment"): 1.0,
     ("temperature", "moment"): 0.9,
@@ -164,7 +166,8 @@ def noise(x: np.ndarray) -> float:
 def duplicates(columns: list[Column]) -> list[Column]:
     """The same columns, but only the better one of two that hold one quantity in two units or signs.
 
-    Better: a reading before a command, a unit of its own, then SI's, then positive values; else the first.
+    Better: a reading before a command, a unit of its own, the quantity named, then SI's units, then
+    positive values; else the first.
     """
     kept: list[Column] = []
     for column in columns:
@@ -180,6 +183,6 @@ def _same(a: Column, b: Column) -> bool:
     return a.kind.name == b.kind.name and abs(correlation(a.x, b.x)) > 1 - 1e-9
 
 
-def _worth(column: Column) -> tuple[bool, bool, bool, bool]:
-    read = not column.kind.commanded
-    return read, column.unit != "1", column.unit in _PLAIN, bool(np.nanmean(column.x) > 0)
+def _worth(column: Column) -> tuple[bool, bool, float, bool, bool]:
+    read, sure = not column.kind.commanded, column.kind.sure
+    return read, column.unit != "1", sure, column.unit in _PLAIN, bool(np.nanmean(column.x) > 0)

@@ -1,6 +1,7 @@
 """Choice of input and output: the best pair of quantities, and which of the two is the input."""
 
 from collections.abc import Mapping
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from hysteresis._escape import shell_word
 from hysteresis.records._excitation import turn_in_words
 
 from ._column_pairs import (
+    PAIRS,
     Column,
     Pair,
     columns_of,
@@ -261,8 +263,13 @@ def _step(
     found = [c for c in columns if asked in (None, c.name) and c.kind.name != "unknown"] or [
         c for c in columns if asked in (None, c.name)
     ]
+    every = columns_of(table)
+    sides = {"unknown", *chain(*PAIRS)} - {"temperature"}
+    aside = len(every) > 2 and not sides & {column.kind.name for column in every.values()}
+    if time is not None and not given and aside:
+        raise NothingDrivenError("no column beside the clock drives or answers another")
+    numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
     if time is None or not found:
-        numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
         raise InputError(
             "cannot-decide",
             f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}."

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -202,10 +201,6 @@ def _time(
         clocks = [c for c in unnamed if not counts_rows(c.x) and _step(c.x) > 0][:1]
         if clocks and list(columns).index(clocks[0].name):
             clocks = []  # a clock without its name stands first
-    if not clocks and (stamped := _stamps(table)):
-        out.selection["dt"] = stamped[1]
-        out.says("dt", stamped[1], LIKELY, f"mean step of the dates and times in {stamped[0]!r}")
-        return None
     if not clocks:
         out.says(
             "time",
@@ -223,21 +218,6 @@ def _time(
     out.selection["time"] = best.name
     out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
     return best.name
-
-
-def _stamps(table: Table) -> tuple[str, float] | None:
-    """A column of dates and times, and the seconds between its rows in the mean."""
-    for name, x in table.columns.items():
-        if x.dtype.kind == "f" or len(x) < 2:
-            continue
-        try:
-            first, last = (datetime.fromisoformat(str(x[k])) for k in (0, -1))
-            seconds = (last - first).total_seconds() / (len(x) - 1)
-        except (ValueError, TypeError):  # no date, or one with a time zone and one without
-            continue
-        if seconds > 0:
-            return name, float(f"{seconds:.4g}")
-    return None
 
 
 def _rises(x: np.ndarray) -> float:

@@ -4,7 +4,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from hysteresis.records._units import named_unit
+from hysteresis.records._units import MASSES, name_and_unit, named_unit
 
 
 def words(text: str) -> frozenset[str]:
@@ -34,6 +34,7 @@ WORDS: dict[str, str] = {
     "capacitance": "capacitance kapazitaet cap",
     "field": "field feld h gradient flux b induction",
     "moment": "moment magnetisation magnetization m",
+    "polarization": "polarization polarisation",
     "angle": "angle winkel rotation encoder",
     "sensor": "raw adc sensor signal reading counts count output fbg wavelength",
     "compliance": "compliance nachgiebigkeit",
@@ -49,17 +50,18 @@ WORDS: dict[str, str] = {
 
 UNITS: dict[str, str] = {
     "time": "s ms us min h",
-    "force": "N mN uN kN gf kgf lbf",
-    "stress": "Pa kPa MPa GPa bar mbar psi N/mm^2 N/mm²",
-    "torque": "N*m mN*m uN*m kN*m N*mm",
-    "displacement": "mm um cm m inch in µm",
+    "force": "N mN uN nN kN MN gf kgf lbf kip kips",
+    "stress": "Pa kPa MPa GPa bar mbar psi ksi N/mm^2 N/mm² kgf/cm^2",
+    "torque": "N*m mN*m uN*m kN*m N*mm lbf*in lbf*ft in*lbf ft*lbf",
+    "displacement": "mm um nm cm m inch in µm mil",
     "strain": "mm/mm percent %",
     "voltage": "V mV uV V/V",
     "current": "A mA uA",
     "resistance": "Ohm ohm kohm Mohm kOhm Ω",
     "capacitance": "F pF nF uF",
-    "field": "T mT uT Oe kOe A/m kA/m",
-    "moment": "emu A*m^2 A*m²",
+    "field": "T mT uT Oe kOe A/m kA/m G kG Gs kV/cm kV/mm V/m MV/m V/um V/µm",
+    "moment": "emu memu uemu A*m^2 A*m² emu/g emu/cm^3 A*m^2/kg A*m²/kg",
+    "polarization": "C/m^2 C/m² mC/m^2 mC/m² uC/cm^2 uC/cm² uC/mm^2",
     "angle": "deg rad °",
     "temperature": "degC °C K C",
     "speed": "mm/s m/s mm/min rad/s 1/s",
@@ -71,7 +73,8 @@ UNITS: dict[str, str] = {
 
 ASIDE = words(
     "std sd err error uncertainty noise filtered rate per area ratio speed velocity peak max min "
-    "energy work scan fit center viscosity viskositaet viscosite quad coefficient"
+    "energy work scan fit center viscosity viskositaet viscosite quad coefficient "
+    "humidity feuchte rh"
 )
 """Words that make a column something about a quantity, not the quantity itself."""
 
@@ -88,7 +91,7 @@ OSCILLATION = "oscillation modulus"
 """The kind of a storage or loss modulus: its row is the result of an oscillation, not a sample of one."""
 PHRASES: tuple[tuple[str, str], ...] = (
     ("rate", r"shear ?rate|gradient de cisaillement|(vitesse|taux) de cisaillement|scher(rate|geschw)"
-                   r"|剪切速率|せん断速度"),
+                   r"|剪切速率|せん断速度|^GP\b|γ̇|gamma ?dot"),
     (OSCILLATION, r"storage|loss modul|stockage|module de perte|speichermodul|verlustmodul|tan ?\(?delta|"
                   r"\((elastic|viscous|complex) component\)|^\|?[EG](\*|'|\")"),
     ("aside", r"normal stress|contrainte normale|normalspannung|phase angle|raw phase"),
@@ -104,6 +107,7 @@ PHRASES: tuple[tuple[str, str], ...] = (
     ("angle", r"角度"),
     ("field", r"磁场|磁場"),
     ("moment", r"磁矩|磁化"),
+    ("polarization", r"极化"),
 )  # fmt: skip
 """Quantities of several words, or of letters that are not Latin; the first that is found."""
 
@@ -121,6 +125,9 @@ _UMLAUTS = {
 }
 
 
+_BRACKET = re.compile(r"(\([^()\[\]]*\)|\[[^()\[\]]*\]|\{[^{}]*\}|<[^<>]*>)\s*$")
+
+
 class Kind(NamedTuple):
     """A quantity, and how sure that is: 1 by word and unit, 0.9 by unit, 0.8 by word, less else."""
 
@@ -132,10 +139,16 @@ class Kind(NamedTuple):
 def words_of(header: str) -> list[str]:
     """The words of a header, without its unit: lower case, umlauts spelt out."""
     bare = header.removeprefix("field.")  # which stands before every name that rostopic prints
-    bare = re.sub(r"[(\[][^()\[\]]*[)\]]\s*$", "", bare)
+    bare = _BRACKET.sub("", bare) if _BRACKET.search(bare) else _without_unit(bare)
     bare = "".join(_UMLAUTS.get(c, c) for c in bare)
     plain = unicodedata.normalize("NFKD", bare).encode("ascii", "ignore").decode()
     return [w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain)]
+
+
+def _without_unit(header: str) -> str:
+    """A header without a unit behind a slash, a comma or "in"; behind an underscore it may be a word."""
+    name, unit = name_and_unit(header)
+    return header if unit is None or header == f"{name}_{unit}" else name
 
 
 def unit_of(header: str, in_row: str | None) -> str:
@@ -154,7 +167,7 @@ def kind_of(header: str, unit: str) -> Kind:
     by_word = [k for w in said for k, known in WORDS.items() if w in known.split()]
     by_word = [phrase, *by_word] if phrase else by_word
     commanded = bool(COMMANDED & set(said))
-    if unit in ("g", "kg", "mg") and "force" in by_word:
+    if unit in MASSES and "force" in by_word:
         by_unit = "force"
     if phrase == "rate" and by_unit in ("speed", ""):
         return Kind("rate", 1.0 if by_unit else 0.8, commanded)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Table
+from hysteresis.records._units import MASSES
 
 from .._selection import all_of, selection_of
-from ._quantities import unit_of, words_of
+from ._quantities import kind_of, unit_of
 
 Options = dict[str, Any]
 Note = tuple[str, str, str]
@@ -56,11 +57,10 @@ def _units(table: Table, options: Options, notes: list[Note]) -> Options:
         if unit == "1" and inside:
             options[f"{role}_unit"] = inside[0]
             notes.append((f"{role}_unit", inside[0], "part of the header"))
-        elif unit in ("g", "kg") and {"force", "load", "kraft"} & set(words_of(name)):
-            options[f"{role}_unit"] = f"{unit}f"
-            notes.append(
-                (f"{role}_unit", f"{unit}f", f"a force in {unit} is the weight of that mass")
-            )
+        elif unit in MASSES and kind_of(name, unit).name == "force":
+            options[f"{role}_unit"] = MASSES[unit]
+            why = f"a force in {unit} is the weight of that mass"
+            notes.append((f"{role}_unit", MASSES[unit], why))
     return options
 
 

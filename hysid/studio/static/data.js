@@ -34,6 +34,7 @@ export class DataPanel {
 
   refused(error) {
     if (error.name === "AbortError") return;
+    this.both?.setAttribute("aria-busy", "false");
     fill(this.notice, faultBox(error.fault ?? { message: String(error) }));
   }
 
@@ -51,7 +52,7 @@ export class DataPanel {
     this.notice = h("div");
     const step = (label, text, does) => h("button", { type: "button", class: "quiet small", "aria-label": label, onclick: does }, text);
     return h("div", {},
-      h("div", { class: "plots" },
+      this.both = h("div", { class: "plots", "aria-busy": "true" },
         h("figure", {}, this.timeCaption, timeAt,
           h("div", { class: "row" }, step("Zoom in", "+", () => this.time.zoom(0.5)), step("Zoom out", "−", () => this.time.zoom(2)),
             step("Earlier", "←", () => this.time.pan(-0.4)), step("Later", "→", () => this.time.pan(0.4)),
@@ -71,6 +72,7 @@ export class DataPanel {
   async fetch() {
     this.query.abort?.abort();
     const abort = this.query.abort = new AbortController();
+    this.both.setAttribute("aria-busy", "true");
     const { low, high } = this.range();
     const answer = await get("api/series", { name: this.name, low, high, box: this.loops.box?.join(",") }, abort.signal);
     const about = JSON.parse(answer.headers.get("x-about"));
@@ -80,6 +82,7 @@ export class DataPanel {
     const x = about.clock ? about.names.x : "line of the file";
     this.time.show(time, { ...about.names, x }, about.whole);
     this.loops.show(loopCurves(loops, about.joined), about.names.u, about.names.y);
+    this.both.setAttribute("aria-busy", "false");
     this.timeCaption.textContent = `Over time${about.whole ? "" : `: an excerpt, while the file is read`}. Drag to choose rows; scroll to zoom.`;
     this.loopCaption.textContent = `Loops of the ${low === null ? "whole measurement" : "stretch on the left"}.`;
     const said = `${about.rows.toLocaleString("en")} rows of ${about.names.u} and ${about.names.y}`;

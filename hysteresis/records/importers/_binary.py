@@ -1,4 +1,4 @@
-"""The table of a binary file: the first reader that knows its first bytes."""
+"""The table of a file that is no text of rows: the first reader that knows its first bytes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,12 +9,13 @@ from ._parquet import parquet
 from ._ros_bag import ros_bag
 from ._sheet import Sheet
 from ._tdms import tdms
+from ._uff import universal_file
 
 _READERS: tuple[Callable[[Path, bytes, int | None], Sheet | None], ...] = (
-    tdms, workbook, arrays_file, parquet, ros_bag,
+    tdms, workbook, arrays_file, parquet, ros_bag, universal_file,
 )  # fmt: skip
 
 
 def binary(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a binary file, None where it is text or of a kind that no reader knows."""
+    """The table of such a file, None where it is a text of rows or of a kind that no reader knows."""
     return next((sheet for read in _READERS if (sheet := read(path, data, table))), None)

@@ -158,6 +158,12 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
     width = len(trimmed(rows[k][1]))
     last = _as_wide(rows[k - 1][1], width)
     units = units_of(last)
+    if units is None and k - 3 >= least and len(last) <= width:
+        # Between units and numbers some loggers write where each column is connected.
+        names, over = (_as_wide(rows[at][1], width) for at in (k - 3, k - 2))
+        stated = units_of(over)
+        if stated is not None and len(names) == len(over) and not any(map(is_number, names)):
+            return _Header(k - 3, names, stated, k)
     if units is not None:
         stated = sum(map(bool, units))
         for at in range(k - 2, max(least, k - 4) - 1, -1):
@@ -215,7 +221,9 @@ def nameless(rows: Rows, dialect: Dialect, above: str, text: str) -> list[Block]
     first = next(k for k, (line, _) in enumerate(rows) if line == runs[0][0][0])
     head = _header(rows, first, 0) if first else None
     if head is not None and len(head.names) == width and not any("=" in n for n in head.names):
-        names, units = head.names, head.units or units  # and no line such as NData = 12
+        names = head.names  # and no line such as NData = 12
+        own = any(written_unit(name, None) for name in names)
+        units = head.units or ([] if own else units)
     if len(names) != width or not all(names) or any(map(is_number, names)):
         known = dialect.names[:width]
         names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]

@@ -24,6 +24,7 @@ class Dialect(NamedTuple):
     begins: re.Pattern[str] | None = None
     column: str = "block"
     label: re.Pattern[str] | None = None
+    listed: re.Pattern[str] | None = None
     names: tuple[str, ...] = ()
     units: tuple[tuple[re.Pattern[str], tuple[str, ...]], ...] = ()
     blank: bool = False
@@ -35,6 +36,11 @@ class Dialect(NamedTuple):
         text = "\n".join("\t".join(cell for cell in row if cell) for row in above)
         found = self.label.search(text) if self.label is not None else None
         return found["label"].strip() if found else ""
+
+    def listing(self, text: str) -> "Dialect":
+        """The dialect with the names of columns that the lines above the table list."""
+        names = [found["name"] for found in self.listed.finditer(text)] if self.listed else []
+        return self._replace(names=tuple(names)) if names else self
 
     def units_in(self, text: str) -> tuple[str, ...]:
         """The units of `names`, as the lines above the table say; () where they do not."""
@@ -54,7 +60,7 @@ def dialect_of(text: str, own: str | Path | None = None) -> Dialect:
     for dialect in (*(dialects_in(Path(own)) if own else ()), *dialects_in(_OWN)):
         if found := dialect.signature.search(text):
             sign = found.groupdict().get("decimal") or ""
-            return dialect._replace(decimal=sign)
+            return dialect.listing(text)._replace(decimal=sign)
     return OTHER
 
 
@@ -100,7 +106,7 @@ def _makers() -> tuple[tuple[str, re.Pattern[str]], ...]:
 
 def _dialect(file: Path, said: Any) -> Dialect:
     kinds = {"name": str, "signature": str, "sure": bool, "begins": str, "column": str, "label": str,
-             "names": list, "units": list, "blank": bool, "refuse": str}  # fmt: skip
+             "listed": str, "names": list, "units": list, "blank": bool, "refuse": str}  # fmt: skip
     if not isinstance(said, Mapping) or not {"name", "signature"} <= set(said):
         raise _bad(file, f"{said!r} has no name or no signature.")
     for key, value in said.items():
@@ -110,11 +116,12 @@ def _dialect(file: Path, said: Any) -> Dialect:
             raise _bad(file, f"{key} = {value!r} is not {kinds[key].__name__}.")
     found = dict(said)
     try:
-        for key in ("signature", "begins", "label"):
+        for key in ("signature", "begins", "label", "listed"):
             if key in found:
                 found[key] = re.compile(found[key])
-        if "label" in found and "label" not in found["label"].groupindex:
-            raise _bad(file, f"label = {said['label']!r} has no group (?P<label>...).")
+        for key, group in (("label", "label"), ("listed", "name")):
+            if key in found and group not in found[key].groupindex:
+                raise _bad(file, f"{key} = {said[key]!r} has no group (?P<{group}>...).")
         found["names"] = tuple(map(str, found.get("names", ())))
         found["units"] = tuple(
             (re.compile(expression), tuple(map(str, units)))

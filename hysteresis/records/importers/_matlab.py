@@ -20,8 +20,9 @@ _WIDEST = 64
 def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     """The table of a .mat or HDF5 file, or None where the file is none.
 
-    Vectors are columns, by the names of variables, of the fields of a structure or of data sets; a matrix
-    of few columns is one column each. Structures and groups with the same vectors are put under one another
+    Vectors are columns, by the names of variables, of the fields of a structure or of data sets, or by the
+    name that a structure holds beside its values; a matrix of few columns is one column each, named by a
+    list of as many words beside it. Structures and groups with the same vectors are put under one another
     and told apart by the column "group". Units are attributes `units` or `unit` of data sets.
 
     Raises `InputError` `damaged-file`, `no-rows`.
@@ -34,7 +35,7 @@ def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | No
         return None
     units: dict[str, str] = {}
     try:
-        groups = dict(_hdf5(data, units)) if at is not None else dict(_matlab(data))
+        groups = dict(_hdf5(data, units)) if at is not None else dict(_matlab(data, units))
     except (
         Exception
     ) as error:  # both raise what they meet: OSError, KeyError, ValueError, NotImplementedError
@@ -48,28 +49,71 @@ def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | No
     return sheet
 
 
-def _matlab(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+def _matlab(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     from scipy.io import loadmat  # a tenth of a second, for this alone
 
     variables = loadmat(io.BytesIO(checked_matlab(data)), simplify_cells=True)
-    yield from _groups("", {k: v for k, v in variables.items() if not k.startswith("__")})
+    yield from _groups("", {k: v for k, v in variables.items() if not k.startswith("__")}, units)
 
 
-def _groups(name: str, found: dict[str, Any]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """A structure as a group of vectors, and the structures within it."""
+def _groups(
+    name: str, found: dict[str, Any], units: dict[str, str]
+) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """A structure as a group of vectors, and the structures within it.
+
+    Structures that hold a name and values, as those of Simulink and dSPACE, are vectors of the group.
+    """
     vectors: dict[str, np.ndarray] = {}
+    listed = [words for value in found.values() if (words := _words(value))]
     for key, value in found.items():
         inner = f"{name}.{key}" if name else key
-        if isinstance(value, dict):
-            yield from _groups(inner, value)
-        elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-            for k, one in enumerate(value, 1):
-                if isinstance(one, dict):
-                    yield from _groups(f"{inner} {k}", one)
-        elif isinstance(value, np.ndarray):
-            vectors |= _vectors(key, value)
+        is_list = isinstance(value, list) or (
+            isinstance(value, np.ndarray) and value.dtype == object
+        )
+        structures = [one for one in value if isinstance(one, dict)] if is_list else []
+        structures = [value] if isinstance(value, dict) else structures
+        signals = [_signal(one) for one in structures]
+        if signals and all(signals):
+            for label, unit, x in filter(None, signals):
+                vectors[label] = x
+                if unit:
+                    units[label] = unit
+        elif isinstance(value, dict):
+            yield from _groups(inner, value, units)
+        elif structures:
+            for k, one in enumerate(structures, 1):
+                yield from _groups(f"{inner} {k}", one, units)
+        elif isinstance(value, np.ndarray) and not is_list:
+            columns = _vectors(key, value)
+            names = next(
+                (words for words in listed if value.ndim == 2 and len(words) == len(columns)), None
+            )
+            vectors |= dict(zip(names, columns.values(), strict=True)) if names else columns
     if vectors:
         yield name, vectors
+
+
+def _signal(found: dict[str, Any]) -> tuple[str, str, np.ndarray] | None:
+    """Name, unit and values of a structure that holds one vector under its name; None of any other."""
+    fields = {key.lower(): value for key, value in found.items()}
+    said = [fields[key] for key in ("name", "label") if isinstance(fields.get(key), str)]
+    values = [fields[key] for key in ("data", "values", "value") if key in fields]
+    if not any(said) or len(values) != 1 or not isinstance(values[0], np.ndarray):
+        return None
+    x = np.squeeze(values[0])
+    unit = next(
+        (str(fields[key]) for key in ("unit", "units") if isinstance(fields.get(key), str)), ""
+    )
+    good = x.ndim == 1 and x.dtype.kind in "biuf" and len(x) > 1
+    return (next(filter(None, said)), unit, x) if good else None
+
+
+def _words(value: Any) -> list[str]:
+    """The words of a list of names, all different; [] of anything else."""
+    if not isinstance(value, list) and not (isinstance(value, np.ndarray) and value.ndim == 1):
+        return []
+    words = [str(one) for one in value if isinstance(one, str) and one.strip()]
+    return words if len(words) == len(value) == len(set(words)) else []
 
 
 def _vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..._note import Note
 from .._units import bare_unit, is_unit, spelled
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|nan", re.IGNORECASE)
 
 
 class Layout(NamedTuple):

@@ -156,13 +156,13 @@ def test_gaps_and_words_among_numbers():
     assert guessed(text(rows), "--overwrite")["selection"]["nan"] == "interpolate"
 
 
-def test_dates_and_times_give_a_step():
+def test_dates_and_times_are_a_clock():
     stamped = [
         [f"2024-05-01 12:{k // 60:02d}:{k % 60:02d}.5", f, x] for k, (_, f, x, _) in enumerate(ROWS)
     ]
     found = guessed(text(stamped, ("timestamp", F, X)))
-    assert found["selection"]["dt"] == 1
-    assert "time" not in found["selection"]
+    assert found["selection"]["time"] == "timestamp"
+    assert "median step of 1" in next(f["why"] for f in found["found"] if f["what"] == "time")
 
 
 def test_a_force_in_grams_is_a_weight():

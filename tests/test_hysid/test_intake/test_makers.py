@@ -339,16 +339,6 @@ def test_of_a_large_file_an_excerpt_is_read(tmp_path, monkeypatch):
 
 REFUSED = {
     "settings": ("DataLogger 4.0 Version 4.0\n____\n\nProjekt Name: PMD\nPrüfer:\n", "DataLogger"),
-    "UFF over time": (
-        "    -1\n    58\nA\nB\n13-Apr-23\nChannel 1\nNONE\n    1         0    0         0 P\n"
-        "     2  30\n" + " 0.0 1.0 2.0 3.0\n" * 30,
-        "UFF 58",
-    ),
-    "a spectrum": (
-        "    -1\n    58\nPSD\nVib\n13-Apr-23\nChannel 1\nNONE\n    9         0    0         0 P\n"
-        "     5  3\n 0.0 1.0 2.0 3.0\n 0.0 1.0 2.0 3.0\n",
-        "over frequency",
-    ),
     "settings of a maker": (
         "[Settings]\nInstrument,LakeShore 7410 VSM\nField,100,Oe\nAveraging,10,s,per,point\nRamp,a,b\n",
         "LakeShore",

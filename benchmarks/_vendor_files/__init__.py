@@ -1,0 +1,1 @@
+"""Files in the layouts of rig makers, with made-up numbers, and what reading them has to give."""

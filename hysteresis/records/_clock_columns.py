@@ -1,0 +1,128 @@
+"""Columns of dates and times of day as seconds from the first row.
+
+Loggers write a clock as a date ("2020-11-05T10:59:58.250", "05.11.2020 10:59:58"), as a time of day or of a
+test ("10:59:58.250", "00:01:02"), as the seconds, milli-, micro- or nanoseconds since 1970, or as what the
+functions of a microcontroller count.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import date, datetime
+
+import numpy as np
+
+from .._note import Note
+from ._table import Table
+from ._units import named_unit
+
+DAY = 86_400.0
+_TIME = re.compile(r"(\d{1,3}):(\d\d):(\d\d)(?:[.,:](\d{1,9}))?\s*([AaPp]\.?[Mm]\.?)?")
+_DATE = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})[\sT,;]+")
+_NAMED = re.compile(r"time|stamp|zeit|clock|epoch", re.IGNORECASE)
+_SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
+"""Seconds since 1970 are between one and two thousand millions, from 2001 to 2033, in such steps."""
+_COUNTED = {"millis": "ms", "micros": "us"}
+"""Functions of a microcontroller, and the unit of what they return."""
+
+
+def with_clocks(table: Table) -> Table:
+    """The table with columns of dates, times of day and times since 1970 as seconds from the first row.
+
+    A column is one if each of its cells is. A time of day that goes back by half a day has passed midnight.
+    """
+    columns, units, notes = dict(table.columns), dict(table.units), list(table.notes)
+    for name, x in table.columns.items():
+        if x.dtype.kind != "f":
+            found, said = _stamps(x), "dates or times of day"
+        elif named_unit(name, None, table.units.get(name)) is None:
+            if unit := _COUNTED.get(name.strip("() ").lower()):
+                units[name] = unit
+                continue
+            found, said = _since_1970(name, x), "times since 1970"
+        else:
+            continue
+        if found is not None:
+            columns[name], units[name] = found, "s"
+            read = f"Column {name!r} holds {said}: read as seconds from the first row."
+            notes.append(Note("clock", read))
+    return replace(table, columns=columns, units=units, notes=tuple(notes))
+
+
+def _stamps(cells: np.ndarray) -> np.ndarray | None:
+    """Seconds from the first cell (n,), NaN where one is empty; None where one is no date and no time."""
+    filled = np.flatnonzero(cells != "")
+    if len(filled) < 2 or ":" not in cells[filled[0]] or ":" not in cells[filled[-1]]:
+        return None
+    words = cells[filled].tolist()
+    for read in (_iso, _by_parts):
+        try:
+            seconds = read(words)
+        except (ValueError, TypeError):  # no date, or one with a time zone and one without
+            continue
+        found = np.full(len(cells), np.nan)
+        found[filled] = np.round(seconds - seconds[0], 9)
+        return found if np.ptp(seconds) > 0 else None
+    return None
+
+
+def _iso(words: Sequence[str]) -> np.ndarray:
+    first = datetime.fromisoformat(words[0])
+    return np.array([(datetime.fromisoformat(w) - first).total_seconds() for w in words])
+
+
+def _by_parts(words: Sequence[str]) -> np.ndarray:
+    """A time of day, perhaps behind a date whose day comes first or, with slashes, perhaps its month."""
+    cut = [_DATE.match(word) for word in words]
+    of_day = np.array(
+        [_seconds(w[c.end() :] if c else w) for w, c in zip(words, cut, strict=True)], float
+    )
+    dates = [c for c in cut if c is not None]
+    if dates and len(dates) < len(cut):
+        raise ValueError("a date is missing")
+    if len({c[0] for c in dates}) > 1:
+        return of_day + _days([(int(c[1]), int(c[3]), int(c[4])) for c in dates], dates[0][2])
+    if not dates:
+        of_day += DAY * np.cumsum(np.diff(of_day, prepend=of_day[0]) < -DAY / 2)
+    return of_day
+
+
+def _days(parts: Sequence[tuple[int, int, int]], sign: str) -> np.ndarray:
+    """Seconds of days; of two readings of a date the one that goes on, and then the shorter one."""
+    orders: list[Callable[[int, int, int], date]] = [lambda a, b, year: date(year, b, a)]
+    if sign == "/":
+        orders.append(lambda a, b, year: date(year, a, b))
+    found: list[tuple[bool, float, int, np.ndarray]] = []
+    for k, order in enumerate(orders):
+        try:
+            days = np.array([order(*one).toordinal() for one in parts], float)
+        except ValueError:  # there is no month 13
+            continue
+        back = bool((np.diff(days) < 0).any())
+        found.append((back, float(np.ptp(days)), k, days))
+    if not found:
+        raise ValueError("no calendar has these dates")
+    return DAY * min(found, key=lambda one: one[:3])[3]
+
+
+def _seconds(word: str) -> float:
+    found = _TIME.fullmatch(word.strip())
+    if found is None:
+        raise ValueError(word)
+    hours, minutes, seconds, fraction, half = found.groups()
+    h = int(hours)
+    if half:
+        h = h % 12 + (12 if half[0] in "pP" else 0)
+    return (
+        3600.0 * h + 60 * int(minutes) + int(seconds) + (float(f"0.{fraction}") if fraction else 0)
+    )
+
+
+def _since_1970(name: str, x: np.ndarray) -> np.ndarray | None:
+    """Seconds from the first value of a clock whose values are those of the years from 2001 to 2033."""
+    good = np.isfinite(x)
+    if not _NAMED.search(name) or good.sum() < 2:
+        return None
+    low, high = float(x[good].min()), float(x[good].max())
+    step = next((s for least, s in _SINCE_1970.items() if least <= low < high < 2 * least), None)
+    return None if step is None else np.round((x - x[good][0]) * step, 9)

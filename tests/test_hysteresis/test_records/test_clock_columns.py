@@ -1,0 +1,83 @@
+"""Dates, times of day and times since 1970 are seconds from the first row; units stand behind names."""
+
+import numpy as np
+import pytest
+
+from hysteresis import read_csv, read_table
+from hysteresis.records._units import name_and_unit, spelled
+
+EVEN = [0.0, 0.5, 1.0, 1.5]
+
+
+def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
+    rows = "".join(f'"{cell}",{k},{k * k}\n' for k, cell in enumerate(cells))
+    (tmp_path / "run.csv").write_text(f"{header},force (N),x (mm)\n{rows}")
+    return read_table(tmp_path / "run.csv").columns[header]
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["2020-11-05T23:59:59", "2020-11-05T23:59:59.500", "2020-11-06T00:00:00", "2020-11-06T00:00:00.5"],
+        ["2020-11-05 10:00:00", "2020-11-05 10:00:00,5", "2020-11-05 10:00:01", "2020-11-05 10:00:01,5"],
+        ["05.11.2020 23:59:59", "05.11.2020 23:59:59,5", "06.11.2020 00:00:00", "06.11.2020 00:00:00,5"],
+        ["11/30/2020 23:59:59", "11/30/2020 23:59:59.5", "12/1/2020 00:00:00", "12/1/2020 00:00:00.5"],
+        ["11:59:59 AM", "11:59:59.5 AM", "12:00:00 PM", "12:00:00.5 PM"],
+        ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"],
+        ["00:00:01:000", "00:00:01:500", "00:00:02:000", "00:00:02:500"],
+    ],
+)  # fmt: skip
+def test_dates_and_times_of_day_are_seconds(cells, tmp_path):
+    np.testing.assert_allclose(clock_of(cells, tmp_path), EVEN, atol=1e-9)
+    record = read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "when")
+    assert record.time_unit == "s"
+    assert "clock" in {note.code for note in record.history}
+
+
+def test_times_since_1970_are_told_by_their_size(tmp_path):
+    for step, first in ((1.0, 1.6e9), (1e3, 1.6e12), (1e6, 1.6e15), (1e9, 1.6e18)):
+        cells = [f"{first + t * step:.1f}" for t in EVEN]
+        np.testing.assert_allclose(clock_of(cells, tmp_path, "timestamp"), EVEN, atol=1e-6)
+    # A column of another name, or with a unit, is what it is.
+    assert clock_of(["1.6e9", "1.7e9"], tmp_path, "pressure")[0] == 1.6e9
+    assert clock_of(["1.6e9", "1.7e9"], tmp_path, "time (ms)")[0] == 1.6e9
+
+
+def test_what_is_no_clock_stays_text(tmp_path):
+    for cells in (["a:b", "c:d"], ["10:00:00", "word"], ["10:00", "10:01"], ["1:2:3:4:5", "1:2:3:4:6"],
+                  ["99/99/2020 10:00:00", "98/99/2020 10:00:00"], ["10:00:00", "10:00:00"]):  # fmt: skip
+        assert clock_of(cells, tmp_path).dtype.kind == "U"
+
+
+def test_counters_of_a_microcontroller_have_their_unit(tmp_path):
+    clock_of(["0", "500", "1000"], tmp_path, "millis")
+    assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "millis").time_unit == "ms"
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("Kraft / N", "Kraft", "N"), ("Kraft in kN", "Kraft", "kN"), ("Load, N", "Load", "N"),
+        ("F/N", "F", "N"),
+        ("Load<N>", "Load", "N"), ("Time{s}", "Time", "s"), ("GP in 1/s", "GP", "1/s"),
+        ("Stress, N/mm2", "Stress", "N/mm2"), ("mV/V", "mV/V", None),
+        ("velocity mm/s", "velocity mm/s", None),
+        ("Change in length", "Change in length", None), ("Fx/Fz", "Fx/Fz", None), ("No, 5", "No, 5", None),
+        ("Channel A", "Channel A", None), ("Stress (step)", "Stress", None), ("a / b", "a / b", None),
+    ],
+)  # fmt: skip
+def test_units_behind_names(header, name, unit):
+    assert name_and_unit(header) == (name, unit)
+
+
+def test_spellings_of_rigs_are_no_other_unit_of_pint():
+    spellings = {
+        "Pas": "Pa*s",
+        "N-m": "N*m",
+        "cm2": "cm^2",
+        "in.": "in",
+        "sec.": "s",
+        "кН": "kN",
+        "s-1": "1/s",
+    }
+    assert {text: spelled(text) for text in spellings} == spellings
