@@ -7,7 +7,8 @@ the written folder, in seconds and peak memory; cold, with no compiled programs 
 time. Growth is the exponent of time and of memory between neighbouring numbers of rows. The peer is a whole
 process too, on the same file. "Second fit" is one of another length in a process that has fitted before.
 The multisine has 8,192 rows, and a fit in blocks 1e7, whatever `--rows` says; `--rows 1e8` takes as many in
-blocks. `--quick` takes 1,000 rows alone.
+blocks. `--model batch` fits `--files` files (300) of 1,000 rows over Dask, and is not among the cases that
+are taken without a name. `--quick` takes 1,000 rows alone.
 """
 
 import math
@@ -19,7 +20,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -28,6 +29,7 @@ from hysteresis import Burgers
 from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 
 from ._measure import Row, judged, noted, options, report
+from ._scale import over_dask
 
 COLUMNS = ("time", "input", "output")
 
@@ -246,6 +248,45 @@ def in_blocks(rows: int) -> list[Row]:
     ]
 
 
+def batches(files: int) -> list[Row]:
+    """`hysid batch` over Dask: growth by a second worker, a worker that dies, memory by number of files."""
+    t, u, clean = sliders(over_dask.ROWS)
+    taken, small = {}, {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        # Lines are fitted fast, so that there can be many: only the number of files differs.
+        for what, count in (("few", 12), ("files", files), ("many", 4 * files)):
+            over_dask.write_files(folder / what, (t, u, clean), count)
+        for workers in (1, 2):
+            print(f"batch, {files} files, workers: {workers} ...", file=sys.stderr, flush=True)
+            with over_dask.cluster(workers) as started:
+
+                def fitted(
+                    of: str, model: str = "Preisach", killed: bool = False, started: Any = started
+                ) -> over_dask.Batch:
+                    out = folder / f"{of}-{model}-{len(list(folder.iterdir()))}"
+                    return over_dask.batch(started, folder / of / "*.csv", model, out, killed)
+
+                fitted("few")  # every worker has then loaded what it needs
+                taken[workers] = fitted("files")
+                if workers == 2:
+                    small = {of: fitted(of, "LinearSponge") for of in ("files", "many")}
+                    left = fitted("few", killed=True).fitted / 12
+    more = 1e3 * (small["many"].memory - small["files"].memory) / (3 * files)
+    what = f"batch over Dask, {files:,} files of {over_dask.ROWS:,} rows"
+    return [
+        judged(
+            f"{what}: one worker over two", taken[1].seconds / taken[2].seconds, 1.8, at_least=True
+        ),
+        noted(f"{what}: seconds a file, one worker", taken[1].seconds / files),
+        noted(f"{what}: peak memory of the client, GB", taken[2].memory),
+        noted("batch over Dask: memory of the client per 1,000 files more, MB", 1e3 * more),
+        judged(
+            "batch over Dask: part of the fits there though a worker died", left, 1, at_least=True
+        ),
+    ]
+
+
 def second_fit(case: Case, rows: int) -> Row:
     """A fit of another length in a process that has fitted `rows` rows before."""
     # Loaded here: what the parent process does with JAX does not count in the other figures.
@@ -289,6 +330,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = options(
         "benchmarks.scale", __doc__, arguments,
         model="cases of these models", rows="how many rows, with commas between",
+        files="how many files a batch has",
     )  # fmt: skip
     jax.config.update("jax_enable_x64", True)
     said = (chosen.rows or ("1e3" if chosen.quick else "1e3,1e5")).split(",")
@@ -300,12 +342,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not names or {case.name.casefold(), case.fitted.casefold()} & set(names)
     ]
     blocks = "in blocks" in names or not (names or chosen.quick)
-    if not (some or blocks):
-        print(f"have {', '.join(case.name for case in CASES)}, in blocks", file=sys.stderr)
+    batch = "batch" in names
+    if not (some or blocks or batch):
+        print(f"have {', '.join(case.name for case in CASES)}, in blocks, batch", file=sys.stderr)
         return 2
     rows = [row for case in some for row in rows_of(case, case.sizes or sizes)]
     if blocks:
         rows += in_blocks(max(*sizes, 10_000_000))
+    if batch:
+        rows += batches(int(chosen.files or 300))
     report(rows, chosen.json)
     return 0
 

@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -24,6 +25,8 @@ from ._loop_widths import Loop, loop_widths
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
 part of the output's range by which the model's answer to an estimate misses the output."""
+Tell = Callable[[int, int, str], None]
+
 WORSE = 1.05
 """A compensator whose rms error is above this times that of a straight line fails. An exact inverse of a
 noisy straight line errs by 1 + noise^2 / (2 signal^2) times the regression's error, below 1.05 up to noise
@@ -165,6 +168,7 @@ def qualify(
     ensemble: Simulates[UncertainEstimate] | None = None,
     max_error: float | None = None,
     rate: float | None = None,
+    progress: Tell = lambda done, total, text: None,
 ) -> Qualification:
     """A verdict on a compensator from a record it has not seen, each sequence from the virgin state.
 
@@ -181,6 +185,7 @@ def qualify(
     - `ensemble`: `simulate(t, y)` of it gives `value` and `deviation`, (samples,), and may give `draws`,
         (draws, samples): an `EnsembleCompensator`.
     - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
+    - `progress(done, total, text)` is called after each of a few parts.
 
     Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
 
@@ -192,7 +197,9 @@ def qualify(
     """
     _check(record, max_error, rate)
     u, y, used = record.input, record.output, record.mask
+    parts = 4 if ensemble is None else 5
     value, status = map(np.asarray, estimate(compensator, record)[:2])
+    progress(1, parts, "estimates")
     error = value - u
     fine = used & (status == Status.OK)
     span = float(np.ptp(u[used]))
@@ -204,6 +211,7 @@ def qualify(
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
         back = float(np.abs(again - y)[fine].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
+    progress(2, parts, "round trip")
     found: dict[str, Any] = {
         "errors": errors,
         "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
@@ -220,8 +228,8 @@ def qualify(
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
         "round_trip": back,
         "flat_width": flat_width,
-        "latency": latency(compensator, record),
-        "doubt": None if ensemble is None else _doubt(ensemble, record),
+        "latency": None,
+        "doubt": None,
         "max_error": max_error,
         "rate": rate,
         "names": {
@@ -229,6 +237,12 @@ def qualify(
             "output": record.output_name, "output_unit": record.output_unit,
         },
     }  # fmt: skip
+    progress(3, parts, "errors and loops")
+    found["latency"] = latency(compensator, record)
+    progress(4, parts, "time of a step")
+    if ensemble is not None:
+        found["doubt"] = _doubt(ensemble, record)
+        progress(5, parts, "draws of the posterior")
     return Qualification(verdict=_judge(found, span, float(np.ptp(y[used]))), **found)
 
 

@@ -40,10 +40,15 @@ def batch(
     from ..intake._selection import Selection  # after JAX is set up
     from ..operations import _batch
 
-    document = _batch.batch(
-        pattern, Selection(**selection), out, scheduler=scheduler, jobs=jobs, resume=resume,
-        say=log, **options,
-    )  # fmt: skip
+    try:
+        document = _batch.batch(
+            pattern, Selection(**selection), out, scheduler=scheduler, jobs=jobs, resume=resume,
+            say=log, **options,
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        if (table := out / "batch.csv").is_file():
+            log(f"Fits so far: {table}. The same command with --resume fits the other files.")
+        raise
     before = f" ({document['skipped']} of them by an earlier run)" if document["skipped"] else ""
     lines = [f"{document['fitted']} fitted{before}, {len(document['failed'])} failed."]
     lines += [f"{name}: {why}" for name, why in document["failed"].items()]

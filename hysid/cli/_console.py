@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
@@ -22,6 +23,9 @@ PURPOSES = {
 
 BUG, USER, INTERRUPTED, CLOSED = 1, 2, 130, 141
 """Exit status: a fault of hysid, of the user's data or settings, an interruption, a reader that is gone."""
+
+SOON = 2.0
+"""Seconds of a command before which it says nothing of what is left."""
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file of the test rig.")]
@@ -57,6 +61,7 @@ def start_jax(double: bool = True) -> None:
     import jax  # late: it takes a second, and --help needs none of it
 
     jax.config.update("jax_enable_x64", double)
+    LEFT.begin = time.monotonic()
 
 
 def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) -> None:
@@ -80,6 +85,31 @@ def _print(text: str) -> None:
         raise SystemExit(CLOSED) from None
 
 
+class Left:
+    """What is left of a run whose parts to come take as long as those done; it begins when it is made."""
+
+    def __init__(self) -> None:
+        self.begin: float = time.monotonic()
+
+    def __call__(self, done: int, total: int) -> str:
+        """As words behind a line; "" in the first `SOON` seconds, and at the end."""
+        spent = time.monotonic() - self.begin
+        if spent < SOON or not 0 < done < total:
+            return ""
+        seconds = spent * (total - done) / done
+        unit, name = next(
+            one for one in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= 2 * one[0]
+        )
+        return f"; about {seconds / (unit or 1.0):.0f} {name} left"
+
+
+LEFT = Left()
+"""Of the command that runs."""
+
+PROGRESS = "progress"
+"""Code of the lines of `Progress`, which say themselves what is left."""
+
+
 def logs_json() -> bool:
     """Whether another program reads what is logged."""
     return os.environ.get("HYSID_LOG") == "json"
@@ -93,7 +123,9 @@ def log(line: str) -> None:
         }
         print(json.dumps({"said": str(line), **fields}), file=sys.stderr, flush=True)
         return
-    print(_shown(line, sys.stderr.encoding), file=sys.stderr, flush=True)
+    done, total = (int(getattr(line, name, 0)) for name in ("done", "total"))
+    left = "" if getattr(line, "code", "") == PROGRESS else LEFT(done, total)
+    print(_shown(line + left, sys.stderr.encoding), file=sys.stderr, flush=True)
 
 
 def _shown(text: str, encoding: str | None) -> str:
@@ -148,10 +180,14 @@ def warnings(sentences: Iterable[str], word: str = "Warning") -> list[str]:
 
 
 class Progress:
-    """How far a long run is, on stderr: a bar on a terminal, a line for every tenth elsewhere."""
+    """How far a long run is, on stderr: a bar on a terminal, a line for every tenth elsewhere.
 
-    def __init__(self, what: str):
-        self._what = what
+    `later`: it is shown where the run takes more than `SOON` seconds only.
+    """
+
+    def __init__(self, what: str, later: bool = False):
+        self._what, self._later = what, later
+        self._left = Left()
         self._bar: Any = None
         self._task: Any = None
         self._part = -1
@@ -160,6 +196,10 @@ class Progress:
         return self
 
     def __call__(self, done: int, total: int, text: str) -> None:
+        if self._later:
+            if time.monotonic() < self._left.begin + SOON:
+                return
+            text += self._left(done, total)
         if sys.stderr.isatty():
             if self._bar is None:
                 # late: most commands show no bar
@@ -175,7 +215,7 @@ class Progress:
             from hysteresis._note import ProgressNote  # late: it loads JAX, which runs by now
 
             said = f"{self._what}: {100 * done // total} %, {text}"
-            log(ProgressNote("progress", said, done, total))
+            log(ProgressNote(PROGRESS, said, done, total))
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:

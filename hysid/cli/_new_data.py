@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from ..intake._selection_options import OF_READING
-from ._console import USER, AsJson, File, Folder, print_result, start_jax, warnings
+from ._console import USER, AsJson, File, Folder, Progress, print_result, start_jax, warnings
 from ._selection import takes_selection
 
 
@@ -72,9 +72,11 @@ def qualify(
     start_jax()
     from ..operations import _qualify  # after JAX is set up
 
-    found = _qualify.qualify(
-        folder, file, max_error=max_error, rate=rate, guarantee=guarantee, changes=selection
-    )
+    with Progress("qualify", later=True) as progress:
+        found = _qualify.qualify(
+            folder, file, max_error=max_error, rate=rate, guarantee=guarantee, changes=selection,
+            tell=progress,
+        )  # fmt: skip
     lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
     print_result(found, as_json, lines)
     if found["verdict"]["level"] == "FAIL":

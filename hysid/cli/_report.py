@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._console import AsJson, Folders, log, print_result, start_jax
+from ._console import AsJson, Folders, Progress, log, print_result, start_jax
 
 
 def report(
@@ -29,5 +29,6 @@ def report(
     start_jax()
     from ..reporting import _specimens_page  # after JAX is set up
 
-    found = _specimens_page.report(folders, out, log)
+    with Progress("report", later=True) as progress:
+        found = _specimens_page.report(folders, out, log, progress)
     print_result(found, as_json, [found["file"]])

@@ -76,6 +76,10 @@ class _Files:
     files: list[Path]
     selection: Selection
 
+    def __length_hint__(self) -> int:
+        """How many records there are, where each file has one."""
+        return 0 if self.selection.each else len(self.files)
+
     def items(self) -> Iterator[tuple[str, Any]]:
         """Name, and record with what is held out, or why there is none."""
         for name, file in zip(_names(self.files), self.files, strict=True):

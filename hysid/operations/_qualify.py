@@ -1,5 +1,6 @@
 """`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from compensate import (
     runs_needed,
 )
 from compensate import qualify as qualified
+from compensate.qualification._qualify import Tell
 from compensate.uncertainty._guaranteed import run_scores
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
@@ -41,6 +43,7 @@ def qualify(
     rate: float | None = None,
     guarantee: float | None = None,
     changes: dict[str, Any] | None = None,
+    tell: Tell = lambda done, total, text: None,
 ) -> dict[str, Any]:
     """Qualify the compensator of a fit, or of each of several, and write DIR/qualify.json.
 
@@ -71,7 +74,8 @@ def qualify(
     found: dict[str, Qualification] = {}
     for value, (record, held_out) in records.items():
         if value in folders:
-            one = _of_one(fits[value], folder / folders[value], held_out or record, max_error, rate)
+            place, seen = folder / folders[value], held_out or record
+            one = _of_one(fits[value], place, seen, max_error, rate, _of_part(found, records, tell))
             found[value] = _seen(one) if fitted_here and held_out is None else one
     if not found:
         raise InputError(
@@ -100,6 +104,7 @@ def _of_one(
     record: Record,
     max_error: float | None,
     rate: float | None,
+    tell: Tell,
 ) -> Qualification:
     identify.internal.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
@@ -117,8 +122,14 @@ def _of_one(
         except InputError as error:
             said = f"The posterior of this fit cannot be inverted: {error}"
             facts.append(Note("no-posterior", said))
-    found = qualified(compensator, record, fitted.model, ensemble, max_error, rate)
+    found = qualified(compensator, record, fitted.model, ensemble, max_error, rate, tell)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+
+
+def _of_part(found: Mapping[str, Any], records: Mapping[str, Any], tell: Tell) -> Tell:
+    """What tells the progress of one fit of several, of which these are done."""
+    before, all_ = len(found), len(records)
+    return lambda done, total, text: tell(before * total + done, all_ * total, text)
 
 
 def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -> dict[str, Any]:

@@ -47,10 +47,16 @@ STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
 )  # fmt: skip
 
 
-def write_report(folder: str | Path, file: Path | None = None) -> Path:
+Tell = Callable[[int, int, str], None]
+
+
+def write_report(
+    folder: str | Path, file: Path | None = None, tell: Tell = lambda done, total, text: None
+) -> Path:
     """Write `file`, or `folder`/report.html, about the fit and the posterior that the folder holds.
 
     A page at another place names its folder as DIR, because the commands on it need a saved fit.
+    `tell(done, total, text)` is called for each section.
 
     Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
     """
@@ -73,12 +79,16 @@ def write_report(folder: str | Path, file: Path | None = None) -> Path:
         ) from error
     of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
     of_motion = isinstance(case.fit.detail, identify.Motion)
-    sections = [
-        make(case)
+    makers = [
+        make
         for make in (STEP_SECTIONS if of_step else MOTION_SECTIONS if of_motion else SECTIONS)
         if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
         and (make is not channels or case.fit.channels is not None)
     ]
+    sections: list[Section] = []
+    for done, make in enumerate(makers, 1):
+        sections.append(make(case))
+        tell(done, len(makers), sections[-1].title)
     data = document["data"]
     return render(
         file or folder / TARGET,

@@ -29,11 +29,19 @@ class Rows(NamedTuple):
 
     def groups(self) -> tuple[list[str], list[str], Float[np.ndarray, " groups"]]:
         """Name, word and rms residual of every group, in order."""
-        found: dict[tuple[str, str], list[int]] = {}
-        for k in np.flatnonzero(self.word != ""):
-            found.setdefault((str(self.group[k]), str(self.word[k])), []).append(int(k))
-        rms = [np.sqrt(np.mean(self.residual[rows] ** 2)) for rows in found.values()]
-        return [name for name, _ in found], [word for _, word in found], np.array(rms)
+        rows = np.flatnonzero(self.word != "")
+        group, word = self.group[rows], self.word[rows]
+        new = np.append(True, (group[1:] != group[:-1]) | (word[1:] != word[:-1]))[: len(rows)]
+        # Groups are runs of rows, or a few runs: what lies within one is added at once.
+        found: dict[tuple[str, str], tuple[float, int]] = {}
+        squares = np.add.reduceat(self.residual[rows] ** 2, np.flatnonzero(new))
+        counts = np.diff(np.flatnonzero(new), append=len(rows))
+        runs = zip(group[new], word[new], squares, counts, strict=True)
+        for name, kind, total, count in runs:
+            before = found.get((str(name), str(kind)), (0.0, 0))
+            found[str(name), str(kind)] = before[0] + float(total), before[1] + int(count)
+        rms = np.array([np.sqrt(total / count) for total, count in found.values()])
+        return [name for name, _ in found], [word for _, word in found], rms
 
 
 def residual_rows(

@@ -9,11 +9,12 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
+from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
 
 from ..figures._format import plain_name, quantity
 from ._case import TARGET, Section
-from ._fit_page import render, write_report
+from ._fit_page import Tell, render, write_report
 from ._specimens import FEW, Specimen, common, kinds, mark_outliers, opened, places
 from ._specimens_sections import fits, loops, parameters, pooled
 
@@ -24,7 +25,10 @@ Say = Callable[[str], None]
 
 
 def report(
-    folders: Sequence[Path], out: Path | None = None, say: Say = lambda _: None
+    folders: Sequence[Path],
+    out: Path | None = None,
+    say: Say = lambda _: None,
+    tell: Tell = lambda done, total, text: None,
 ) -> dict[str, Any]:
     """Write the report of one fit; of several, one each where it is missing or old, and the page on all.
 
@@ -34,11 +38,12 @@ def report(
     found = places(folders)
     single = len(folders) == 1 and (folders[0] / "fit.json").is_file()
     if single and out is None and list(found.values()) == [folders[0]]:
-        return {"file": str(write_report(folders[0]))}
+        return {"file": str(write_report(folders[0], tell=tell))}
     for k, (name, place) in enumerate(found.items(), 1):
         if _fresh(place):
             continue
-        say(f"report {k} of {len(found)}: {name}")
+        said = f"report {k} of {len(found)}: {name}"
+        say(ProgressNote("report", said, k - 1, len(found)))
         try:
             write_report(place)
         except InputError as error:

@@ -6,6 +6,7 @@ from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import cached_property
 from itertools import count
+from operator import length_hint
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,6 +14,7 @@ import equinox as eqx
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record
+from hysteresis._note import ProgressNote
 from hysteresis._serialisation import described
 
 from ..fitting._candidates import Asked, Candidate, candidates
@@ -118,6 +120,7 @@ def fit_many(
     run = _Run(function, options, chunk, progress or (lambda _: None))
     if out is not None:
         run.folder = Folder(Path(out), run.settings(extra or {}), extra or {}, resume)
+    run.total = length_hint(records)
     if isinstance(records, Named):
         return run.over(records.items(), executor)
     return run.over(zip(_names(names), records, strict=False), executor)
@@ -128,9 +131,13 @@ def _names(names: Iterable[str] | None) -> Iterator[str]:
 
 
 class _Run:
-    """One call of `fit_many`: it takes records, hands out units of work and collects fits."""
+    """One call of `fit_many`: it takes records, hands out units of work and collects fits.
+
+    `total`: how many records there are, 0 where that is not known.
+    """
 
     folder: Folder | None = None
+    total: int = 0
 
     def __init__(
         self,
@@ -168,11 +175,16 @@ class _Run:
             alone = [self._alone(name, record, None) for name, record in self.alone]
             for unit, outcome in done_by(alone, executor if alone else None):
                 self._take(unit, outcome)
-        finally:
-            batch = self._ordered()
-            if self.folder is not None:
-                self.folder.write(batch, time.perf_counter() - self.begin, finished=True)
-        return batch
+        except BaseException:
+            self._write(finished=False)
+            raise
+        self._write(finished=True)
+        return self._ordered()
+
+    def _write(self, finished: bool) -> None:
+        if self.folder is not None:
+            seconds = time.perf_counter() - self.begin
+            self.folder.write(self._ordered(), seconds, finished, at_once=True)
 
     def _ordered(self) -> Batch:
         batch = self.batch
@@ -314,7 +326,9 @@ class _Run:
 
     def _went(self, name: str, what: str) -> None:
         done = len(self.batch.kept) + len(self.batch.failed)
-        self.say(f"{done}: {name}{what}")
+        of = f" of {self.total}" if self.total else ""
+        said = f"{done}{of}: {name}{what}"
+        self.say(ProgressNote("record", said, done, self.total) if self.total else said)
         if self.folder is not None:
             self.folder.write(self.batch, time.perf_counter() - self.begin, finished=False)
 

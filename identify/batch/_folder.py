@@ -158,10 +158,10 @@ class Folder:
         row = row_of(document)
         return Kept(lambda: row, lambda: load(folder))
 
-    def write(self, batch: Batch, seconds: float, finished: bool) -> None:
-        """batch.json and batch.csv, now and then on the way and at the end."""
+    def write(self, batch: Batch, seconds: float, finished: bool, at_once: bool = False) -> None:
+        """batch.json and batch.csv, now and then on the way, and `at_once` at the end."""
         # A table of many rows takes long to write: no more than a tenth of the time.
-        if not finished and time.monotonic() < self._written + max(EVERY, 10 * self._took):
+        if not at_once and time.monotonic() < self._written + max(EVERY, 10 * self._took):
             return
         begin, rows = time.monotonic(), batch.table()
         document = {

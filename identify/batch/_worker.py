@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError, Record
+from hysteresis._note import ProgressNote
 from hysteresis._serialisation import described
 
 from ..fitting._candidates import candidates
-from ..fitting._fit import fit
+from ..fitting._fit import INTERRUPTED, fit
 from ..results._fit_result import FitResult
 from ._folder import files_of
 from ._side_by_side import Problem, Solved, fit_alike
@@ -43,11 +44,18 @@ def fit_alone(
         if home != HOME and function is fit:
             for one in candidates(options["model"]):
                 described(one.template)  # raises where the files of its fit could not be loaded
-        found = function(train, test=test, **unpacked(options))
+        watched = {"progress": _interrupts} if function is fit else {}
+        found = function(train, test=test, **watched, **unpacked(options))
     except InputError as error:
         words = {"place": error.place, "cause": error.cause, "fix": error.fix}
         return Fault(error.code, error.problem, words)
     return found if home == HOME else files_of(found)
+
+
+def _interrupts(line: str) -> None:
+    """Ctrl-C ends the batch: a fit that it cut short is not one of its results."""
+    if isinstance(line, ProgressNote) and line.code == INTERRUPTED:
+        raise KeyboardInterrupt
 
 
 def fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:

@@ -30,6 +30,9 @@ from ._verdict import check_purpose, judge
 Report = Callable[[str], None]
 Said = Mapping[str, Mapping[str, Any]]
 
+INTERRUPTED = "interrupted"
+"""Code of the note on a candidate that Ctrl-C ended."""
+
 
 # Many small factorisations: threads of BLAS that wait for busy cores made them fifteen times slower.
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -236,7 +239,7 @@ def _tried(
             if not tried:
                 raise
             skipped |= {one.name: "interrupted before it was fitted." for one in asked[done - 1 :]}
-            say(ProgressNote("interrupted", f"{candidate.name}: interrupted.", done, len(asked)))
+            say(ProgressNote(INTERRUPTED, f"{candidate.name}: interrupted.", done, len(asked)))
             break
         seconds = time.perf_counter() - since
         for fit, search in new:

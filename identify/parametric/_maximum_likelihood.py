@@ -278,9 +278,11 @@ def skewness_at(
 
     `arguments`: as those of `linearised_at` after the bounds.
     """
-    about = [linearised_at(bounds, *arguments, z) for z in points_about(free, covariance)]
-    known = noise.arithmetic()
-    scores = [weight * score(at, arguments[2], known) - at.pull for at in about]
+    known, scores = noise.arithmetic(), []
+    for z in points_about(free, covariance):
+        # One after the other: of a million rows each takes 60 MB.
+        at = linearised_at(bounds, *arguments, z)
+        scores.append(weight * score(at, arguments[2], known) - at.pull)
     return skewness(np.array(scores), covariance)
 
 

@@ -23,6 +23,18 @@ MOMENT = 0.25
 """Seconds of a block of steps: how often it can be interrupted, and says where it is."""
 
 
+LEAST = 20
+"""Steps that chains have to hold, so that something can be said about them."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while chains were drawn. `chains`: those so far, None where they are too short."""
+
+    def __init__(self, chains: Chains | None) -> None:
+        super().__init__()
+        self.chains: Chains | None = chains
+
+
 class Judgement(NamedTuple):
     """What the chains are like: steps to leave out, and of the rest the autocorrelation times, in steps,
     and R-hat; `finished`: the rule holds."""
@@ -90,7 +102,7 @@ def sample_ensembles(
 
     Whatever stops it, the checkpoint is written once more before the error goes on.
 
-    Raises `InputError` where the checkpoint cannot be used or written.
+    Raises `Interrupted` after Ctrl-C, `InputError` where the checkpoint cannot be used or written.
     """
     history = checkpoint.read() or _begun(first, log_probability, seed, place, root)
     run = _Run(log_probability, history)
@@ -118,11 +130,25 @@ def sample_ensembles(
                 checkpoint.write(run.history)
                 saved = time.monotonic()
             tell(run.done, total, _words(run, last, to_go))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         checkpoint.write(run.history)
-        raise
+        if run.done < LEAST:
+            raise Interrupted(None) from stop
+        said = f"interrupted after {run.done:,} steps; with --resume (resume=True) it goes on."
+        found = _finished(run.history, checkpoint, wants_rule=False)
+        raise Interrupted(found._replace(notes=(*found.notes, said))) from stop
     checkpoint.write(run.history)
     return _finished(run.history, checkpoint, wants_rule=steps is None)
+
+
+def drawn_so_far(*arguments: Any) -> Chains:
+    """`sample_ensembles`, and after Ctrl-C the chains so far, where they are not too short."""
+    try:
+        return sample_ensembles(*arguments)
+    except Interrupted as stop:
+        if stop.chains is None:
+            raise
+        return stop.chains
 
 
 def first_walkers(

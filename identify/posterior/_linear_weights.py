@@ -13,7 +13,7 @@ from ..linear._preisach_unknowns import SUMS
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint
 from ._chains import Chains, Progress
-from ._emcee import first_walkers, sample_ensembles
+from ._emcee import drawn_so_far, first_walkers
 from ._posterior import Posterior, modes_of, summary_of
 from ._weights_design import WeightsDesign, weights_design
 from ._weights_evidence import PRIOR_VARIANCE, WeightsEvidence
@@ -59,7 +59,7 @@ def sample_weights(
     steps, most, ensembles, walkers, seed = length
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
-    chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)
+    chains = drawn_so_far(evidence, first, place, root, seed, steps, most, kept, tell)
     points = _chosen(chains, min(steps or MOST, MOST))
     scale = linear.meaning.scale
     given = _Given(linear, design, evidence.place)

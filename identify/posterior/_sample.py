@@ -29,7 +29,7 @@ from ..storage._checkpoint import Checkpoint, Identity
 from ..storage._checkpoint_file import digest
 from ..storage._provenance import versions
 from ._chains import Chains, Progress
-from ._emcee import first_walkers, sample_ensembles
+from ._emcee import LEAST, drawn_so_far, first_walkers, sample_ensembles
 from ._emcee_moves import LogProbability
 from ._linear_weights import Length, sample_weights
 from ._log_posterior import Target, target
@@ -95,6 +95,8 @@ def sample(
       and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
       nothing had been interrupted. NUTS keeps none.
     - `progress(done, total, text)` is called now and then.
+
+    After Ctrl-C the draws so far are the result, and the notes say so; before 20 steps there is none.
 
     Raises `InputError` for a spectrum, reversal curves, a fit without free parameters, too few steps or
     walkers, a checkpoint that belongs to something else, is damaged or cannot be written.
@@ -171,7 +173,7 @@ def sample(
         density = log_probability(aim)
         place, _, root = map(np.asarray, top_of(aim))
     first = first_walkers(density, place, root, ensembles, walkers, seed)
-    chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
+    chains = drawn_so_far(density, first, place, root, seed, steps, most, kept, tell)
     chains = chains._replace(notes=(*_held_in_words(fit, held), *chains.notes))
     return _posterior(aim, chains, seed, begin)
 
@@ -244,11 +246,11 @@ def _log_probability(
 
 def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str) -> None:
     longest = most if steps is None else steps
-    if ensembles < 2 or longest < 20:
+    if ensembles < 2 or longest < LEAST:
         raise InputError(
             "bad-option",
             f"{longest} steps in {ensembles} ensembles say nothing about convergence.",
-            fix="take at least 20 steps and 2 ensembles.",
+            fix=f"take at least {LEAST} steps and 2 ensembles.",
         )
     if seed < 0:
         raise InputError("bad-option", f"the seed is {seed}.", fix="take a whole number from 0 on.")

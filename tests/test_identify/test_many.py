@@ -134,6 +134,22 @@ def test_what_breaks_side_by_side_is_tried_alone(monkeypatch):
     assert not np.isnan(batch.fits["0"].score)
 
 
+def test_ctrl_c_ends_a_batch_and_no_fit_that_it_cut_short_is_kept(monkeypatch):
+    """A single fit would give its best candidate so far."""
+    t = np.linspace(0, 10, 100)
+    u = 10 - 10 * np.cos(2 * np.pi * t / 2.5)
+    record = Record.from_arrays(u, 0.3 * u, time=t)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("identify.fitting._fit.fit_grid", interrupted)
+    said: list[str] = []
+    with pytest.raises(KeyboardInterrupt):
+        identify.fit_many([record] * 2, "LinearSponge, Preisach", starts=2, progress=said.append)
+    assert said == []
+
+
 def test_what_is_done_is_not_done_again(tmp_path):
     records = {f"run-{k}": sponge(k) for k in range(3)}
     first = identify.fit_many(dict([*records.items()][:2]), SPONGE, out=tmp_path)

@@ -92,10 +92,13 @@ def test_what_was_stopped_goes_on(monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(Selection, "read", stopped)
-        assert batch().code == 130
-    assert [
-        row["name"] for row in json.loads(Path("out/batch.json").read_text("utf-8"))["fits"]
-    ] == ["a"]
+        ended = batch()
+    assert ended.code == 130
+    assert "batch.csv" in ended.err
+    assert "1 of 3: a" in ended.err
+    kept = json.loads(Path("out/batch.json").read_text("utf-8"))
+    assert [row["name"] for row in kept["fits"]] == ["a"]
+    assert not kept["finished"]
     assert "2 fitted (1 of them by an earlier run), 1 failed." in batch().out
 
 

@@ -215,7 +215,10 @@ def test_hostile_names_are_only_text(tmp_path: Path):
         source="<img src=x onerror=alert(1)>.csv",
     )  # fmt: skip
     found = fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
-    page = Page(write_report(save(found, tmp_path)))
+    told: list[tuple[int, int, str]] = []
+    page = Page(write_report(save(found, tmp_path), tell=lambda *said: told.append(said)))
+    assert [done for done, _, _ in told] == list(range(1, told[0][1] + 1))
+    assert all(title in page.text for _, _, title in told)
     assert "threshold" in page.text
     assert not page.all("script")
     assert not page.all("b")

@@ -131,6 +131,24 @@ def test_bad_settings_are_refused(line_fit, options, code) -> None:
     assert error.value.code == code
 
 
+def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
+    """As the chains of a whole run begin; before 20 steps nothing is."""
+
+    def interrupted(at: int):
+        def progress(done: int, total: int, text: str) -> None:
+            if done >= at:
+                raise KeyboardInterrupt
+
+        kept = tmp_path / "chains.h5"
+        return sample(line_fit, 60, seed=3, checkpoint=kept, every=1e9, progress=progress)
+
+    ended = interrupted(20)
+    assert any("interrupted after" in note for note in ended.notes)
+    assert np.isfinite(ended.draws).all()
+    whole = sample(line_fit, 60, seed=3, checkpoint=tmp_path / "chains.h5", resume=True)
+    np.testing.assert_array_equal(whole.draws, sample(line_fit, 60, seed=3).draws)
+
+
 def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
     fixed = {name: Setting(fixed=True) for name in ("K", "b", "threshold")}
     with pytest.raises(InputError) as error:
