@@ -155,7 +155,7 @@ def load_calibration(
     if not (folder / DOCUMENT).is_file():
         raise InputError(
             "file-not-found", f"This folder has no {DOCUMENT}.", place=str(folder),
-            fix="Make one: hysid armor calibrate PRESSES.csv --out DIR.",
+            fix="Make one: hysid armor calibrate PRESSES.csv --sponge DIR --shape FILE --out DIR.",
         )  # fmt: skip
     try:
         document = identify.internal.read_json(folder / DOCUMENT)

@@ -11,16 +11,10 @@ armor = typer.Typer(
     help="Contacts on a robot's armor: calibrate, solve, look at them.", no_args_is_help=True
 )
 
-Sponge = Annotated[
-    Path | None,
-    typer.Option("--sponge", metavar="DIR", help="Fit of the cover, in either direction."),
-]
-Shape = Annotated[
-    Path | None,
-    typer.Option(
-        "--shape", metavar="FILE", help="The shell: a TOML file, or a mesh (STL, OBJ, ...)."
-    ),
-]
+SPONGE = typer.Option("--sponge", metavar="DIR", help="Fit of the cover, in either direction.")
+SHAPE = typer.Option(
+    "--shape", metavar="FILE", help="The shell: a TOML file, or a mesh (STL, OBJ, ...)."
+)
 ShapeUnit = Annotated[
     str | None,
     typer.Option(metavar="UNIT", help="Unit of the shape's lengths (default: the TOML's, else m)."),
@@ -34,8 +28,8 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 def calibrate(
     file: Annotated[Path, typer.Argument(metavar="PRESSES.csv", help="Presses at known points.")],
     out: Out,
-    sponge: Sponge = None,
-    shape: Shape = None,
+    sponge: Annotated[Path, SPONGE],
+    shape: Annotated[Path, SHAPE],
     shape_unit: ShapeUnit = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -46,8 +40,6 @@ def calibrate(
     and press; time and displacement where they were measured. The folder gets the calibrated armor, for
     `hysid armor solve --armor DIR`, and armor.json, which runs without JAX.
     """
-    if sponge is None or shape is None:
-        raise typer.BadParameter("give --sponge DIR and --shape FILE")
     start_jax()
     from ..armor import _commands  # after JAX is set up
 
@@ -68,8 +60,8 @@ def solve(
         Path, typer.Argument(metavar="WRENCHES.csv", help="Columns Fx, Fy, Fz, Mx, My, Mz, time.")
     ],
     out: Out,
-    sponge: Sponge = None,
-    shape: Shape = None,
+    sponge: Annotated[Path | None, SPONGE] = None,
+    shape: Annotated[Path | None, SHAPE] = None,
     calibrated: Annotated[
         Path | None,
         typer.Option(

@@ -38,8 +38,10 @@ def equivalents(
     """
     name, place = shell_word(file.name), shell_word(folder.name)
     own = "" if folder.name == Path(file.stem).name else f" --out {place}"
+    own += " --overwrite" if folder.exists() else ""
+    begun = file.with_suffix(".toml").exists()
     commands = {
-        "data": f"hysid init {name}\nhysid check {name}",
+        "data": f"{'# ' if begun else ''}hysid init {name}\nhysid check {name}",
         "fit": f"hysid fit {name}{own}",
         "posterior": f"hysid sample {place}",
         "compensator": f"hysid qualify {place} NEW.csv\nhysid predict {place} NEW.csv --inverse",

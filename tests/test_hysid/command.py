@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shlex
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -11,8 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+import typer
+
 import hysid
-from hysid.cli._app import main
+from hysid.cli._app import app, main
 from hysteresis.rigs import SpongeRig
 
 T, F, X = "time (s)", "force (N)", "displacement (mm)"
@@ -51,6 +54,14 @@ def run(*arguments: object) -> Result:
             code = stop.code
     assert isinstance(code, int)
     return Result(code, out.getvalue(), err.getvalue())
+
+
+def example(name: str) -> list[str]:
+    """The words of the example in a command's help, without "hysid"."""
+    node: Any = typer.main.get_command(app)
+    for word in name.split():
+        node = node.commands[word]
+    return shlex.split(node.epilog.strip().splitlines()[-1])[1:]
 
 
 def sponge(step: float = 2.0, thickness: float = 50.0, noise: float = 0.02) -> Rows:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from compensate.runtime import load_armor
 from hysid.armor._commands import calibrate, solve
 from hysid.armor._view import view
 from hysteresis import InputError, LinearSponge, Units, conversion, with_units
+from tests.test_hysid.command import example, run
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)
 TOML = 'unit = "inch"\nbox = {dx = 11.811023622047244, dy = 9.84251968503937,'
@@ -85,7 +87,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     assert Path(view(out)["file"]).is_file()
 
 
-def test_a_calibration_is_kept_and_used(folder: Path):
+def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.MonkeyPatch):
     random = np.random.default_rng(5)
     matrix = np.eye(6) + 0.02 * random.normal(size=(6, 6)) * np.kron(
         [[1, 4], [0.25, 1]], np.ones((3, 3))
@@ -106,8 +108,11 @@ def test_a_calibration_is_kept_and_used(folder: Path):
     header = ["press", "time (s)", "Fx", "Fy", "Fz", "Mx", "My", "Mz", "force (kgf)"]
     header += ["x (cm)", "y (cm)", "z (cm)", "displacement (mm)"]
     presses = write(folder / "presses.csv", header, np.array(rows))
-    sponge, out = fit_of("N", "mm", folder), folder / "calibrated"
-    found = calibrate(presses, sponge, folder / "box.toml", out)
+    sponge = fit_of("N", "mm", folder)
+    monkeypatch.chdir(folder)
+    shutil.copytree(sponge, folder / "sponge")
+    found = run(*example("armor calibrate"), "--json").json()  # the one of its help, which runs
+    out = folder / "armor"
     assert found["presses"] == 15
     assert "solver.cover.factor.value" in found["table"]
     reading = np.asarray(made.readings)[:, 1]
@@ -120,6 +125,9 @@ def test_a_calibration_is_kept_and_used(folder: Path):
     # Without noise the presses leave only the priors' pull, a hundredth of 2 % of crosstalk.
     np.testing.assert_allclose(point, truth, atol=5e-4)
     assert done["runtime"] is not None
+    assert run(*example("armor solve")).code == 0
+    (folder / "touches").rename(folder / "tsuji2014")
+    assert run(*example("armor view")).code == 0
     with pytest.raises(InputError, match="would-overwrite"):
         calibrate(presses, sponge, folder / "box.toml", out)
 

@@ -4,7 +4,9 @@ import ast
 import html
 import re
 import shlex
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -36,19 +38,99 @@ def commands(node=None) -> list:
     return found
 
 
+@cache  # two seconds
+def sources() -> list[tuple[str, list[ast.AST]]]:
+    """The texts, among other nodes, of each file of the packages."""
+    found = []
+    for package in ("hysteresis", "identify", "compensate", "hysid"):
+        for path in (ROOT / package).rglob("*.py"):
+            nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+            texts = [node for node in nodes if isinstance(node, ast.Constant | ast.JoinedStr)]
+            found.append((path.name, texts))
+    return found
+
+
 def test_options_in_messages_exist():
     known = {name for one in commands() for name in options_of_command(one)} | {
         "--help",
         "--version",
     }
     faults = []
-    for package in ("hysteresis", "identify", "compensate", "hysid"):
-        for path in (ROOT / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-                if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                    said = OPTION.findall(ELSEWHERE.sub("", node.value))
-                    faults += [(path.name, name) for name in said if name not in known]
+    for place, nodes in sources():
+        for node in nodes:
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                said = OPTION.findall(ELSEWHERE.sub("", node.value))
+                faults += [(place, name) for name in said if name not in known]
     assert faults == []
+
+
+WORD = (
+    r"""(?:'[^'\n]*'|"[^"\n]*"|--[a-z][a-z-]*|[A-Z][A-Z]*(?:\.[a-z]+)?|[\w*/-]+\.(?:csv|toml|json|h)\b"""
+    r"""|\d[\d.e-]*|\{\})"""
+)
+CALL = re.compile(rf"hysid ((?:(?:armor|microchannel|datasets) )?[a-z][a-z-]*)((?: {WORD})+)")
+
+
+def calls() -> dict[tuple[str, str], str]:
+    """Commands with arguments that the source names in messages, and where; {} for what varies."""
+    found = {}
+    for place, nodes in sources():
+        inner = {id(v) for node in nodes if isinstance(node, ast.JoinedStr) for v in node.values}
+        for node in nodes:
+            parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+            parts = [p.value if isinstance(p, ast.Constant) else "{}" for p in parts]
+            text = parts and id(node) not in inner and isinstance(parts[0], str)
+            if text and isinstance(node, ast.JoinedStr | ast.Constant):
+                for call in CALL.finditer("".join(parts)):
+                    found[call[1], call[2]] = place
+    return found
+
+
+def command_of(name: str):
+    """A command by its words, None where there is no such."""
+    node = typer.main.get_command(app)
+    for word in name.split():
+        node = getattr(node, "commands", {}).get(word)
+    return node
+
+
+def test_commands_in_messages_are_complete():
+    """Each option is one of the command; and where arguments are given, none is missing."""
+    faults, tried = [], 0
+    for (name, said), place in calls().items():
+        command, words = command_of(name), shlex.split(said.replace("VALUE", "1"))
+        if command is None:  # a sentence with hysid as its subject
+            assert "--" not in said, (name, said, place)
+            continue
+        have = options_of_command(command)
+        faults += [(place, name, word) for word in words if word[:2] == "--" and word not in have]
+        mentions = words[0].startswith("--") or words[-1].startswith("--")
+        if "{}" not in words and not mentions:
+            tried += 1
+            try:
+                command.make_context(name, words)
+            except Exception as error:  # click's own
+                faults.append((place, name, str(error)))
+    assert tried > 8
+    assert faults == []
+
+
+def test_examples_of_help_are_complete():
+    """Every command has an example, whose options and arguments it takes."""
+    for name, command in named_commands():
+        assert command.epilog, name
+        line = command.epilog.strip().splitlines()[-1].strip()
+        assert line.startswith(f"hysid {name} ") or line == f"hysid {name}", line
+        assert command.make_context(name, shlex.split(line)[1 + len(name.split()) :]).args == []
+
+
+def named_commands(node=None, before: str = "") -> list[tuple[str, Any]]:
+    """Every command by its words."""
+    found = []
+    for name, one in (node or typer.main.get_command(app)).commands.items():  # type: ignore[attr-defined]
+        inner = f"{before}{name}"
+        found += named_commands(one, f"{inner} ") if hasattr(one, "commands") else [(inner, one)]
+    return found
 
 
 def changed(line: int, column: int, value: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 from compensate.runtime import load
 from hysid.soft_sensor import _train as _microchannel_train
 from hysid.soft_sensor._sensor_file import load_sensor
-from tests.test_hysid.command import Result, refused, run
+from tests.test_hysid.command import Result, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
     "time (s)",
@@ -110,6 +110,16 @@ def test_a_sensor_is_learnt_and_judged(trained: Trained):
     assert "training: 100 %" in trained.done.err
     for name in ("learning.png", "force.png", "places.png", "position.png"):
         assert (trained.out / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_examples_of_its_help_run(trained: Trained, tmp_path: Path, monkeypatch: Any):
+    monkeypatch.chdir(tmp_path)
+    one = [[f"{0.05 * k:.2f}", *row[1:]] for k, row in enumerate(presses("ACEACE", seed=2))]
+    put(Path("run.csv"), one)
+    put(Path("new.csv"), one[:40])
+    trained_here = run(*example("microchannel train"), *SHORT, "--json").json()
+    assert trained_here["rows_test"] > 0
+    assert run(*example("microchannel estimate")).code == 0
 
 
 def test_what_was_saved_says_what_was_learnt(trained: Trained):

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import shlex
 import shutil
 import time
 import urllib.error
@@ -29,6 +30,7 @@ from hysid.studio._processes import Job, Jobs
 from hysid.studio._results import _loops
 from hysid.studio._server import prepared
 from hysteresis import InputError
+from tests.test_hysid.command import run
 from tests.test_hysid.test_studio.served import serving
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
@@ -140,7 +142,16 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     np.testing.assert_array_equal(space["train"].mask, counted)
     for step in ("compensator", "export"):
         exec(told[step]["python"], {})
-    assert studio.look("run.csv")["result"]["exports"] == ["run/run.h"]
+    shutil.copy(tmp_path / "run.csv", tmp_path / "NEW.csv")
+    said = [one["command"] for one in studio.look("run.csv")["equivalents"].values()]
+    lines = [line for line in "\n".join(said).split("\n") if not line.startswith("#")]
+    assert len(lines) == 7
+    for words in (shlex.split(line)[1:] for line in lines):
+        if words[0] in ("sample", "report"):  # for seconds; others run them
+            typer.main.get_command(app).commands[words[0]].make_context(words[0], words[1:])
+        else:
+            assert run(*words).code == 0, words
+    assert studio.look("run.csv")["result"]["exports"] == ["run/compensator.json", "run/run.h"]
     shutil.copytree(tmp_path / "by-command", tmp_path / "run", dirs_exist_ok=True)
     assert not studio.look("run.csv")["result"]["stale"]
     studio.change("run.csv", {"selection": {"test_cycles": 2}})
