@@ -1,12 +1,13 @@
 """What bad input does: to the command line, to damaged files, to a running compensator; what a kill leaves.
 
-python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N]
+python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--seed K]
 
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
 names (hostile names of columns), headers (exported C fed with broken numbers), disk (a full one), kills (at
-random moments). `--count`: cases of `tables` and `documents` together; 10,000 by default.
+random moments). `--count`: cases of `tables` and `documents` together, 10,000 by default; `--seed`: other
+cases, so that 200,000 are tried by several processes.
 """
 
 import sys
@@ -20,6 +21,7 @@ import numpy as np
 from compensate import Status, export_runtime, invert
 from compensate.runtime import load
 from tests.problems import INVERTIBLE, SAMPLES, Problem, clock, random_histories
+from tests.test_compensate.test_runtime import NOT_EXPORTED
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text, tree
 from tests.test_hysid.test_cli.test_bad_inputs import BAD
 from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
@@ -29,7 +31,6 @@ from ._ruggedness import documents as _documents
 from ._ruggedness import kills as _kills
 from ._ruggedness import tables as _tables
 from ._ruggedness import written as _written
-from ._ruggedness.documents import NOT_EXPORTED
 from ._ruggedness.fuzzing import elsewhere, fuzz, one_line
 
 FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
@@ -237,21 +238,21 @@ def _fed_exported(problem: Problem, path: Path) -> tuple[int, float]:
     return int((~np.isfinite(value)).sum()), float(np.abs(value - same).max() / np.ptp(u))
 
 
-def tables(count: int) -> list[Row]:
+def tables(count: int, first: int) -> list[Row]:
     """Structured cases of text tables, and damaged binary ones, through `hysid check`."""
     with elsewhere():
-        rows = fuzz(_tables.texts(), count // 2, _tables.checked).rows("text tables")
+        rows = fuzz(_tables.texts(), count // 2, _tables.checked, first).rows("text tables")
         good = _tables.good_binaries()
         what = f"damaged {', '.join(sorted(good))} files"
-        return rows + fuzz(_tables.binaries(good), count // 10, _tables.checked).rows(what)
+        return rows + fuzz(_tables.binaries(good), count // 10, _tables.checked, first).rows(what)
 
 
-def documents(count: int) -> list[Row]:
+def documents(count: int, first: int) -> list[Row]:
     """Saved results and configurations with entries changed."""
     rows = []
     for what, cases, make, share in _documents.cases():
         with elsewhere():
-            rows += fuzz(cases, max(int(share * count), 10), make()).rows(what)
+            rows += fuzz(cases, max(int(share * count), 10), make(), first).rows(what)
     return rows
 
 
@@ -287,13 +288,15 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    count = None
-    if "--count" in given:
-        at = given.index("--count")
-        count, given = int(given[at + 1]), [*given[:at], *given[at + 2 :]]
+    numbers = {"--count": 0, "--seed": 0}
+    for name in numbers:
+        if name in given:
+            at = given.index(name)
+            numbers[name], given = int(given[at + 1]), [*given[:at], *given[at + 2 :]]
+    count, first = numbers.values()
 
-    def of(part: Callable[[int], list[Row]]) -> Callable[[bool], list[Row]]:
-        return lambda quick: part(count or (QUICKLY if quick else FUZZED))
+    def of(part: Callable[[int, int], list[Row]]) -> Callable[[bool], list[Row]]:
+        return lambda quick: part(count or (QUICKLY if quick else FUZZED), first)
 
     parts = PARTS | {"tables": of(tables), "documents": of(documents)}
     run_parts("benchmarks.ruggedness", __doc__, parts, given)

@@ -13,18 +13,21 @@ from hypothesis import strategies as st
 
 import identify
 from compensate import export_runtime
+from compensate.microchannel import EverettNetwork, ForceEstimator, Localizer, Readout
 from compensate.runtime import FileError, load
 from compensate.runtime._file import checksum
+from hysid.soft_sensor._sensor import Quantity, SoftSensor
+from hysid.soft_sensor._sensor_file import ARRAYS, WORDS, load_sensor, save_sensor
 from hysteresis import InputError
 from hysteresis._limits import parse_toml
 from identify.internal import sealed
 from tests.problems import INVERTIBLE
+from tests.test_compensate.test_runtime import NOT_EXPORTED
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
 from .fuzzing import told
 from .tables import broken
 
-NOT_EXPORTED = ("degrading-bouc-wen",)
 ODD: tuple[Any, ...] = (
     None, True, -1, 0, 10**9, 10**400, 1e308, "", "x", "\ud800", [], {}, [1, 2], {"a": 1}, [[[[]]]],
     "../../x", float("nan"), 2**63, "os.system",
@@ -115,51 +118,116 @@ def runtime_files() -> Callable[[Edits], str]:
     return tried
 
 
-def fits() -> Callable[[Edits], str]:
-    """fit.json of a small fit, run over the file it was fitted to."""
-    put(text(sponge()))
+def _small_fit() -> Path:
+    """The folder of a fit of a record of a few rows."""
+    put(text(sponge(4.0)))
     words = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
     assert run("fit", "run.csv", *COLUMNS, *words).code == 0
-    document = json.loads(Path("out/fit.json").read_text())
+    return Path("out")
+
+
+def _damaged(whole: bytes, random: np.random.Generator) -> bytes:
+    """Bytes of an archive or of an HDF5 file, some of them exchanged; half the time none."""
+    content = bytearray(whole)
+    if random.random() < 0.5:
+        at = random.integers(0, len(content), random.integers(1, 6))
+        for k in at:
+            content[k] = random.integers(256)
+        content = content[: int(at[0])] if random.random() < 0.2 else content
+    return bytes(content)
+
+
+def _put_damaged(folder: Path, document: Any, whole: dict[str, bytes], case: Edits) -> Any:
+    """Write the files of a document, damaged; the document has their new checksums, most of the time."""
+    random = np.random.default_rng(case.which)
+    for name in whole:
+        content = _damaged(whole[name], random)
+        (folder / name).write_bytes(content)
+        listed = document.get("files") if isinstance(document, dict) else None
+        if isinstance(listed, dict) and case.which % 5:
+            document["files"] = listed | {name: hashlib.sha256(content).hexdigest()}
+    return document
+
+
+def fits() -> Callable[[Edits], str]:
+    """fit.json of a small fit and the arrays beside it, loaded; one in ten predicts its file."""
+    folder = _small_fit()
+    names = ("data.npz", "fit.npz", "model.npz")
+    whole = {name: (folder / name).read_bytes() for name in names}
+    document = json.loads((folder / "fit.json").read_text())
 
     def tried(case: Edits) -> str:
-        made = changed(document, case)
+        made = changed(document, case) if case.which % 3 else copy.deepcopy(document)
+        for name in names:
+            (folder / name).write_bytes(whole[name])
+        if case.which % 2:
+            made = _put_damaged(folder, made, whole, case)
         made = sealed(made) if isinstance(made, dict) and case.which % 8 else made
-        Path("out/fit.json").write_text(json.dumps(made))
-        return told(run("predict", "out", "run.csv"))
+        (folder / "fit.json").write_text(json.dumps(made))
+        if case.which % 10 == 0:
+            ended = told(run("predict", folder, "run.csv"))
+            for file in folder.glob("predicted-*"):
+                file.unlink()
+            return ended
+        try:
+            identify.load(folder)
+        except InputError as error:
+            return error.code
+        return "read"
 
     return tried
 
 
 def posteriors() -> Callable[[Edits], str]:
     """posterior.json, with damaged posterior.nc and posterior_models.npz beside it."""
-    put(text(sponge()))
-    words = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
-    assert run("fit", "run.csv", *COLUMNS, *words).code == 0
-    fit = identify.load("out")
-    identify.save_posterior(identify.sample(fit, steps=40, ensembles=2), "out")
-    folder = Path("out")
+    folder = _small_fit()
+    fit = identify.load(folder)
+    identify.save_posterior(identify.sample(fit, steps=40, ensembles=2), folder)
     names = ("posterior.nc", "posterior_models.npz")
     whole = {name: (folder / name).read_bytes() for name in names}
     document = json.loads((folder / "posterior.json").read_text())
 
     def tried(case: Edits) -> str:
-        random = np.random.default_rng(case.which)
         made = changed(document, case) if case.which % 3 else document
-        for name in names:
-            content = bytearray(whole[name])
-            if random.random() < 0.5:
-                at = random.integers(0, len(content), random.integers(1, 6))
-                for k in at:
-                    content[k] = random.integers(256)
-                content = content[: int(at[0])] if random.random() < 0.2 else content
-            (folder / name).write_bytes(content)
-            if isinstance(made, dict) and isinstance(made.get("files"), dict) and case.which % 5:
-                made["files"] = made["files"] | {name: hashlib.sha256(content).hexdigest()}
+        made = _put_damaged(folder, made, whole, case)
         made = sealed(made) if isinstance(made, dict) else made
         (folder / "posterior.json").write_text(json.dumps(made))
         try:
             identify.load_posterior(folder)
+        except InputError as error:
+            return error.code
+        return "read"
+
+    return tried
+
+
+def sensors() -> Callable[[Edits], str]:
+    """soft_sensor.json of a sensor of places and forces, with damaged arrays beside it."""
+    random, folder = np.random.default_rng(0), Path("sensor")
+    places = np.repeat(["A", "B"], 20)
+    readings = np.where(places[:, None] == "A", (1.0, 0.2), (0.3, 1.0))
+    readings = readings * (1 + 0.05 * random.normal(size=readings.shape))
+    sensor = SoftSensor(
+        (Quantity("layer 1", "V"), Quantity("layer 2", "V")), Readout(channels=2),
+        localizer=Localizer.train(readings, places),
+    )  # fmt: skip
+    save_sensor(sensor, folder)
+    force = SoftSensor(
+        (Quantity("layer", "V"),), Readout(channels=1),
+        force=ForceEstimator(EverettNetwork.random(jax.random.key(0), high=1.0, force=8.0), 0.05, 8.0),
+    )  # fmt: skip
+    save_sensor(force, "force")
+    kept = [(json.loads((f / WORDS).read_text()), (f / ARRAYS).read_bytes())
+            for f in (folder, Path("force"))]  # fmt: skip
+
+    def tried(case: Edits) -> str:
+        document, whole = kept[case.which % 2]
+        made = changed(document, case) if case.which % 3 else copy.deepcopy(document)
+        made = _put_damaged(folder, made, {ARRAYS: whole}, case)
+        made = sealed(made) if isinstance(made, dict) else made
+        (folder / WORDS).write_text(json.dumps(made))
+        try:
+            load_sensor(folder)
         except InputError as error:
             return error.code
         return "read"
@@ -210,7 +278,8 @@ def cases() -> Iterator[tuple[str, Any, Callable[[], Callable[[Any], str]], floa
     """What is tried, its cases, what tries them, and its share of the count."""
     jax.config.update("jax_enable_x64", True)
     assert parse_toml(TOML)
-    yield "runtime files with entries changed", edits, runtime_files, 0.2
-    yield "fit.json with entries changed", edits, fits, 0.05
-    yield "posteriors with entries and bytes changed", edits, posteriors, 0.1
+    yield "runtime files with entries changed", edits, runtime_files, 0.15
+    yield "fits with entries and bytes changed", edits, fits, 0.05
+    yield "posteriors with entries and bytes changed", edits, posteriors, 0.05
+    yield "sensors with entries and bytes changed", edits, sensors, 0.1
     yield "configurations", configurations(), toml_files, 0.05

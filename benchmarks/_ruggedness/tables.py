@@ -1,5 +1,6 @@
 """Tables as strangers write them: CSV, LabVIEW, TRIOS and others, TDMS and workbooks, whole and broken."""
 
+import contextlib
 import io
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.test_hysid.command import run
 from tests.test_hysteresis.test_escape import HOSTILE
+from tests.workbooks import binary_workbook, old_workbook
 
 from .fuzzing import told
 
@@ -198,6 +200,15 @@ def good_binaries() -> dict[str, bytes]:
         found["xlsx"] = packed.getvalue()
     except ImportError:
         pass
+    with contextlib.suppress(ImportError):
+        import python_calamine  # noqa: F401 - what reads them
+
+        cells = [
+            (0, 0, "force"),
+            (0, 1, "x"),
+            *((k + 1, c, v) for k, v in enumerate(u.tolist()) for c in (0, 1)),
+        ]
+        found |= {"xls": old_workbook(cells, (21, 2)), "xlsb": binary_workbook(cells, (21, 2))}
     from scipy.io import savemat
 
     packed = io.BytesIO()

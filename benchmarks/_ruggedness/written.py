@@ -16,11 +16,11 @@ from hysteresis import LinearSponge
 from hysteresis._escape import c_comment, c_string, json_text, markup, toml_comment, toml_string
 from tests.c_harness import COMPILERS, Compiled
 from tests.problems import INVERTIBLE, Problem, random_histories
+from tests.test_compensate.test_runtime import NOT_EXPORTED
 from tests.test_compensate.test_runtime_hostile import hostile
 from tests.test_hysteresis.test_escape import HOSTILE, Tags, names, stripped
 
 from .._measure import Row, judged, noted
-from .documents import NOT_EXPORTED
 from .fuzzing import fuzz
 
 SANITIZERS = ("-O1", "-g", "-fsanitize=undefined", "-fno-sanitize-recover=all")

@@ -1,9 +1,10 @@
 """The command line: its commands, and how a run ends."""
 
 import sys
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -82,6 +83,12 @@ def _hysid(
     """Options of hysid itself."""
 
 
+@cache
+def _commands() -> Any:
+    """All commands; made once, because typer looks at every signature, which takes 40 ms."""
+    return typer.main.get_command(app)
+
+
 def main() -> None:
     """Run the command line: exit 0 good, 2 the user's data or settings are at fault, 1 a bug of hysid.
 
@@ -95,11 +102,11 @@ def main() -> None:
     if fault := fault_of_packages():
         stop(Fault("foreign-package", fault), fault, USER, as_json)
     try:
-        code = app(arguments, prog_name="hysid", standalone_mode=False)
+        code = _commands()(arguments, prog_name="hysid", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # what newer typers return; older ones raise Abort
     except Exception as error:
-        stop(*explain(options_here(error, typer.main.get_command(app), arguments)), as_json)
+        stop(*explain(options_here(error, _commands(), arguments)), as_json)
     if code == INTERRUPTED:
         said = "Interrupted. What was written so far is complete."
         stop(Fault("interrupted", said), said, INTERRUPTED, as_json)

@@ -35,9 +35,7 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         ) from None  # fmt: skip
     try:
-        if data.startswith(_ZIP):
-            with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                check_workbook(archive)
+        check_workbook(data)
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {
             name: [[_cell(v) for v in row] for row in book.get_sheet_by_name(name).to_python(False)]

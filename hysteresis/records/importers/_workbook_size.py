@@ -1,45 +1,62 @@
 """How many cells a workbook spans: readers keep a place for each between the first cell and the last."""
 
+import io
 import re
 import zipfile
 
 from ..._limits import check_packed
+from ._binary_workbook import Extent, extents_of_binary, extents_of_old
 
 MOST_EMPTY = 5_000_000
-"""Cells that a workbook may span; more have to be written in it, one by one."""
+"""Cells that the sheets of a workbook may span, beyond twice those that are written in them."""
 
 _PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Za-z]*)([0-9]+)["']""")
+_ROW, _CELL = re.compile(rb"<(?:\w+:)?row(?=[\s/>])"), re.compile(rb"<(?:\w+:)?c(?=[\s/>])")
 _REPEATED_ROW = re.compile(rb'<table:table-row[^<>]*?number-rows-repeated="([0-9]+)"')
 _REPEATED_CELL = re.compile(
     rb'<table:(?:covered-)?table-cell(?=[^<>]*value-type)[^<>]*?number-columns-repeated="([0-9]+)"'
 )
 
 
-def check_workbook(archive: zipfile.ZipFile) -> None:
+def check_workbook(data: bytes) -> None:
     """Raise `ValueError` for a workbook that unpacks to more, or spans more, than its size explains."""
-    check_packed(archive)
-    for member in archive.infolist():
-        most = MOST_EMPTY + member.file_size
-        spanned = 0
-        if re.fullmatch(r"xl/worksheets/[^/]*\.xml", member.filename):
-            spanned = _spanned(archive.read(member))
-        elif member.filename == "content.xml":
-            spanned = _repeated(archive.read(member))
-        if spanned > most:
-            raise ValueError(
-                f"{member.filename} spans {spanned:,} cells, and the limit is {most:,}"
-            )
+    if not data.startswith(b"PK"):
+        _check_extents(extents_of_old(data))
+        return
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        check_packed(archive)
+        # Any part may be a sheet: the workbook's list of them names it.
+        _check_extents(
+            [_extent(archive.read(m)) for m in archive.infolist() if m.filename != "content.xml"]
+        )
+        _check_extents(extents_of_binary(archive))
+        for member in archive.infolist():
+            if member.filename == "content.xml":
+                _check(_repeated(archive.read(member)), MOST_EMPTY + member.file_size)
 
 
-def _spanned(sheet: bytes) -> int:
-    """Rows times columns up to the last cell of an Excel sheet."""
-    rows = columns = 0
+def _check_extents(extents: list[Extent]) -> None:
+    spanned = sum(one.rows * one.columns for one in extents)
+    _check(spanned, MOST_EMPTY + 2 * sum(one.cells for one in extents))
+
+
+def _check(spanned: int, most: int) -> None:
+    if spanned > most:
+        raise ValueError(f"its sheets span {spanned:,} cells, and the limit is {most:,}")
+
+
+def _extent(sheet: bytes) -> Extent:
+    """Of a sheet of .xlsx. Cells and rows without a place are behind the one before."""
+    rows = columns = cells = 0
     for found in _PLACE.finditer(sheet):
         column = 0
         for letter in found[1].upper()[:9]:
             column = 26 * column + letter - 64
-        rows, columns = max(rows, int(found[2])), max(columns, column)
-    return rows * columns
+        cells += column > 0
+        rows, columns = max(rows, int(found[2][:12])), max(columns, column)
+    begun = _ROW.split(sheet)
+    each = [len(_CELL.findall(row)) for row in begun[1:]]
+    return Extent(max(rows, len(each)), max([columns, *each]) if rows else 0, max(cells, sum(each)))
 
 
 def _repeated(content: bytes) -> int:

@@ -6,6 +6,7 @@ import struct
 import zipfile
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scipy.io import savemat
 from hysteresis import InputError, read_table
 from hysteresis.records._cells import LONG_CELL
 from hysteresis.records._dialect import MOST_COLUMNS
+from tests.workbooks import binary_workbook, old_workbook
 
 ROWS = "".join(f"{k},{k * k}\n" for k in range(30))
 
@@ -112,7 +114,47 @@ SHEET = (
 def test_a_sheet_that_is_nearly_empty(inside: str, tmp_path: Path):
     file = tmp_path / "run.xlsx"
     file.write_bytes(xlsx(SHEET.format(inside)))
-    refused(file, "binary-file", "spans", "cells, and the limit is 5,0")
+    refused(file, "binary-file", "span", "cells, and the limit is 5,0")
+
+
+CELLS = [
+    (0, 0, "force"),
+    (0, 1, "x"),
+    *((k, c, float(k + c)) for k in range(1, 21) for c in (0, 1)),
+]
+
+
+@pytest.mark.parametrize(("make", "ending"), [(old_workbook, "xls"), (binary_workbook, "xlsb")])
+def test_a_binary_sheet_that_is_nearly_empty(make: Any, ending: str, tmp_path: Path):
+    """What a sheet spans, and what it declares, is looked at before room is made for it."""
+    pytest.importorskip("python_calamine")
+    file = tmp_path / f"run.{ending}"
+    for declared in ((1, 1), (21, 2), (65_536, 256)):
+        file.write_bytes(make(CELLS, declared))
+        np.testing.assert_array_equal(read_table(file).number("x"), np.arange(2.0, 22.0))
+    file.write_bytes(make([*CELLS, (65_535, 16_383, 1.0)]))
+    refused(file, "binary-file", "span 1,073,741,824 cells, and the limit is 5,0")
+    file.write_bytes(make([*CELLS, (60_000, 200, 1.0)]))
+    refused(file, "binary-file", "span 12,060,201 cells")
+    for declared in ((2**31, 2), (21, 60_000)):
+        file.write_bytes(make(CELLS, declared))
+        refused(file, "binary-file", f"declares {declared[0]:,} rows")
+
+
+def test_a_chain_of_sectors_that_never_ends(tmp_path: Path):
+    whole = bytearray(old_workbook(CELLS))
+    whole[512 + 4 * 5 : 512 + 4 * 6] = (3).to_bytes(4, "little")
+    file = tmp_path / "run.xls"
+    file.write_bytes(whole)
+    refused(file, "binary-file", "a chain of sectors never ends")
+
+
+def test_a_sheet_of_rows_whose_cells_have_no_place(tmp_path: Path):
+    """Such cells are beside the one before: the sheet is as wide as its longest row."""
+    file = tmp_path / "run.xlsx"
+    rows = f'<row r="1048576">{"<c/>" * 100}</row>'
+    file.write_bytes(xlsx(SHEET.format(f"<sheetData>{rows}</sheetData>")))
+    refused(file, "binary-file", "span 104,857,600 cells")
 
 
 def test_a_workbook_that_unpacks_without_end(tmp_path: Path):
