@@ -131,10 +131,11 @@ def _workbook(*above: list[str]) -> Callable[[Path], object]:
         import openpyxl
 
         book = openpyxl.Workbook()
+        first = book.worksheets[0]
         for row in above:
-            book.active.append(row)
+            first.append(row)
         for row in zip(TIME, DRIVE, ANSWER, strict=True):
-            book.active.append([float(v) for v in row])
+            first.append([float(v) for v in row])
         other = book.create_sheet("settings")
         for row in (["Speed", 10, "mm/min"], ["Operator", "A"]):
             other.append(row)

@@ -7,8 +7,9 @@ from typing import Any
 
 from hysteresis._escape import shell_word
 
+from ..intake._creep_fits import step_options
 from ..intake._selection import Selection
-from ..intake._selection_options import OF_READING
+from ..intake._selection_options import FIELDS, OF_READING
 
 OPTIONS = (
     "time",
@@ -85,8 +86,7 @@ def _python(
         "report": f"import hysid\n{double}\n{loaded}\nhysid.report(fit, {place + '/report.html'!r})",
     }
     if selection.is_step:
-        python = "# The command line makes the records of a constant input by itself."
-        return {"data": python, "fit": python, **rest}
+        return _of_constant_input(file, folder, selection, fit) | rest
     chosen = {key: value for key, value in fit.items() if key != "model"}
     model = fit.get("model", "auto")
     model = ",".join(model) if isinstance(model, list) else model
@@ -114,6 +114,30 @@ def _python(
     fits = [*begin, double, "fits = {}", loop, *(f"    {line}" for line in made),
             f"    fits[value] = {fitted}"]  # fmt: skip
     return {"data": "\n".join(data), "fit": "\n".join(fits), **rest}
+
+
+def _of_constant_input(
+    file: Path, folder: Path, selection: Selection, fit: Mapping[str, Any]
+) -> dict[str, str]:
+    """Records and fit of creep or relaxation, of one record or of each value."""
+    options = {name: getattr(selection, name) for name in FIELDS}
+    given = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in options.items()
+        if value not in (None, (), False, USUAL.get(name))
+    }
+    made = f"pairs = hysid.records({_said_first(file.name, given)})"
+    each = "for value, (train, test) in pairs.items():"
+    words = ["train", "test=test", *_words(step_options(dict(fit)))]
+    fits = f"    fits[value] = hysid.fit_step({', '.join(words)})"
+    one = [] if selection.each is not None else [
+        f"hysid.save(fits[''], {folder.name!r}, overwrite=True)"
+    ]  # fmt: skip
+    double = "hysid.enable_x64()"
+    return {
+        "data": "\n".join(["import hysid", made, each, "    print(value, train)"]),
+        "fit": "\n".join(["import hysid", made, double, "fits = {}", each, fits, *one]),
+    }
 
 
 def _imports(lines: list[str]) -> list[str]:
