@@ -3,7 +3,8 @@
 python -m benchmarks.compensation [--quick] [--json] [--only TEXT]
 
 Parts: round (model and inverse one after the other), exported (Python without JAX, C99), removed and bands
-(measured sensors, need the data: twenty minutes), noise (lag against noise), speed.
+(measured sensors, need the data: twenty minutes), default (the band of `hysid.invert`, two minutes), noise
+(lag against noise), speed.
 """
 
 import sys
@@ -20,6 +21,7 @@ from hysteresis.preisach import GridDensity
 from tests.problems import INVERTIBLE, SAMPLES, Problem, clock, random_histories
 
 from ._compensation.bands import band_rows
+from ._compensation.default_bands import default_rows
 from ._compensation.exported import exported_rows
 from ._compensation.noise_trade import noise_rows
 from ._compensation.removed import removed_rows
@@ -110,6 +112,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "exported": exported_rows,
     "removed": removed_rows,
     "bands": band_rows,
+    "default": default_rows,
     "noise": noise_rows,
     "speed": speed,
 }

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .recalibration._recursion import Advice as Advice
     from .recalibration._setup import adaptive as adaptive
     from .uncertainty._calibrated import CalibratedCompensator as CalibratedCompensator
+    from .uncertainty._calibrated import LeftOut as LeftOut
     from .uncertainty._calibrated import calibrated as calibrated
     from .uncertainty._dead_band import DeadBandCompensator as DeadBandCompensator
     from .uncertainty._ensemble import EnsembleCompensator as EnsembleCompensator
@@ -56,7 +57,7 @@ _HOME = {
     "guards._guarded": ("GuardedCompensator",),
     "guards._run_in": ("RunIn", "run_in"),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),
-    "uncertainty._calibrated": ("CalibratedCompensator", "calibrated"),
+    "uncertainty._calibrated": ("CalibratedCompensator", "LeftOut", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),
     "uncertainty._filtered": ("FilteredCompensator",),
     "uncertainty._guaranteed": (

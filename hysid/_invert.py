@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from compensate import AbstractCompensator, CalibratedCompensator, calibrated, estimate
+import identify
+from compensate import AbstractCompensator, CalibratedCompensator, LeftOut, calibrated, estimate
 from compensate import invert as invert_model
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
@@ -22,10 +23,12 @@ def invert(
     ```
 
     where low and high are the least and the greatest input of the training rows. The deviation of a fit's
-    estimates is the error of the model by level and branch, see `calibrated`, times the error on held-out
-    parts of the training rows over that on fitted ones. Value +- 1.645 deviations should hold nine of ten
-    inputs; `coverage` is the part of the test rows that they do hold, NaN without test rows. Draws of a
-    posterior, `invert(posterior.model)`, tell what the parameters alone leave open, which is less.
+    estimates is the error by level and branch of models that were fitted without one cycle, or sequence,
+    each, on the cycle that they have not seen, see `calibrated`. Of a record without two cycles it is the
+    error of the model, times that on held-out parts of the training rows over that on fitted ones. Value
+    +- 1.645 deviations should hold nine of ten inputs; `coverage` is the part of the test rows that they do
+    hold, NaN without test rows. Draws of a posterior, `invert(posterior.model)`, tell what the parameters
+    alone leave open, which is less.
 
     **Arguments:** a fit of one input, or a model; the others are those of `compensate.invert`. `beyond` and
     `start` choose another guard, and `trained` another range.
@@ -42,16 +45,29 @@ def invert(
         return invert_model(fit_or_model, *arguments, **options)
     fit = fit_or_model
     guarded = invert_model(fit.model, *arguments, **({"trained": fit.trained} | options))
-    own = fit.metrics["train"]
-    further = 1.0
-    if own is not None and own.nrmse_percent > 0 and np.isfinite(fit.score):
-        further = max(1.0, fit.score / own.nrmse_percent)
-    known = invert_model(fit.model, trained=fit.trained)
-    learnt = calibrated(known, fit.train, ahead=further**2)
-    learnt = replace(learnt, has_draws=False, units=guarded.units)
+    learnt = replace(error_of(fit), has_draws=False, units=guarded.units)
     if fit.test is not None:
         learnt = replace(learnt, coverage=_coverage(learnt, fit.test))
     return learnt.around(guarded)
+
+
+def error_of(fit: FitResult) -> CalibratedCompensator:
+    """The compensator of a fit, limited to the trained inputs, with the error that `invert` shows."""
+    known = invert_model(fit.model, trained=fit.trained)
+    left_out = [
+        LeftOut(rows, invert_model(model, trained=fit.trained))
+        for rows, model in identify.internal.models_without_groups(fit)
+    ]
+    ahead = 1.0 if left_out else _further(fit) ** 2
+    return calibrated(known, fit.train, ahead=ahead, left_out=left_out)
+
+
+def _further(fit: FitResult) -> float:
+    """Error on held-out parts of the training rows over that on fitted ones."""
+    own = fit.metrics["train"]
+    if own is None or own.nrmse_percent <= 0 or not np.isfinite(fit.score):
+        return 1.0
+    return max(1.0, fit.score / own.nrmse_percent)
 
 
 def _coverage(band: CalibratedCompensator, record: Record) -> float:

@@ -8,6 +8,7 @@ they may change with any release.
   `versions`.
 - Units: `check_unit`.
 - Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
+- The models of a fit without each cycle of its rows: `models_without_groups`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`.
 """
 
@@ -18,6 +19,7 @@ from .files._posterior import posterior_json
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .records._folds import block_errors, root_difference
 from .results._fit_result import check_unit
+from .results._left_out import models_without_groups
 from .storage._file_set import check_unedited, sealed, whole_files, write_set
 from .storage._json import check_free, read_json, write_json
 from .storage._provenance import versions
@@ -29,6 +31,7 @@ __all__ = [
     "check_unit",
     "is_at_first_row",
     "kind_of",
+    "models_without_groups",
     "plain",
     "posterior_json",
     "read_document",

@@ -1,5 +1,6 @@
 """How far an estimate is off: the spread of its models, and what their own error was found to be."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -7,10 +8,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record, register
+from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
@@ -33,6 +35,20 @@ LASTING = 0.1
 
 PRIOR_VISITS = 2.0
 """As many visits of a level are added with the mean error: few say little about one level."""
+
+
+class LeftOut(NamedTuple):
+    """Rows (samples,), and a compensator that knows nothing of them: its model was fitted without them.
+
+    **Example:**
+
+        >>> rows = record.cycle == 1
+        >>> compensate.LeftOut(rows, compensate.invert(fit.model)).rows.sum() > 0
+        True
+    """
+
+    rows: Bool[np.ndarray, " samples"]
+    compensator: AbstractCompensator
 
 
 class CalibratedState(NamedTuple):
@@ -144,6 +160,7 @@ def calibrated(
     cycles: int | None = None,
     levels: int = 8,
     ahead: float = 1.0,
+    left_out: Sequence[LeftOut] = (),
 ) -> CalibratedCompensator:
     """A compensator that knows what error its model makes, from residuals r = estimate - input:
 
@@ -163,6 +180,9 @@ def calibrated(
     - `levels`: into which the range of the estimates is divided.
     - `ahead`: how many times further from the fit the estimates will be than the record is, in cycles,
       where samples drift: the error then grows with its square root, as a random walk's.
+    - `left_out`: groups of the rows that the model was fitted to, each with the compensator of a model
+      fitted without it. Residuals are then those of these compensators, and the error is scaled so that
+      1.645 deviations hold nine tenths of the scores.
 
     Raises `InputError` where no row is left.
 
@@ -173,7 +193,17 @@ def calibrated(
         (101,)
     """
     value, status, spread, rising, width = _residuals(compensator, record)
+    group = np.full(len(record), -1)
+    for k, (rows, other) in enumerate(left_out):
+        group[rows] = k
+        own = _residuals(other, record)[:4]
+        value, status, spread, rising = (
+            np.where(rows, new, old)
+            for new, old in zip(own, (value, status, spread, rising), strict=True)
+        )
     counted = record.mask & (status != Status.INVALID)
+    if len(left_out):
+        counted &= group >= 0
     if cycles is not None:
         counted &= np.concatenate([_last(record, rows, cycles) for _, rows in record.sequences()])
     if not counted.any():
@@ -186,7 +216,10 @@ def calibrated(
             k for k in range(1, record.n_cycles + 1) if counted[record.cycle == k].mean() >= 0.5
         ]
         firsts = np.array([np.flatnonzero(record.cycle == k)[0] for k in whole[1:]], int)
-    group = np.searchsorted(firsts, np.flatnonzero(counted), side="right")
+    if len(left_out):
+        group = group[counted]
+    else:
+        group = np.searchsorted(firsts, np.flatnonzero(counted), side="right")
     edges = np.linspace(value.min(), value.max(), levels + 1)
     place = rising * levels + np.clip(np.searchsorted(edges, value) - 1, 0, levels - 1)
     ways = 2 * levels
@@ -215,8 +248,11 @@ def calibrated(
         low, high = (np.interp(value, middles, e) for e in error(others))
         score = np.abs(r) / np.hypot(spread, np.where(rising, high, low))
         scores = np.where(of_visit[visit] == one, score, scores)
-    half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
     errors = np.sqrt(ahead) * error(of_visit >= 0)
+    if len(left_out) and (of_visit != of_visit[0]).any():
+        wider = max(float(np.quantile(scores, 0.9)), TINY) / NORMAL_95
+        errors, scores = wider * errors, scores / wider
+    half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
     symmetric = np.concatenate([-half[::-1], half])
     learnt = (jnp.asarray(part) for part in (middles, errors, symmetric))
     last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))

@@ -13,7 +13,6 @@ from compensate import (
     GuaranteedCompensator,
     Origin,
     Quantity,
-    calibrated,
     export_oscillator,
     invert,
 )
@@ -21,6 +20,8 @@ from compensate.export._export import Program, wider
 from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
+
+from .._invert import error_of
 
 
 def export(
@@ -49,7 +50,7 @@ def export(
             fix="Export a fit of one input that changes over time.",
         )
     record = fitted.train
-    error = calibrated(invert(fitted.model), record)
+    error = error_of(fitted).around(invert(fitted.model))
     rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
     limits = limits or wider(record.output[record.mask])
     program = Program(

@@ -13,7 +13,6 @@ from compensate import (
     EnsembleCompensator,
     GuardedCompensator,
     Qualification,
-    calibrated,
     estimate,
     guaranteed,
     invert,
@@ -26,6 +25,7 @@ from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
 
+from .._invert import error_of
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit
@@ -137,7 +137,7 @@ def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -
 
     Its shape is the deviation that the compensator is exported with.
     """
-    inner = calibrated(invert(fitted.model), fitted.train)
+    inner = error_of(fitted).around(invert(fitted.model))
     compensator = GuardedCompensator(inner, *fitted.trained)
     needed = runs_needed(guarantee)
     known = {"asked": guarantee, "needed": needed}

@@ -65,7 +65,7 @@ def repeatability(fit: FitResult) -> Repeatability | None:
         (('K', 'b'), 3)
     """
     names = tuple(p.name for p in fit.parameters if p.status == "free")
-    group = _groups(fit.train, fit.used)
+    group = groups_of(fit.train, fit.used)
     count = int(group.max()) + 1 if len(group) else 0
     if not (isinstance(fit.detail, Parametric) and names and count >= LEAST):
         return None
@@ -91,7 +91,7 @@ def with_repeatability(fit: FitResult) -> FitResult:
     return replace(fit, parameters=told)
 
 
-def _groups(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
+def groups_of(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
     """Number of the cycle of each row over all sequences, of those with counted rows; -1 for none."""
     sequence = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
     cycle = np.where(record.cycle > 0, record.cycle, 0)

@@ -1,0 +1,144 @@
+"""What a fit would have been without one cycle, or one sequence: its errors there are those of new rows.
+
+Residuals of the rows that a model was fitted to are too small, the more so the more weights it has. So
+every cycle is left out in turn; what was chosen for the fit (parts, grid, prior strength) is kept.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Int
+
+from hysteresis import AbstractModel, Record, parameter_at, parameters
+
+from ..linear._composition import CompositionUnknowns
+from ..linear._composition_fit import SLACK
+from ..linear._composition_memory import memory_blocks
+from ..linear._cross_validation import NormalEquations
+from ..linear._linear_fit import LinearFit
+from ..linear._preisach_problem import PreisachProblem
+from ..linear._preisach_unknowns import GridUnknowns
+from ..records._folds import Parts
+from ._detail import Composition, GridWeights, Parametric
+from ._fit_result import FitResult
+from ._repeatability import groups_of, slope_of
+
+MOST = 12
+"""Groups that are left out; neighbouring cycles go together where there are more."""
+
+LEAST = 2
+"""Groups without which nothing can be left out."""
+
+LONGEST = 100_000
+"""Rows from which on no row is left out: each group takes a run of the model over all of them."""
+
+
+class WithoutGroup(NamedTuple):
+    """A model fitted without some `rows` (samples,)."""
+
+    rows: Bool[np.ndarray, " samples"]
+    model: AbstractModel
+
+
+def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
+    """The model of a fit without each of its cycles in turn, or its sequences where it has several.
+
+    For weights H x = b of all rows, the minimum of x'(H - H_g) x / 2 - (b - b_g)'x with the group's own
+    normal equations H_g, b_g is found with the same signs; for few parameters one step of Gauss-Newton,
+
+        dx = (J'J - J_g'J_g)^-1 J_g' r_g
+
+    **Returns:** none where there are fewer than two groups, more than 100,000 rows, or neither weights nor
+    few parameters.
+    """
+    group = groups_of(fit.train, fit.used)
+    count = int(group.max()) + 1 if len(group) else 0
+    if count < LEAST or len(group) > LONGEST:
+        return []
+    if count > MOST:
+        group = np.where(group >= 0, group * MOST // count, -1)
+    if isinstance(fit.detail, GridWeights | Composition):
+        models = _of_weights(fit.detail.linear, fit.train, np.where(fit.used, group, -1))
+    elif isinstance(fit.detail, Parametric):
+        models = _of_parameters(fit, group)
+    else:
+        return []
+    return [WithoutGroup(fit.used & (group == g), model) for g, model in models]
+
+
+def _of_weights(
+    linear: LinearFit, record: Record, group: Int[np.ndarray, " samples"]
+) -> Iterator[tuple[int, AbstractModel]]:
+    meaning = linear.meaning
+    if isinstance(meaning, GridUnknowns):
+        parts = Parts(group, (), None, "every group")
+        normal = PreisachProblem(record, parts, meaning).normal
+    elif isinstance(meaning, CompositionUnknowns):
+        normal = _of_composition(meaning, record, group)
+    else:
+        return
+    for g, own in normal.items():
+        rest = linear.rows - own.rows
+        if rest <= 0 or not own.rows:
+            continue
+        H = (linear.rows * linear.H - own.H) / rest
+        b = (linear.rows * linear.b - own.b) / rest
+        yield g, meaning.model(meaning.minimum(H, b, linear.unknowns != 0))
+
+
+def _of_composition(
+    meaning: CompositionUnknowns, record: Record, group: Int[np.ndarray, " samples"]
+) -> dict[int, NormalEquations]:
+    y = record.output / meaning.scale
+    used = group >= 0
+    if meaning.floor is not None:  # below it an output tells only a limit
+        used = used & (y > meaning.floor / abs(meaning.scale) + SLACK)
+    n = meaning.count
+    found = {
+        g: NormalEquations(np.zeros((n, n)), np.zeros(n), 0.0, 0) for g in np.unique(group[used])
+    }
+    for here, memory in memory_blocks(meaning.memory(), record, np.flatnonzero(used)):
+        A = meaning.columns(memory)
+        for g in np.unique(group[here]):
+            own = group[here] == g
+            a, v = A[own], y[here][own]
+            found[g] += NormalEquations(a.T @ a, a.T @ v, float(v @ v), int(own.sum()))
+    return {int(g): equations for g, equations in found.items()}
+
+
+def _of_parameters(
+    fit: FitResult, group: Int[np.ndarray, " samples"]
+) -> Iterator[tuple[int, AbstractModel]]:
+    free = [p for p in fit.parameters if p.status == "free"]
+    used = fit.used & np.isfinite(fit.residuals)
+    if not free:
+        return
+    J = np.column_stack([slope_of(fit, p.name) for p in free])
+    size = np.maximum(np.sqrt((J[used] ** 2).sum(0)), np.finfo(float).tiny)
+    J, r = J / size, np.where(used, fit.residuals, 0.0)
+    lows = {name: info.bounds[0] for name, info, _ in parameters(fit.model)}
+    for g in range(int(group.max()) + 1):
+        own, rest = used & (group == g), used & (group != g)
+        if not (own.any() and rest.any()):
+            continue
+        step = np.linalg.lstsq(J[rest].T @ J[rest], J[own].T @ r[own], rcond=None)[0] / size
+        model = fit.model
+        for p, by in zip(free, step, strict=True):
+            model = _moved(model, p.name, float(by), lows)
+        yield g, model
+
+
+def _moved(model: AbstractModel, name: str, by: float, lows: dict[str, float]) -> AbstractModel:
+    """The model with one parameter moved, on the scale on which it has no lower bound."""
+    array, _, place = name.rpartition(".")
+    is_entry = place.isdigit() and eqx.is_array(parameter_at(model, array))
+    field = array if is_entry else name
+    value = jnp.asarray(parameter_at(model, field))
+    low = lows.get(field, -np.inf)
+    old = value[int(place)] if is_entry else value
+    new = old + by if low == -np.inf else low + (old - low) * jnp.exp(by / (old - low))
+    value = value.at[int(place)].set(new) if is_entry else new
+    return eqx.tree_at(lambda m: parameter_at(m, field), model, value)
