@@ -8,8 +8,10 @@ from ._element_tree import is_search, tree_of
 from ._node import Tree, node
 
 
-def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth: int = 64) -> Tree:
-    """The tree of an `AdaptiveCompensator`, as it was made."""
+def adaptive_tree(
+    own: AdaptiveCompensator, fitted: Tree, precision: type = np.float64, depth: int = 64
+) -> Tree:
+    """The tree of an `AdaptiveCompensator`, as it was made; `fitted`: that of its model."""
     eps = float(np.finfo(precision).eps)
     p, n = own.settings, len(own.parts) + 2
     parts = [tree_of(part, precision, depth) for part in own.parts]
@@ -27,12 +29,12 @@ def adaptive_tree(own: AdaptiveCompensator, precision: type = np.float64, depth:
             "error": p.error,
         },
         {
-            "value": own.low, "reference": 0.0, "known": 0, "elapsed": 0.0, "idle": 0.0,
+            "value": own.low, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0, "idle": 0.0,
             "used": begin.used, "theta": begin.theta, "covariance": begin.covariance,
             "before": begin.before, "run": 0.0, "common": 0.0, "apart": 0.0,
             "evidence": 0.0, "excess": 0.0,
             "possible": 0.0, "settled": 0.0, "loss": begin.loss, "residual": 1.0, "changes": 0,
-            "output": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
+            "output": np.zeros(n), "shown": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
         },
-        [part["parts"][0] if is_search(part) else part for part in parts],
+        [*(part["parts"][0] if is_search(part) else part for part in parts), fitted],
     )  # fmt: skip

@@ -7,6 +7,7 @@ from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
+from ..runtime._tree import parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
 from ._cost import cost
@@ -97,7 +98,7 @@ class _Header:
     # Elements and their constants
 
     def _part(self, tree: Tree) -> _Part:
-        inner = tuple(self._part(part) for part in tree.get("parts", ()))
+        inner = tuple(self._part(part) for part in parts_of(tree))
         kind = tree["kind"]
         if kind != "series" and kind not in self.elements:
             self.elements[kind] = element(kind, self.stem, self.single)
@@ -125,6 +126,9 @@ class _Header:
 
     def _constants(self, part: _Part) -> str:
         home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
+        first = next(p.number for p in self.parts if p.tree is part.tree)
+        if first != part.number:  # the same parameters with another memory
+            return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
         for key, kind in home.structures["Parameters"].items():
             value = part.tree["parameters"][key]
@@ -154,8 +158,8 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        trees = [p.tree.get("parameters", {}) for p in self.parts]
-        return sum(len(v) if isinstance(v, list) else 1 for tree in trees for v in tree.values())
+        trees = {id(p.tree): p.tree.get("parameters", {}).values() for p in self.parts}
+        return sum(len(v) if isinstance(v, list) else 1 for of in trees.values() for v in of)
 
     # The state
 
@@ -283,10 +287,9 @@ class _Header:
 
     def _adaptive(self, part: _Part) -> str:
         k, home, done = part.number, self.elements["adaptive"], {}
-        bodies = _c99_adaptive.bodies(
-            home, self.stem, k, [self._call(i, "look") for i in part.inner]
-        )
-        found = _c99_adaptive.find(home, self.stem, k, done)
+        calls = [self._call(i, "look") for i in part.inner[:-1]]
+        bodies = _c99_adaptive.bodies(home, self.stem, k, calls)
+        found = _c99_adaptive.find(home, self.stem, k, part.inner[-1].number, done)
         looks = [self._function(k, name, body) for name, body in bodies.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
 

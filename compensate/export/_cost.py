@@ -12,6 +12,8 @@ def cost(
     tree: Tree, inner: Sequence[dict[str, int]], elements: Mapping[str, Element]
 ) -> dict[str, int]:
     """Operations of `look`, `move` and `find` of a node; `inner`: those of the nodes in it."""
+    if tree["kind"] == "adaptive":
+        return _c99_adaptive.cost(elements["adaptive"], tree["parameters"], inner)
     names = ("look", "move", "find")
     # A part of a sum needs no inverse of its own, and then a series of such has none either.
     shared = [name for name in names if all(name in one for one in inner)]
@@ -22,8 +24,6 @@ def cost(
     if tree["kind"] == "sum":
         looked = operations(home, "search", p, {"look": both["look"]})
         return both | {"find": looked + both["move"] + 12}
-    if tree["kind"] == "adaptive":
-        return _c99_adaptive.cost(home, p, both)
     if inner:
         return {name: cost + 60 for name, cost in both.items()}
     called = {"error": "deviation", "guard": "limited"}

@@ -262,9 +262,10 @@ class Program:
         return {**self._rest, "tree": self._trees[precision], "guard": guard}
 
     def _tree(self, precision: type) -> Tree:
-        if self._adaptive is not None:
-            return adaptive_tree(self._adaptive, precision, self.depth)
-        return tree_of(self.model, precision, self.depth)
+        tree = tree_of(self.model, precision, self.depth)
+        if self._adaptive is None:
+            return tree
+        return adaptive_tree(self._adaptive, tree, precision, self.depth)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:

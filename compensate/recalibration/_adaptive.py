@@ -19,9 +19,12 @@ from ._recursion import Recursion, Settings
 
 
 class AdaptiveState(NamedTuple):
-    """The states of the parts; the last estimate; what has been learnt."""
+    """The states of the parts that follow estimates, and of those that are `taught` by references; that of
+    the compensator as fitted; the last estimate; what has been learnt."""
 
     parts: tuple[PyTree, ...]
+    taught: tuple[PyTree, ...]
+    fitted: PyTree
     value: Float[Array, ""]
     learnt: Recursion
 
@@ -53,12 +56,14 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
 
         sign y = zero + drift t + sum_k w_k part_k[u],     w_k >= least_k > 0,
 
-    and the estimate is the input behind the reading, by bisection. A sample with a `reference`, the true
-    input, is one row of a recursive least-squares fit of zero, drift and weights: what is older is
+    and the estimate is the input behind the reading: of `fitted`, the compensator of the fit, until
+    references have proved something else, then by bisection of that sum. A sample with a `reference`, the
+    true input, is one row of a recursive least-squares fit of zero, drift and weights: what is older is
     forgotten only along that row (Kulhavy), so that nothing is forgotten which the references do not say
     anew. A weight that would fall below its least one is held there, so that the inverse exists after every
-    update. The memories of the parts follow the reference, where there is one, else the estimate; they do
-    not depend on the weights, so no update is felt as a jump of the input.
+    update. Each part has two memories. One follows the estimates, and the estimates come from it. The other
+    one follows the references, and between them the estimates; what is learnt comes from it. They do not
+    depend on the weights, so no update is felt as a jump of the input.
 
     Page's test watches the errors of the predicted readings: a sum of log-likelihood ratios of errors twice
     as large. If those were normal, and independent after `correlation` samples, it would alarm by chance
@@ -71,8 +76,8 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         2 (sum(d e) / sum(d^2) - 3 sqrt(noise / sum(d^2))),    between 0 and 1,
 
     of the way from the fit to what was learnt is gone: all of it where what was learnt is surely nearer to
-    the readings. So a sensor that has not changed is not made worse by what a few references happen to
-    say, and a change is used from the second run of references on.
+    the readings, none where the share is below 0. So a sensor that has not changed is not made worse by
+    what a few references happen to say, and a change is used from the second run of references on.
 
     `adaptive` makes one from a model and a record.
 
@@ -85,6 +90,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         'NONE'
     """
 
+    fitted: AbstractCompensator
     parts: tuple[AbstractModel, ...]
     centres: Float[Array, " parts"]
     sign: float = eqx.field(static=True)
@@ -95,7 +101,9 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
 
     def init(self) -> AdaptiveState:
         states = tuple(part.init() for part in self.parts)
-        return AdaptiveState(states, jnp.asarray(self.low, float), self.settings.begin())
+        return AdaptiveState(
+            states, states, self.fitted.init(), jnp.asarray(self.low, float), self.settings.begin()
+        )
 
     def step(
         self,
@@ -127,23 +135,36 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         margin = ROUNDING * jnp.finfo(y.dtype).eps * jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
         beyond = (reading + margin < ends[0]) | (reading - margin > ends[1])
         before = BracketedState(state.parts, state.value)
-        after, found = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high)
-        found = found._replace(status=jnp.where(beyond, Status.SATURATED, found.status))
+        _, searched = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high)
+        searched = searched._replace(status=jnp.where(beyond, Status.SATURATED, searched.status))
+        fitted, found = self.fitted.step(state.fitted, t, y)
+        found = Estimate(
+            *(jnp.where(s.share > 0, a, b) for a, b in zip(searched, found[:2], strict=True))
+        )
         valid = jnp.isfinite(y)
         known = valid & jnp.isfinite(reference)
-        at_reference, each = outputs(state.parts, jnp.where(known, reference, found.value))
+        driving = jnp.where(known, reference, found.value)
+        taught, each = outputs(state.taught, driving)
+        shown = outputs(state.parts, driving)[1]
         if self.floored:  # there the reading says nothing of the parts
             each = jnp.where(s.used[2:] @ each > 0, each, 0.0)
-        new = _recursion.learnt(self.settings, s, self.sign * y, each, found.value - reference)
+            shown = jnp.where(s.used[2:] @ shown > 0, shown, 0.0)
+        new = _recursion.learnt(
+            self.settings, s, self.sign * y, each, shown, found.value - reference
+        )
 
-        def chosen(yes: PyTree, no: PyTree) -> PyTree:
-            return jax.tree.map(lambda a, b: jnp.where(known, a, b), yes, no)
+        def chosen(yes: PyTree, no: PyTree, where: Array) -> PyTree:
+            return jax.tree.map(lambda a, b: jnp.where(where, a, b), yes, no)
 
-        s = chosen(new, s)
+        s = chosen(new, s, known)
         # A reading that is not a number is no sample; the time still passes.
         s = s._replace(idle=jnp.where(valid, s.idle, state.learnt.idle))
-        parts = chosen(at_reference, after.model)
-        return AdaptiveState(parts, after.value, s), self._said(found, s)
+        moved = outputs(state.parts, found.value)[0]
+        after = AdaptiveState(
+            chosen(moved, state.parts, valid), chosen(taught, state.taught, valid), fitted,
+            jnp.where(valid, found.value, state.value), s,
+        )  # fmt: skip
+        return after, self._said(found, s)
 
     def simulate(
         self,

@@ -41,7 +41,8 @@ class Advice(IntEnum):
 class Recursion(NamedTuple):
     """What has been learnt.
 
-    - `used`: zero, drift (per time) and weights behind the estimates; `theta`: the same as learnt;
+    - `share`: how much of what was learnt is used; while it is 0, estimates are those of the fit. `used`:
+      zero, drift (per time) and weights behind the others; `theta`: the same as learnt;
       `covariance`: of them, at the last reference.
     - `elapsed`, `idle`: time and samples since the last reference.
     - `before`: `theta` before this run of references, of which `run` independent ones have come; `common`,
@@ -54,6 +55,7 @@ class Recursion(NamedTuple):
       as they are explained now, over the variance of innovations.
     """
 
+    share: Float[Array, ""]
     used: Float[Array, " unknowns"]
     theta: Float[Array, " unknowns"]
     covariance: Float[Array, "unknowns unknowns"]
@@ -104,14 +106,17 @@ class Settings(eqx.Module):
         none = jnp.zeros_like(self.zero)
         theta = jnp.concatenate([jnp.stack([self.zero, none]), self.nominal])
         return Recursion(
-            used=theta, theta=theta, covariance=jnp.diag(self.start), elapsed=none, idle=none,
+            share=none, used=theta, theta=theta, covariance=jnp.diag(self.start), elapsed=none, idle=none,
             before=theta, run=none, common=none, apart=none, evidence=none, excess=none, possible=none,
             settled=none, loss=self.error**2, residual=jnp.ones_like(none), changes=jnp.asarray(0),
         )  # fmt: skip
 
 
-def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Recursion:
-    """After one reference: `output` of the parts at it, the reading y, and how far the estimate was off."""
+def learnt(
+    p: Settings, s: Recursion, y: Array, output: Array, shown: Array, off: Array
+) -> Recursion:
+    """After one reference: `output` of the parts whose memories follow references, `shown` of those whose
+    memories follow estimates, the reading y, and how far the estimate was off."""
     weight = jnp.minimum(s.idle / p.correlation, 1.0)
     move = jnp.eye(len(s.theta)).at[0, 1].set(s.elapsed)
     theta, covariance = move @ s.theta, move @ s.covariance @ move.T
@@ -144,15 +149,17 @@ def learnt(p: Settings, s: Recursion, y: Array, output: Array, off: Array) -> Re
     theta = bounded(p.least, theta, covariance)
 
     fitted = jnp.concatenate([jnp.stack([p.zero, jnp.zeros_like(p.zero)]), p.nominal])
-    apart = h @ (before - fitted)
-    common = kept * s.common + weight * apart * (y - h @ fitted)
+    g = jnp.concatenate([jnp.array([1.0, 0.0]), shown])
+    apart = g @ (before - fitted)
+    common = kept * s.common + weight * apart * (y - g @ fitted)
     distance = kept * s.apart + weight * apart**2
-    used = fitted + share(p.noise, common, distance) * (theta - fitted)
+    part = share(p.noise, common, distance)
+    used = fitted + part * (theta - fitted)
     # A third of a run forgets what was before.
     left = jnp.minimum((y - h @ used) ** 2 / p.noise, MOST)
     residual = s.residual + jnp.minimum(3 * weight / p.settling, 1.0) * (left - s.residual)
     return Recursion(
-        used=used, theta=theta, covariance=covariance,
+        share=part, used=used, theta=theta, covariance=covariance,
         elapsed=jnp.zeros_like(s.elapsed), idle=jnp.zeros_like(s.idle),
         before=before, run=run, common=common, apart=distance,
         evidence=jnp.where(changed, 0.0, evidence), excess=jnp.where(changed, 0.0, excess),

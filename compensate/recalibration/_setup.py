@@ -132,7 +132,7 @@ def adaptive(
     models = tuple(p.model for p in found.parts)
     floored = found.floor is not None
     return AdaptiveCompensator(
-        models, jnp.asarray(centres), found.sign, low, high, floored, settings
+        inverse_of(model), models, jnp.asarray(centres), found.sign, low, high, floored, settings
     )
 
 

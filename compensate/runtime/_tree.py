@@ -67,8 +67,8 @@ def node_of(
 
     `takes`: to which is appended whatever takes the condition before a reading.
     """
-    inner = [node_of(part, states, takes) for part in tree.get("parts", ())]
     kind = tree["kind"]
+    inner = [node_of(part, states, takes) for part in parts_of(tree)]
     if kind not in KINDS:
         raise ValueError(f"no element {kind!r}")
     if kind == "series":
@@ -86,6 +86,13 @@ def node_of(
         return made[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
     return Node(look, move, find, lambda: s.status)
+
+
+def parts_of(tree: Tree) -> list[Tree]:
+    """The parts of a node; those of one that learns twice, because they have two memories, before the model
+    as it was fitted."""
+    parts: list[Tree] = tree.get("parts", [])
+    return [*parts[:-1], *parts] if tree["kind"] == "adaptive" else parts
 
 
 def _made(kind: type, values: dict[str, Any]) -> Any:
@@ -179,7 +186,9 @@ def _moving(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
 
 
 def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
-    numbered = list(enumerate(parts))
+    """The parts that remember estimates; the same, which teach; the model as it was fitted."""
+    numbered, teaching = list(enumerate(parts[: p.parts])), list(enumerate(parts[p.parts : -1]))
+    fitted = parts[-1]
 
     def look(whole: Any, dt: float, u: float) -> float:
         total = 0.0
@@ -187,16 +196,32 @@ def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
             total += element.one(p, s, k, part.look(dt, u))
         return element.zero_now(s) + element.raised(p, total)
 
-    def move(dt: float, u: float) -> float:
+    def followed(dt: float, u: float) -> float:
         total = 0.0
         for k, part in numbered:
-            total += element.kept(p, s, k, part.move(dt, u))
+            total += element.one(p, s, k, part.move(dt, u))
         return element.zero_now(s) + element.raised(p, total)
+
+    def taught(dt: float, u: float) -> None:
+        for k, part in teaching:
+            element.taught(p, s, k, part.move(dt, u))
+
+    def move(dt: float, u: float) -> float:
+        taught(dt, u)
+        return followed(dt, u)
 
     def find(dt: float, y: float) -> float:
         element.began(s, dt)
-        u = element.nearest(look, p, s, None, dt, p.sign * y)
-        move(dt, element.driving(s, u))
+        u = fitted.find(dt, y)
+        s.status = fitted.status()
+        if s.share > 0.0:
+            u = element.nearest(look, p, s, None, dt, p.sign * y)
+        s.value = u
+        if s.known:
+            for k, part in numbered:
+                element.kept(p, s, k, part.look(dt, s.reference))
+        followed(dt, u)
+        taught(dt, element.driving(s, u))
         if s.known:
             element.learn(p, s, y)
         return u

@@ -123,8 +123,8 @@ def test_without_references_it_is_the_inverse(name: str):
     model = MODELS[name]
     found, own = run(model), made(name)
     value = np.asarray(own.simulate(found.t, found.y).value)
-    # Where the model turns, the output grows with the square of the input, and zero is a mean over noise.
-    np.testing.assert_allclose(value, invert(model).simulate(found.t, found.y).value, atol=2e-3)
+    # The same operations in another compiled program, which may round the last bit otherwise.
+    np.testing.assert_allclose(value, invert(model).simulate(found.t, found.y).value, rtol=1e-13)
 
 
 @several
@@ -188,9 +188,9 @@ def test_what_was_learnt_is_used_once_a_later_run_has_proved_it():
     they have changed, after one that says the contrary they have not."""
     own = made("sum")
     found, y = changed(MODELS["sum"], 0.85, 1.2)
-    frozen = np.asarray(own.simulate(found.t, y).value)
+    frozen = np.asarray(invert(MODELS["sum"]).simulate(found.t, y).value)
     first = own.simulate(found.t, y, references=known_in(found, (0,)))
-    np.testing.assert_array_equal(first.value[ROWS:], frozen[ROWS:])
+    np.testing.assert_allclose(first.value, frozen, rtol=1e-13)
     assert abs(float(first.gain[-1]) - 1) > 0.05  # it was learnt
     both = known_in(found, (0, 4))
     used = np.asarray(own.simulate(found.t, y, references=both).value)

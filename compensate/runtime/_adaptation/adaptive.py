@@ -49,22 +49,28 @@ class Parameters:
 
 
 class State:
-    """`reference`: the input, where it is `known`. `used`: zero, drift and weights behind the estimates;
-    `theta`: as learnt; `covariance`: of them, the lower triangle row by row. `elapsed`, `idle`: time and
-    samples since the last reference.
+    """`reference`: the input, where it is `known`. `share`: how much of what was learnt is used; while it
+    is 0, estimates are those of the model as it was fitted. `used`: zero, drift and weights behind the
+    others; `theta`: as learnt; `covariance`: of them, the lower triangle row by row. `elapsed`, `idle`:
+    time and samples since the last reference.
+
+    Each part has two memories. One follows the estimates, as that of the fit does; the other one, which
+    teaches, the references, and between them the estimates.
 
     - `before`: `theta` before this run of references, of which `run` have come; `common`, `apart`: what it
       would have explained of the fit's errors at references, and its distance from the fit, squared.
     - `evidence`: of a change since; `excess`, `possible`: squared errors behind it, and what a change by
       `spread` makes. `settled`: references since the last change; `changes`: counted.
     - `loss`: mean square error of the estimates at this run of references; `residual`: that of the readings
-      as they are explained now, over `noise`. `output`, `along`, `work`: of the calculation.
+      as they are explained now, over `noise`. `output`: of the parts that teach; `shown`: of those that
+      estimate, at the reference; `along`, `work`: of the calculation.
     """
 
     status: int
     value: float
     reference: float
     known: int
+    share: float
     elapsed: float
     idle: float
     used: Reals
@@ -82,6 +88,7 @@ class State:
     residual: float
     changes: int
     output: Reals
+    shown: Reals
     along: Reals
     work: Reals
 
@@ -91,10 +98,14 @@ def one(p: Parameters, s: State, k: int, output: float) -> float:
     return s.used[k + 2] * (output - p.centres[k])
 
 
-def kept(p: Parameters, s: State, k: int, output: float) -> float:
-    """The same, where the memories move; its output is kept for `learn`."""
+def taught(p: Parameters, s: State, k: int, output: float) -> None:
+    """Keep what a part whose memory follows references gives."""
     s.output[k + 2] = output - p.centres[k]
-    return one(p, s, k, output)
+
+
+def kept(p: Parameters, s: State, k: int, output: float) -> None:
+    """Keep what a part whose memory follows estimates gives at a reference."""
+    s.shown[k + 2] = output - p.centres[k]
 
 
 def raised(p: Parameters, total: float) -> float:
@@ -120,7 +131,7 @@ def nearest(
 
 
 def driving(s: State, u: float) -> float:
-    """What the memories follow: the reference where there is one, else the estimate."""
+    """What the memories that teach follow: the reference where there is one, else the estimate."""
     return s.reference if s.known else u
 
 
@@ -198,8 +209,8 @@ def share(p: Parameters, s: State, y: float, weight: float) -> float:
     fitted = p.zero
     tried = s.before[0]
     for k in range(p.parts):
-        fitted = fitted + p.nominal[k] * s.output[k + 2]
-        tried = tried + s.before[k + 2] * s.output[k + 2]
+        fitted = fitted + p.nominal[k] * s.shown[k + 2]
+        tried = tried + s.before[k + 2] * s.shown[k + 2]
     kept = 1.0 - weight / p.memory
     apart = tried - fitted
     s.common = kept * s.common + weight * apart * (p.sign * y - fitted)
@@ -213,7 +224,7 @@ def share(p: Parameters, s: State, y: float, weight: float) -> float:
 
 
 def learn(p: Parameters, s: State, y: float) -> None:
-    """One reference: `output` holds what the parts gave at it, `value` what was estimated before."""
+    """One reference: `output` and `shown` hold what the parts gave at it, `value` what was estimated."""
     n = p.parts + 2
     weight = s.idle / p.correlation
     if weight > 1.0:
@@ -229,11 +240,13 @@ def learn(p: Parameters, s: State, y: float) -> None:
     if p.floored:
         # There the reading says nothing of the parts.
         total = 0.0
+        seen = 0.0
         for k in range(p.parts):
             total = total + s.used[k + 2] * s.output[k + 2]
-        if total <= 0.0:
-            for k in range(p.parts):
-                s.output[k + 2] = 0.0
+            seen = seen + s.used[k + 2] * s.shown[k + 2]
+        for k in range(p.parts):
+            s.output[k + 2] = 0.0 if total <= 0.0 else s.output[k + 2]
+            s.shown[k + 2] = 0.0 if seen <= 0.0 else s.shown[k + 2]
     s.output[0] = 1.0
     s.output[1] = 0.0
     error = s.value - s.reference
@@ -308,6 +321,7 @@ def learn(p: Parameters, s: State, y: float) -> None:
     if low:
         held_up(p, s)
     part = share(p, s, y, weight)
+    s.share = part
     s.used[0] = p.zero + part * (s.theta[0] - p.zero)
     s.used[1] = part * s.theta[1]
     # What is used now leaves this of the reading. A third of a run forgets what was before.
