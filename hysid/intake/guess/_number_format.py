@@ -32,7 +32,9 @@ def reading(
     if table is None:
         options.setdefault("decimal", ",")
         table = read_table(file, **options, most=HEAD)
-    commas = [x for x in table.text.values() if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
+    # The text of columns that are numbers already takes a while to make, and says no more.
+    texts = [table.text[name] for name, x in table.columns.items() if x.dtype.kind != "f"]
+    commas = [x for x in texts if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
     if commas and "decimal" not in options and table.decimal == ".":
         options["decimal"] = ","
         notes.append(
@@ -40,17 +42,16 @@ def reading(
         )
     decimal = options.get("decimal", table.decimal)
     odd: Counter[str] = Counter()
-    for name, cells in table.text.items():
-        x = table.columns[name]
-        if x.dtype.kind == "f":
-            odd.update(cells[np.abs(x) > LARGEST].tolist())  # infinite ones are among them
-        if x.dtype.kind == "f" or _share(cells[1:], decimal) < 0.5:
-            continue
-        odd.update(c for c in cells.tolist() if c and not _good(c, decimal))
-    if "units_row" not in options and _is_units(table, decimal):
+    for name, x in table.columns.items():
+        if x.dtype.kind == "f" and (large := np.abs(x) > LARGEST).any():  # or infinite
+            odd.update(table.text[name][large].tolist())
+    for cells in texts:
+        if _share(cells[1:], decimal) >= 0.5:
+            odd.update(c for c in cells.tolist() if c and not _good(c, decimal))
+    if "units_row" not in options and _is_units(table, texts, decimal):
         options["units_row"] = int(table.line[0])
         notes.append(("units_row", str(table.line[0]), "a row of units under the header"))
-        odd.subtract(Counter(cells[0] for cells in table.text.values()))
+        odd.subtract(Counter(cells[0] for cells in texts))
     words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
     if words and "na_values" not in options:
         options["na_values"] = tuple(words)
@@ -60,14 +61,15 @@ def reading(
     return options, notes
 
 
-def _is_units(table: Table, decimal: str) -> bool:
+def _is_units(table: Table, texts: list[np.ndarray], decimal: str) -> bool:
     """Whether the first row has words where all others have numbers."""
     if table.units or len(table.line) < 3:
         return False
-    first = [cells[0] for cells in table.text.values() if _share(cells[1:], decimal) > 0.8]
+    first = [cells[0] for cells in texts if _share(cells[1:], decimal) > 0.8]
     words = [c for c in first if c and not _good(c, decimal)]
     named = 2 * sum(map(is_unit, words)) >= len(words)
-    return len(words) > 1 and (named or len(words) == len(first))
+    alone = len(texts) == len(table.columns) and len(words) == len(first)
+    return len(words) > 1 and (named or alone)
 
 
 def _share(cells: np.ndarray, decimal: str) -> float:

@@ -17,14 +17,14 @@ export class DataPanel {
   show(look) {
     this.look = look;
     const plots = this.plots ??= this.makePlots();
+    plots.hidden = Boolean(look.fault) && !this.time.u;
     fill(this.element, 
       h("h2", { id: "data-title" }, "Measurement"),
       look.fault && faultBox(look.fault),
       look.no_roles && h("p", {}, `hysid found no input and output: ${look.no_roles}. Choose them below, if one column drives another.`),
       plots,
       this.warnings ??= h("div"),
-      this.heldOut(),
-      this.columns(),
+      look.columns.length > 0 && [this.heldOut(), this.columns()],
       sameLines(look.equivalents.data),
     );
     // The plots first: what is wrong with the rows is told when all of them are read.
@@ -50,7 +50,7 @@ export class DataPanel {
     this.loopCaption = h("figcaption");
     this.bar = h("div");
     this.notice = h("div");
-    const step = (label, text, does) => h("button", { type: "button", class: "quiet small", "aria-label": label, onclick: does }, text);
+    const step = (label, text, does) => h("button", { type: "button", class: "small", "aria-label": label, onclick: does }, text);
     return h("div", {},
       this.both = h("div", { class: "plots", "aria-busy": "true" },
         h("figure", {}, this.timeCaption, timeAt,

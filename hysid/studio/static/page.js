@@ -71,10 +71,13 @@ export function duration(seconds) {
   return `${Math.floor(seconds / 3600)} h ${Math.round((seconds % 3600) / 60)} min`;
 }
 
+/** What the command line says behind a colon, as a sentence of its own. */
+export const sentence = (text) => text && text[0].toUpperCase() + text.slice(1).replaceAll(" +- ", " ± ");
+
 export function faultBox(fault) {
-  return h("div", { class: "fault", role: "alert" }, h("p", {}, h("strong", {}, fault.message)),
+  return h("div", { class: "fault", role: "alert" }, h("p", {}, h("strong", {}, sentence(fault.message))),
     fault.where && h("p", { class: "soft" }, fault.where),
-    fault.cause && h("p", {}, `Likely cause: ${fault.cause}`), fault.fix && h("p", {}, fault.fix));
+    fault.cause && h("p", {}, `Likely cause: ${fault.cause}`), fault.fix && h("p", {}, sentence(fault.fix)));
 }
 
 export function say(text) {
@@ -82,7 +85,7 @@ export function say(text) {
 }
 
 /** "The same as a command, and in Python", each with a button that copies it. */
-export function sameLines(lines) {
+export function sameLines(lines, said = "The same as a command, and in Python") {
   const part = (title, text) => text && [
     h("div", { class: "code" }, h("span", {}, title), h("button", {
       type: "button", class: "quiet small", onclick: async (event) => {
@@ -95,7 +98,7 @@ export function sameLines(lines) {
     }, "Copy", h("span", { class: "unseen" }, ` ${title}`))),
     h("pre", { tabIndex: 0, role: "region", "aria-label": title }, text),
   ];
-  return h("details", { class: "same" }, h("summary", {}, "The same as a command, and in Python"),
+  return h("details", { class: "same" }, h("summary", {}, said),
     part("Command", lines.command), part("Python", lines.python));
 }
 

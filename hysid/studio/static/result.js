@@ -1,5 +1,5 @@
 // A fit: its verdict, candidates, loops, residuals, parameters, posterior, compensator, files.
-import { faultBox, fill, getJson, h, number, post, quantity, sameLines, table, word } from "./page.js";
+import { faultBox, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
@@ -48,7 +48,7 @@ export class ResultPanel {
       found.stale && h("p", {}, h("strong", {}, "The configuration was changed since this fit. "), "Fit again to judge the present one."),
       found.values.length > 0 && h("label", { class: "field" }, `${found.values.length} fits, one for each value: `,
         h("select", { onchange: (event) => this.pick(event.target.value) }, found.values.map((value) => h("option", { value, selected: value === found.value }, value)))),
-      h("ul", {}, found.reasons.map((reason) => h("li", {}, reason))),
+      h("ul", {}, found.reasons.map((reason) => h("li", {}, sentence(reason)))),
       h("dl", { class: "facts" }, fact("model", found.model), fact(`${words} error, rms`, quantity(judged.rmse, unit)),
         fact("of the range", quantity(judged.nrmse_percent, "%")), fact("largest", quantity(judged.max_abs, unit)), fact("purpose", found.purpose)));
   }
@@ -89,7 +89,7 @@ export class ResultPanel {
           h("ul", { class: "key" }, h("li", { class: "k-under" }, "measured"), curves.records.length > 1 && h("li", { class: "k-held-under" }, "measured, held out"),
             h("li", { class: "k-model" }, `${found.model}`),
             curves.excluded && h("li", { class: "k-excluded" }, "excluded from the fit"), curves.sliders.length > 0 && h("li", { class: "k-moved" }, "with the sliders")), this.otherKey = h("ul", { class: "key" })),
-        h("div", {}, curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
+        h("div", {}, curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows. Folds are training rows that were held out to choose among the models."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
           skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))))),
       h("h3", {}, "Residuals"),
       h("div", { class: "plots even" }, chart(`Over ${curves.axes.x}: a pattern shows what the model misses.`, this.residualAt), chart("Over the input.", this.residualInput)),
@@ -237,7 +237,7 @@ export class ResultPanel {
     if (!this.tryAt) return;
     const { verdict } = result;
     this.qualified = h("div", { class: `verdict ${verdict.level}`, role: "status" }, h("p", {}, word(verdict.level), h("strong", {}, `on ${this.tried ?? result.source ?? "this file"}`)),
-      h("ul", {}, verdict.reasons.map((reason) => h("li", {}, reason.text ?? reason))));
+      h("ul", {}, verdict.reasons.map((reason) => h("li", {}, sentence(reason.text ?? reason)))));
     fill(this.tryAt, this.qualified);
   }
 
@@ -272,7 +272,7 @@ export class ResultPanel {
     return h("section", { class: "card", "aria-labelledby": "files-title" }, h("h2", { id: "files-title" }, "Files"),
       h("div", { class: "row" }, found.invertible && [deed("export", "Export the compensator"), h("span", { class: "pair" }, target, other)], deed("report", "Write the report")),
       found.exports.length > 0 || found.report ? list : h("p", { class: "soft" }, "The export is a C99 header and a JSON file for compensate.runtime. Neither needs JAX."),
-      this.exportNotes, sameLines(this.look.equivalents.export), h("h3", {}, "Report"), sameLines(this.look.equivalents.report));
+      this.exportNotes, sameLines(this.look.equivalents.export), sameLines(this.look.equivalents.report, "The report as a command, and in Python"));
   }
 
   redraw() {

@@ -135,11 +135,11 @@ function heading() {
   const { look } = page, job = jobHere(), { selection } = look;
   const sides = selection?.output && selection?.input ? `${[selection.input].flat().join(" + ")} → ${selection.output}` : "";
   const facts = [look.rows && `${look.rows.toLocaleString("en")} rows`, sides].filter(Boolean).join(" · ");
-  const text = JSON.stringify([page.name, facts, job?.number, Boolean(look.result), look.fault !== null]);
+  const text = JSON.stringify([page.name, facts, job?.number, Boolean(look.result), Boolean(selection?.output)]);
   if (page.titleShown === text) return;
   page.titleShown = text;
   fill(page.title, h("div", {}, h("h1", {}, page.name), h("p", { class: "soft" }, facts)),
-    h("button", { type: "button", class: "deed", disabled: Boolean(job) || !selection, onclick: () => start("fit") }, job?.kind === "fit" ? "Fitting …" : look.result ? "Fit again" : "Fit"));
+    h("button", { type: "button", class: "deed", disabled: Boolean(job) || !selection?.output, onclick: () => start("fit") }, job?.kind === "fit" ? "Fitting …" : look.result ? "Fit again" : "Fit"));
 }
 
 const PURPOSES = { predict: "to predict", compensate: "to compensate", constants: "for its constants" };
@@ -149,6 +149,7 @@ function fitSection() {
   const last = page.state.jobs.findLast((one) => one.subject === page.name && one.state !== "done");
   const chosen = [fit.model ?? "auto"].flat().join(",").split(",").map((one) => one.trim().toLowerCase());
   const text = JSON.stringify([page.name, fit, look.selection, job?.number, last?.number, last?.state]);
+  page.fit.hidden = !look.selection?.output && !job;
   if (page.fitShown !== text) {
     page.fitShown = text;
     page.progress = null;

@@ -140,5 +140,9 @@ def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
         assert page.locator("main img").count() == 0
         page.get_by_role("button", name="noise.csv").click()
         page.get_by_role("alert").first.wait_for()
+        assert page.get_by_role("button", name="Fit", exact=True).is_disabled()
+        assert (
+            page.get_by_role("button", name="Zoom in").count() == 0
+        )  # there is nothing to look at
         page.context.close()
     assert [fault for fault in faults if "422" not in fault] == []
