@@ -22,6 +22,7 @@ from ._header_facts import (
     tables,
     trained,
 )
+from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
@@ -54,7 +55,7 @@ class _Header:
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
         self._half: float = (document.get("band") or {"factor": 0.0})["factor"]
-        self.predicts = all(part.tree["kind"] != "moving" for part in self.parts)
+        self.predicts = all(part.tree["kind"] not in ONE_WAY for part in self.parts)
 
     def text(self) -> str:
         stem, upper = self.stem, self.stem.upper()
@@ -298,8 +299,7 @@ class _Header:
 
     def _function(self, k: int, name: str, body: list[str]) -> str:
         stem, real = self.stem, self.real
-        takes = f"{stem}_state *s, {real} dt, {real} value"
-        head = f"static inline {real} {stem}_{k}_{name}({takes})"
+        head = f"static inline {real} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
         uses = "\n".join(body)
         spare = [
             f"    (void){v};"

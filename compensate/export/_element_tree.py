@@ -21,6 +21,7 @@ from hysteresis import (
     MonotoneCurve,
     MovingPreisach,
     NonlinearMaxwell,
+    Oscillator,
     OutputDependentPreisach,
     PrandtlIshlinskii,
     Preisach,
@@ -46,6 +47,7 @@ from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._degrading_bouc_wen import LEAST_SLOPE
 from ..uncertainty._calibrated import CalibratedCompensator
 from ._node import Tree, node
+from ._oscillator_tree import oscillator_node
 from ._preisach_tree import preisach_node, preisach_parts
 
 
@@ -189,6 +191,11 @@ def _(model: DuhemOperator, eps: float, depth: int) -> Tree:
         },
         {"u": 0.0, "y": model.offset},
     )  # fmt: skip
+
+
+@_tree.register
+def _(model: Oscillator, eps: float, depth: int) -> Tree:
+    return oscillator_node(model)
 
 
 @_tree.register

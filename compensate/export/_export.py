@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, condition_of, conversion
+from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.records._common_part import STILL
 
@@ -29,7 +29,9 @@ from ._band import banded
 from ._c99_header import header
 from ._document import write
 from ._element_tree import error_tree, guard_tree, tree_of
-from ._node import Tree
+from ._node import ONE_WAY, Tree
+from ._oscillator_tree import LONGEST as LONGEST_MOTION
+from ._oscillator_tree import Motion
 from ._precision import require_double
 from ._preisach_tree import with_grids
 
@@ -180,12 +182,16 @@ class Program:
     ):
         require_double()
         if model.units is not None:
-            reading = _named(reading, model.units.output)
-            estimate = _named(estimate, model.units.input)
+            back, forth = model.units.output, model.units.input
+            if isinstance(model, Oscillator):
+                back, forth = forth, back
+            reading, estimate = _named(reading, back), _named(estimate, forth)
         original, model = model, with_grids(model)
-        compensator: AbstractCompensator = invert(
-            model, trained=trained, beyond=beyond, start=start
-        )
+        compensator: AbstractCompensator | Motion
+        if isinstance(model, Oscillator):
+            compensator = Motion(model)
+        else:
+            compensator = invert(model, trained=trained, beyond=beyond, start=start)
         if adaptive is not None:
             guarded = isinstance(compensator, GuardedCompensator)
             compensator = replace(compensator, inner=adaptive) if guarded else adaptive
@@ -240,7 +246,7 @@ class Program:
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
             "limits": [float(low), float(high)], "rates": rates,
-            "longest": longest_step(t) if rates else None,
+            "longest": self._longest(t) if rates else None,
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
@@ -253,6 +259,11 @@ class Program:
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
+
+    def _longest(self, t: np.ndarray) -> float:
+        if not isinstance(self.model, Oscillator):
+            return longest_step(t)
+        return LONGEST_MOTION * float(np.median(np.diff(t)))
 
     def document(self, precision: type = np.float64) -> dict[str, Any]:
         """What `compensate.runtime` loads, for numbers of a precision."""
@@ -296,7 +307,7 @@ class Program:
     @property
     def predicts(self) -> bool:
         """Whether the header has the model itself too: its feedback has none."""
-        return all(node["kind"] != "moving" for node in _nodes(self._trees[np.float64]))
+        return all(node["kind"] not in ONE_WAY for node in _nodes(self._trees[np.float64]))
 
     def write_runtime(self, path: str | Path) -> Exported:
         """`export_runtime` of what was prepared."""
@@ -317,7 +328,9 @@ class Program:
         return Exported(path, self.notes)
 
 
-def _told_apart(compensator: AbstractCompensator, t: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _told_apart(
+    compensator: AbstractCompensator | Motion, t: np.ndarray, given: np.ndarray
+) -> np.ndarray:
     """Readings, of none of which rounding decides between two estimates, as at the end of a flat place.
 
     Those whose estimates jump where all readings rise by a rounding are moved a thousandth inwards.
@@ -377,7 +390,7 @@ def _nodes(tree: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _has_rates(node: dict[str, Any]) -> bool:
     p = node.get("parameters", {})
     return (
-        node["kind"] in ("chain", "friction", "maxwell")
+        node["kind"] in ("chain", "friction", "maxwell", "oscillator")
         or (node["kind"] == "adaptive" and p["spread"][1] > 0)  # the zero drifts
         or bool(p.get("forgetting"))
         or any(p.get("rates", ()))

@@ -8,6 +8,9 @@ from ..runtime._status import Status
 
 Tree = dict[str, Any]
 
+ONE_WAY = ("moving", "oscillator")
+"""Kinds of elements that run from reading to estimate only."""
+
 
 def node(kind: str, parameters: Tree, state: Tree | None = None, parts: Any = ()) -> Tree:
     """One element, its numbers plain."""

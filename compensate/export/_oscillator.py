@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Oscillator
 from hysteresis._atomic_file import write_whole
-from hysteresis.dynamics._layout import Layout, layout_of
+from hysteresis.dynamics._layout import Layout
 
 from ..runtime._oscillator import KIND, OscillatorStep
 from ._document import write
+from ._oscillator_tree import exportable
 
 SCHEMA = 1
 AGREES = 1e-9
@@ -49,15 +50,7 @@ def export_oscillator(
         >>> [round(1e6 * step(40.0), 1) for _ in range(3)]
         [0.0, 17.6, 68.7]
     """
-    layout = layout_of(model.hysteresis)
-    if layout is None or model.integrator != "newmark" or model.between != "linear":
-        raise InputError(
-            "not-exportable",
-            "this oscillator cannot be exported.",
-            cause="its hysteresis is not made of plays and one BoucWenForce (n = 1) or DuhemForce, or"
-            " it is not integrated by Newmark's method with a straight force.",
-            fix="fit it with identify.fit(record, 'Oscillator').",
-        )
+    layout = exportable(model)
     if not dt > 0:
         raise InputError("bad-option", f"dt={dt}; a time above 0.")
     document = _document(model, layout, float(dt), np.asarray(force, float)[:GOLDEN], title)

@@ -15,8 +15,8 @@ Tree = dict[str, Any]
 KINDS = (
     "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
     "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
-    "maxwell", "moving", "occupancy", "plays", "polynomial", "preisach", "scaled", "series", "share",
-    "softening", "stops", "sum", "time_drift",
+    "maxwell", "moving", "occupancy", "oscillator", "plays", "polynomial", "preisach", "scaled",
+    "series", "share", "softening", "stops", "sum", "time_drift",
 )  # fmt: skip
 
 

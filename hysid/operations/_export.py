@@ -39,7 +39,8 @@ def export(
     fitted = identify.load(folder)
     data = identify.internal.read_document(folder)["data"]
     if isinstance(fitted.detail, identify.Motion):
-        return _oscillator(fitted, targets, real)
+        checksum = data.get("sha256") or ""
+        return _oscillator(fitted, targets, real, (date or data.get("date") or "", checksum))
     date = date or data.get("date") or ""
     verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
@@ -84,19 +85,36 @@ def export(
 
 
 def _oscillator(
-    fitted: identify.FitResult, targets: dict[str, Path], real: str | None
+    fitted: identify.FitResult, targets: dict[str, Path], real: str | None, data: tuple[str, str]
 ) -> dict[str, Any]:
     """The step of an oscillator, force to displacement: it has no compensator."""
-    other = [target for target in targets if target not in ("c", "runtime")]
-    if other or real in ("float", "fixed"):
+    if real == "float" and "c" in targets:
         raise InputError(
             "bad-option",
-            f"An oscillator is exported in double precision, not for {', '.join(other) or real}.",
-            fix="Use --c FILE.h or --runtime FILE.json.",
+            "The header of an oscillator is in double precision.",
+            fix="Leave --float out, or export it to arduino.",
         )
     assert isinstance(fitted.detail, identify.Motion)
-    motion, files = fitted.detail.recorded, {}
+    record, motion, files, notes = fitted.train, fitted.detail.recorded, {}, []
+    others = {target: path for target, path in targets.items() if target not in ("c", "runtime")}
+    if others:
+        program = Program(
+            motion.model,
+            record.input,
+            times=motion.dt * np.arange(len(record)),
+            reading=Quantity(record.input_name, record.input_unit),
+            estimate=Quantity(record.output_name, record.output_unit),
+            title=fitted.name,
+            origin=Origin(fitted.verdict.level, fitted.verdict.codes, *data),
+            time_unit=record.time_unit,
+        )
+        for target, path in others.items():
+            done = write_to(target, program, path, real)
+            files[target] = str(done.path)
+            notes += [note for note in done.notes if note not in notes]
     for target, path in targets.items():
+        if target in others:
+            continue
         if (path.suffix == ".h") != (target == "c"):
             raise InputError(
                 "bad-option",
@@ -108,9 +126,9 @@ def _oscillator(
         )
         files[target] = str(done)
     low, high = fitted.trained
-    notes = [
+    notes.append(
         "The file steps from force to displacement. The force is straight between its samples."
-    ]
+    )
     return {
         "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
         "start": "known", "date": None,

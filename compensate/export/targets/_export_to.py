@@ -41,6 +41,8 @@ def export_to(
 ) -> Exported:
     """Write the inverse of a model for a target; arguments otherwise as of `export_runtime`.
 
+    Of an `Oscillator` it is the step from force to displacement, and `readings` are forces.
+
     **Arguments:**
 
     - `target`: "c" (a header), "runtime" (a file for plain Python), "arduino" (a library for Arduino and

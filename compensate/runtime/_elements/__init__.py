@@ -16,7 +16,15 @@ from importlib import import_module
 from types import ModuleType
 
 HOMES = {"adaptive": "_adaptation"} | dict.fromkeys(
-    ("bouc_wen", "dead_band", "degrading_bouc_wen", "duhem", "occupancy", "time_drift"),
+    (
+        "bouc_wen",
+        "dead_band",
+        "degrading_bouc_wen",
+        "duhem",
+        "occupancy",
+        "oscillator",
+        "time_drift",
+    ),
     "_operators",
 )
 """Folders of the elements that are not in this one."""

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 
+import compensate
 from benchmarks._dynamics.plants import RATE, training
 from tests.test_hysid.command import run
 
@@ -58,9 +59,11 @@ def test_fit_predict_report_and_export(folder):
     for bad in (("--bands", "5"), ("--bands", "150-5"), ("--levels", "a"), ("--rows", 3)):
         assert "bad-option" in run("design", out, *bad).err
     assert run("export", out, "--c", out / "plant.h", "--runtime", out / "plant.json").code == 0
-    refused = run("export", out, "--to", "fmu", out / "plant.fmu")
-    assert refused.code == 2
-    assert "bad-option" in refused.err
+    made = run("export", out, "--to", "arduino", out / "plant", "--json").json()
+    sensor = compensate.runtime.load(out / "plant" / "hysid-export.json")
+    assert isinstance(sensor, compensate.runtime.Compensator)
+    assert (sensor.reading["unit"], sensor.estimate["unit"]) == ("N", "m")
+    assert made["start"] == "known"
     assert "not-invertible" in run("predict", out, folder / "train.csv", "--inverse").err
 
 
