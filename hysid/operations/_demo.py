@@ -18,9 +18,15 @@ DATASETS = Path(__file__).resolve().parents[2] / "datasets"
 
 
 def demo(
-    out: Path, say: Callable[[str], None], progress: Callable[[int, int, str], None] | None = None
+    out: Path,
+    say: Callable[[str], None],
+    progress: Callable[[int, int, str], None] | None = None,
+    fitted: Callable[[dict[str, Any]], None] = lambda document: None,
 ) -> dict[str, Any]:
-    """The whole road on a synthetic sponge record: fit, posterior, compensator, report."""
+    """The whole road on a synthetic sponge record: fit, posterior, compensator, report.
+
+    `fitted` is called with the fit's document, whose verdict needs none of what follows.
+    """
     file = demo_data(out)
     selection = Selection(
         input="force (N)", output="displacement (mm)", time="time (s)",
@@ -34,6 +40,7 @@ def demo(
         "peak, rate and rest; the last three are held out"
     )
     document = fit(file, selection, out, overwrite=True, say=say)
+    fitted(document)
     say("sampling the posterior")
     sample(out, steps=1000, ensembles=2, seed=0, resume=False, progress=progress)
     say("running the compensator: displacement in, force out")

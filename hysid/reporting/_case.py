@@ -145,9 +145,20 @@ class Case:
 
     @cached_property
     def predicted(self) -> dict[str, np.ndarray]:
-        """The model's output on each record, all rows; both are as the model saw them."""
-        records = {"train": self.fit.train, "test": self.fit.test}
-        return {k: self.fit.predict(r) for k, r in records.items() if r is not None}
+        """The model's output on each record, all rows; both are as the model saw them.
+
+        Where every training row counts, the residuals that the fit has saved tell it.
+        """
+        fit = self.fit
+        known = fit.train.output + fit.residuals
+        found = {"train": known if np.isfinite(known).all() else fit.predict(fit.train)}
+        return found if fit.test is None else found | {"test": fit.predict(fit.test)}
+
+    def outputs(self, record: Record) -> np.ndarray:
+        """The model's output on a record as the model saw it, compiled for no length if it can be."""
+        if (found := self.fit.detail.outputs(record)) is not None:
+            return found
+        return identify.predict(self.fit.model, record)
 
     @cached_property
     def round_trip(self) -> RoundTrip | InputError:
@@ -158,9 +169,8 @@ class Case:
                 "not-invertible", f"{count} inputs cannot be recovered from one output."
             )
         try:
-            return round_trip(
-                self.fit.model, invert(self.fit.model, trained=self.fit.trained), self.judged[1]
-            )
+            backwards = invert(self.fit.model, trained=self.fit.trained)
+            return round_trip(self.outputs, backwards, self.judged[1])
         except InputError as error:
             return error
 

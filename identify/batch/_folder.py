@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -98,6 +99,16 @@ def row_of(fit: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
+_names: dict[tuple[str, ...], tuple[str, ...]] = {}
+
+
+def _compact(row: dict[str, Any]) -> Callable[[], dict[str, Any]]:
+    """A row, kept in a kilobyte: rows of the same columns share their names, and words are kept once."""
+    names = _names.setdefault(tuple(row), tuple(row))
+    cells = tuple(sys.intern(x) if isinstance(x, str) else x for x in row.values())
+    return lambda: dict(zip(names, cells, strict=True))
+
+
 def parameter_cells(name: str, value: Any, stderr: Any, status: str) -> dict[str, Any]:
     """The cells of one parameter in a row."""
     return {name: value, f"{name} stderr": stderr, f"{name} status": status}
@@ -146,7 +157,7 @@ class Folder:
             check_free(folder, overwrite=False)
         if document["batch"] != {"digest": digest}:
             return None
-        return Kept(lambda: row_of(document), lambda: load(folder))
+        return Kept(_compact(row_of(document)), lambda: load(folder))
 
     def put(self, name: str, fit: FitResult | Mapping[str, bytes], digest: str) -> Kept:
         """Write a fit, or the files of one, to its folder."""
@@ -155,8 +166,7 @@ class Folder:
             document = write_fit(fit, folder, to_json(fit), overwrite=True, extra=extra)
         else:
             document = rewrite_fit(folder, fit, extra)
-        row = row_of(document)
-        return Kept(lambda: row, lambda: load(folder))
+        return Kept(_compact(row_of(document)), lambda: load(folder))
 
     def write(self, batch: Batch, seconds: float, finished: bool, at_once: bool = False) -> None:
         """batch.json and batch.csv, now and then on the way, and `at_once` at the end."""

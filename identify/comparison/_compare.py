@@ -55,7 +55,7 @@ class Difference(NamedTuple):
     @property
     def clear(self) -> bool:
         """Whether it is beyond chance: Student's t at 95 %."""
-        return abs(self.value) > float(scipy.stats.t.ppf(0.975, self.blocks - 1)) * self.error
+        return abs(self.value) > float(scipy.special.stdtrit(self.blocks - 1, 0.975)) * self.error
 
 
 class Pair(NamedTuple):

@@ -64,7 +64,7 @@ class Point(NamedTuple):
 
 def bound_of(level: float) -> float:
     """Half the quantile of chi-square with one degree of freedom."""
-    return float(scipy.stats.chi2.ppf(level, 1)) / 2
+    return float(scipy.special.chdtri(1, 1 - level)) / 2
 
 
 def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:

@@ -146,7 +146,7 @@ def _in_words(parts: tuple[Part, ...], record: Record) -> str:
     rows = sum(part.rows for part in parts if part.kind == worst.kind)
     whole = sum(part.rmse**2 * part.rows for part in parts if part.kind == worst.kind) / rows
     # One family of parts in a hundred has one so far off by chance.
-    clear = worst.excess > scipy.stats.norm.ppf(0.99 ** (1 / len(parts)))
+    clear = worst.excess > scipy.special.ndtri(0.99 ** (1 / len(parts)))
     if not clear and worst.rmse < MUCH * np.sqrt(whole):
         return "The error is spread evenly over branches, cycles, rates and inputs."
     name = {"rate": f"rates of {worst.name}", "input": f"inputs of {worst.name}"}.get(

@@ -102,7 +102,7 @@ def whiteness(fit: FitResult) -> Whiteness:
         count = np.maximum(pairs[1:], 1)
         box = float(pairs[0] * (pairs[0] + 2) * np.sum(rho**2 / count))
     taken = sum(x is not None for x in (noise.phi, noise.theta)) if noise is not None else 0
-    p_value = float(scipy.stats.chi2.sf(box, most - taken))
+    p_value = float(scipy.special.chdtrc(most - taken, box))
     itself = Correlation(np.arange(1, most + 1), rho, *_bands(int(pairs[0]), most))
 
     lags = np.arange(-(most // 4), most + 1)
@@ -192,7 +192,7 @@ def _cross(
 def _bands(rows: int, lags: int) -> tuple[float, float]:
     """Half widths for one lag and for all: Sidak's, of Gaussian correlations."""
     tails = 0.5 + 0.5 * LEVEL, 0.5 + 0.5 * LEVEL ** (1 / lags)
-    one, all_ = (float(scipy.stats.norm.ppf(tail) / np.sqrt(max(rows, 1))) for tail in tails)
+    one, all_ = (float(scipy.special.ndtri(tail) / np.sqrt(max(rows, 1))) for tail in tails)
     return one, all_
 
 

@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import time
+import zipfile
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
@@ -411,7 +412,11 @@ def _notes(said: list[Any]) -> tuple[Note, ...]:
 
 
 def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
-    np.savez_compressed(file, allow_pickle=False, **arrays)
+    # As np.savez_compressed, in half the time: noise hardly gets smaller by more work.
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        for name, array in arrays.items():
+            with packed.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
 def _write_bytes(file: Path, content: bytes) -> None:

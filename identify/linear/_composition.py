@@ -9,6 +9,7 @@ Each part rises with its input by construction, but for the strengths, or does n
 one (drifts); so does a sum of them.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
@@ -85,8 +86,8 @@ RIDGE = 1e-7
 """Pulls what the data leave open to 0; in squares of the output's range. Strengths are pulled ten times as
 hard: at rates that were not tried they say what the curve does not."""
 
-CHUNK = 512
-"""Rows whose relays are worked on at once: they stay in a processor's cache."""
+AT_ONCE = 512
+"""Rows whose columns are made at once: they stay in a processor's cache."""
 
 Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]
@@ -206,21 +207,33 @@ class CompositionUnknowns(NamedTuple):
 
     def columns(self, memory: Memory) -> Columns:
         """The output of each unknown alone, in its unit, at rows with this memory."""
+        found = np.empty((len(memory.v), self.count))
+        for rows, some in memory.cut(AT_ONCE):
+            for place, column in self._made(some):
+                found[rows, place] = column
+        return found
+
+    def _made(self, memory: Memory) -> Iterator[tuple[slice, Columns]]:
+        """The columns of the offset and of each part, and their places."""
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
             SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
             SPAN_STOPS: self._span_stops, FRICTION: self._friction,
             DRIFT: self._drift, TIME_DRIFT: self._time_drift,
         }  # fmt: skip
-        one = np.ones((len(memory.v), 1))
-        return np.hstack([one, *(made[part](memory) for part in self.parts)])
+        yield slice(0, 1), np.ones((len(memory.v), 1))
+        ends = np.cumsum(self.sizes).tolist()
+        for part, *ends_of_part in zip(self.parts, ends, ends[1:], strict=False):
+            yield slice(*ends_of_part), made[part](memory)
 
     def outputs(
         self, memory: Memory, unknowns: Float[np.ndarray, " unknowns"]
     ) -> Float[np.ndarray, " rows"]:
         """The output of the model of the unknowns, which no column of relays is made for."""
         dense = self.of(*(part for part in self.parts if part != RELAYS))
-        y = dense.columns(memory) @ unknowns[self.where(dense.parts)]
+        x, y = unknowns[self.where(dense.parts)], np.empty(len(memory.v))
+        for rows, some in memory.cut(AT_ONCE):
+            y[rows] = sum(columns @ x[place] for place, columns in dense._made(some))
         if RELAYS in self.parts:
             n = CELLS[RELAYS]
             weights = unknowns[np.repeat([False, *(p == RELAYS for p in self.parts)], self.sizes)]
@@ -326,10 +339,7 @@ class CompositionUnknowns(NamedTuple):
     @property
     def total_names(self) -> tuple[str, ...]:
         """Names of the sums that tell a person what the parts do."""
-        names = ["offset"]
-        for part in self.parts:
-            names += self.branches(part) or (part,)
-        return tuple(names)
+        return ("offset", *(name for p in self.parts for name in self.branches(p) or (p,)))
 
     def branches(self, part: str) -> tuple[str, ...]:
         """Names of a part's branches; strengths differ after a rise and after a fall."""
@@ -351,8 +361,6 @@ class CompositionUnknowns(NamedTuple):
                 each = _gone(np.ones(1))
             rows += [each / each.size if part in (STRENGTHS, DRIFT) else each] * branches
         return np.asarray(scipy.linalg.block_diag(*rows))
-
-    # Columns of each part
 
     def _curve(self, memory: Memory) -> Columns:
         return rises(memory.v, CELLS[CURVE])
@@ -382,13 +390,9 @@ class CompositionUnknowns(NamedTuple):
     def _relays(self, memory: Memory) -> Columns:
         n, rows = CELLS[RELAYS], memory.relays
         i, j = np.tril_indices(n)
-        found = np.empty((rows.shape[0], len(i)))
-        for k in range(0, len(found), CHUNK):
-            columns = NodeSpace(n).to_unknowns(rows[k : k + CHUNK].T.toarray())
-            ramps, relays = columns[1 : 1 + n], columns[1 + n :]
-            each = 2 * (ramps[i] + ramps[j]) - relays if self.leading else relays
-            found[k : k + CHUNK] = each.T
-        return found
+        columns = NodeSpace(n).to_unknowns(rows.T.toarray())
+        ramps, relays = columns[1 : 1 + n], columns[1 + n :]
+        return (2 * (ramps[i] + ramps[j]) - relays if self.leading else relays).T
 
     def _place_stops(self, memory: Memory) -> Columns:
         return _modulated(_with_bands(memory.strained), hats_of(memory.before, PLACES))

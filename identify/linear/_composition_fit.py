@@ -11,6 +11,7 @@ from hysteresis.preisach import Initial
 from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
 from ..records._orientation import output_falls
 from ._composition import (
+    AT_ONCE,
     CELLS,
     CURVE,
     DRIFTS,
@@ -231,19 +232,22 @@ class Problem:
             columns, normal = self.whole.where(some), self.total(self.parts.all)
             return normal._replace(H=normal.H[np.ix_(columns, columns)], b=normal.b[columns])
         together = -(-len(counted) // EQUATIONS)
+        at_once = together * max(1, AT_ONCE // together)
         H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
         for here, memory in memory_blocks(meaning.memory(), self.record, counted):
             y = self.record.output[here] / meaning.scale
             taut = np.flatnonzero(self._taut(y))
             if not len(taut):
                 continue
-            first = np.arange(0, len(taut), together)
-            root = np.sqrt(np.diff(first, append=len(taut)))
-            A = meaning.columns(memory.at(taut) if len(taut) < len(here) else memory)
-            if together > 1:
-                A = np.add.reduceat(A, first) / root[:, None]
-            H += A.T @ A
-            b += A.T @ (np.add.reduceat(y[taut], first) / root)
+            memory, y = (memory.at(taut), y[taut]) if len(taut) < len(here) else (memory, y)
+            parts = [
+                _averaged(meaning.columns(some), y[place], together)
+                for place, some in memory.cut(at_once)
+            ]
+            # Of averages all of a block make one product, because H is larger than they are.
+            for A, right in [_joined(parts)] if together > 1 else parts:
+                H += A.T @ A
+                b += A.T @ right
             rows += len(taut)
         return NormalEquations(H, b, float("nan"), rows)
 
@@ -272,6 +276,22 @@ class Problem:
 
 
 Tried: TypeAlias = Choice[Problem]
+
+Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
+
+
+def _averaged(A: np.ndarray, y: np.ndarray, together: int) -> Equations:
+    """The equations of so many neighbours averaged, times the root of their number."""
+    if together == 1:
+        return A, y
+    first = np.arange(0, len(y), together)
+    root = np.sqrt(np.diff(first, append=len(y)))
+    return np.add.reduceat(A, first) / root[:, None], np.add.reduceat(y, first) / root
+
+
+def _joined(parts: list[Equations]) -> Equations:
+    A, y = zip(*parts, strict=True)
+    return np.concatenate(A), np.concatenate(y)
 
 
 def _path(problem: Problem) -> list[Tried]:

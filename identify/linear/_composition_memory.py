@@ -69,9 +69,15 @@ class Memory(NamedTuple):
     relays: Any
     velocity: Samples
 
-    def at(self, rows: Int[np.ndarray, " some"]) -> "Memory":
+    def at(self, rows: slice | Int[np.ndarray, " some"]) -> "Memory":
         """At some of these rows."""
         return Memory(*(part[rows] for part in self))
+
+    def cut(self, most: int) -> "Iterator[tuple[slice, Memory]]":
+        """The same, so many rows at a time, and which they are."""
+        for begin in range(0, len(self.v), most):
+            rows = slice(begin, begin + most)
+            yield rows, self.at(rows)
 
 
 def memory_of(layout: MemoryLayout, record: Record, rows: Int[np.ndarray, " rows"]) -> Memory:

@@ -1,8 +1,10 @@
 """Exact least squares with signs: block principal pivoting on the normal equations."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg.lapack import dposv  # pyright: ignore[reportAttributeAccessIssue]
+from scipy.linalg import lapack
 
 Vector = Float[np.ndarray, " n"]
 Matrix = Float[np.ndarray, "n n"]
@@ -30,53 +32,130 @@ def nonnegative_least_squares(
     n = len(b)
     free = np.zeros(n, bool) if free is None else free
     inside = np.ones(n, bool) if start is None else start | free
+    minima = _Minima(H, b)
     rounding = _rounding(b)
     fewest, patience = n + 1, 3
     while True:
-        x = _solve(H, b, inside)
+        x = minima(inside)
         wrong = np.where(inside, (x < 0) & ~free, H @ x - b < -rounding)
         count = int(wrong.sum())
         if count == 0:
-            return x
+            if minima.is_exact:
+                return x
+            minima.begin_at(inside)
+            continue
         if count >= fewest and patience == 0:
-            return _active_set(H, b, free, np.where(free, x, np.maximum(x, 0.0)))
+            return _active_set(H, b, free, np.where(free, x, np.maximum(x, 0.0)), minima)
         patience = 3 if count < fewest else patience - 1
         fewest = min(count, fewest)
         inside ^= wrong
 
 
-def _active_set(H: Matrix, b: Vector, free: Bool[np.ndarray, " n"], x: Vector) -> Vector:
+def _active_set(
+    H: Matrix, b: Vector, free: Bool[np.ndarray, " n"], x: Vector, minima: "_Minima"
+) -> Vector:
     """The same from a feasible x, by steps that stay feasible."""
     inside = free | (x > 0)
     barred = np.zeros(len(b), bool)  # let in and thrown out at once: its slope was rounding
     while True:
-        target = _solve(H, b, inside)
+        target = minima(inside)
         while (leaving := inside & ~free & (target < 0)).any():
             # As far as the first variable to become zero, which leaves.
             step = np.where(leaving, x / np.where(leaving, x - target, 1.0), np.inf)
             first = int(step.argmin())
             x = np.where(inside, x + step[first] * (target - x), 0.0)
             x[first], inside[first], barred[first] = 0.0, False, step[first] == 0
-            target = _solve(H, b, inside)
+            target = minima(inside)
         x = target
         slope = np.where(inside | barred, np.inf, H @ x - b)
         entering = int(slope.argmin())
-        if slope[entering] >= -_rounding(b):
+        if slope[entering] < -_rounding(b):
+            inside[entering] = True
+        elif minima.is_exact:
             return x
-        inside[entering] = True
+        else:
+            minima.begin_at(inside)
 
 
-def _solve(H: Matrix, b: Vector, inside: Bool[np.ndarray, " n"]) -> Vector:
-    """The minimum without signs over the variables `inside`; the others are 0."""
-    at = np.flatnonzero(inside)
-    x = np.zeros(len(b))
-    if not len(at):
+SHARE = 0.2
+"""Part of a factor's variables by which another set may differ: both ways then cost the same."""
+
+
+class _Minima:
+    """Minima of x'Hx/2 - b'x without signs over sets of variables, the others being 0.
+
+    The first set B has a Cholesky factor L of its own, and so has a set that differs from it much. Of one
+    with the further variables A and without R, with c the columns of H_BA and of the unit vectors of R,
+
+        (D - Z'Z) w = d - Z'z,    x_B = L^-T (z - Z w),    x_A = w_A,    Z = L^-1 c,    z = L^-1 b_B,
+
+    with D = diag(H_AA, 0) and d = (b_A, 0). The columns of Z are kept, so that a set that follows costs a
+    few products. `is_exact`: the last minimum came from a factor of its own set.
+
+    Source: Gill, Golub, Murray, Saunders, Methods for modifying matrix factorizations, Math. Comp. 28
+    (1974).
+    """
+
+    def __init__(self, H: Matrix, b: Vector) -> None:
+        self.H, self.b, self.is_exact = H, b, False
+        self._base: np.ndarray | None = None
+
+    def begin_at(self, inside: Bool[np.ndarray, " n"]) -> None:
+        """The factor is that of this set from now on."""
+        self._base, self._at = inside.copy(), np.flatnonzero(inside)
+        at = self._at
+        # Rows before columns, and LAPACK without its wrappers: half of the time of a few hundred variables.
+        factored: Any = lapack.dpotrf  # pyright: ignore[reportAttributeAccessIssue]
+        self._factor, failed = factored(self.H[at][:, at].T, lower=True, overwrite_a=True)
+        if failed:
+            said = "The matrix of the normal equations is not positive definite."
+            raise np.linalg.LinAlgError(said)
+        self._right = self._solved(self.b[at])
+        self._place = np.cumsum(inside) - 1
+        self._columns: dict[int, np.ndarray] = {}
+
+    def __call__(self, inside: Bool[np.ndarray, " n"]) -> Vector:
+        """The minimum over the variables `inside`."""
+        if not inside.any():
+            self.is_exact = True
+            return np.zeros(len(self.b))
+        if self._base is None or (inside ^ self._base).sum() > SHARE * len(self._at):
+            self.begin_at(inside)
+        x = np.zeros(len(self.b))
+        changed = np.flatnonzero(inside ^ self._base)
+        self.is_exact = not len(changed)
+        z = self._right
+        if self.is_exact:
+            x[self._at] = self._solved(z, transposed=True)
+            return x
+        added = np.flatnonzero(inside[changed])
+        Z = self._of(changed)
+        S, d = -Z.T @ Z, -Z.T @ z
+        S[np.ix_(added, added)] += self.H[np.ix_(changed[added], changed[added])]
+        d[added] += self.b[changed[added]]
+        w = np.linalg.solve(S, d)
+        x[self._at] = self._solved(z - Z @ w, transposed=True)
+        x[changed] = 0.0
+        x[changed[added]] = w[added]
         return x
-    # Rows before columns, and LAPACK without its wrappers: half of the time of a few hundred variables.
-    _, x[at], failed = dposv(H[at][:, at].T, b[at], overwrite_a=True)
-    if failed:
-        raise np.linalg.LinAlgError("The matrix of the normal equations is not positive definite.")
-    return x
+
+    def _of(self, changed: np.ndarray) -> Float[np.ndarray, "base changed"]:
+        new = [k for k in changed.tolist() if k not in self._columns]
+        if new:
+            assert self._base is not None
+            columns = np.zeros((len(self._at), len(new)), order="F")
+            for column, k in zip(columns.T, new, strict=True):
+                if self._base[k]:
+                    column[self._place[k]] = 1.0
+                else:
+                    column[:] = self.H[k, self._at]
+            for column, k in zip(self._solved(columns).T, new, strict=True):
+                self._columns[k] = column
+        return np.stack([self._columns[k] for k in changed.tolist()], 1)
+
+    def _solved(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+        solve: Any = lapack.dtrtrs  # pyright: ignore[reportAttributeAccessIssue]
+        return solve(self._factor, right, lower=True, trans=int(transposed))[0]
 
 
 def _rounding(b: Vector) -> float:

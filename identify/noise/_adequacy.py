@@ -76,7 +76,7 @@ def _white(x: np.ndarray, place: np.ndarray, spent: int) -> float:
         return 1.0
     rho = np.array([np.sum((x[k:] * x[:-k])[place[k:] >= k]) for k in lags]) / (x @ x)
     Q = count * (count + 2) * np.sum(rho**2 / (count - lags))
-    return float(scipy.stats.chi2.sf(Q, len(lags) - spent))
+    return float(scipy.special.chdtrc(len(lags) - spent, Q))
 
 
 def _shapeless(x: np.ndarray, W: np.ndarray, shapes: np.ndarray) -> float:
@@ -85,7 +85,7 @@ def _shapeless(x: np.ndarray, W: np.ndarray, shapes: np.ndarray) -> float:
         return 1.0
     own, rank = _explained(x, W)
     whole, ranks = _explained(x, np.hstack([W, shapes]))
-    return float(scipy.stats.chi2.sf(whole - own, max(ranks - rank, 1)))
+    return float(scipy.special.chdtrc(max(ranks - rank, 1), max(whole - own, 0.0)))
 
 
 def _explained(x: np.ndarray, A: np.ndarray) -> tuple[float, int]:

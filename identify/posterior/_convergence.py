@@ -93,8 +93,10 @@ def _split(chains: np.ndarray) -> np.ndarray:
 
 
 def _normal_scores(chains: np.ndarray) -> np.ndarray:
-    ranks: np.ndarray = scipy.stats.rankdata(chains).reshape(chains.shape)
-    return scipy.stats.norm.ppf((ranks - 0.375) / (chains.size + 0.25))
+    _, place, count = np.unique(chains, return_inverse=True, return_counts=True)
+    # Equal draws share the mean of their ranks.
+    ranks = (np.cumsum(count) - (count - 1) / 2)[place].reshape(chains.shape)
+    return scipy.special.ndtri((ranks - 0.375) / (chains.size + 0.25))
 
 
 def _rhat_of(z: np.ndarray) -> float:

@@ -169,7 +169,7 @@ def _quantile(
     tail: Float[np.ndarray, " draws"] | None,
 ) -> Float[np.ndarray, " rows"]:
     """Of the mixture of all draws: it lies between the least and the greatest of theirs."""
-    each = scipy.stats.norm.ppf(q) if tail is None else scipy.stats.t.ppf(q, 1 / tail)[:, None]
+    each = scipy.special.ndtri(q) if tail is None else scipy.special.stdtrit(1 / tail, q)[:, None]
     ends = y + scale * each
     low, high = ends.min(0), ends.max(0)
     for _ in range(HALVINGS):
@@ -188,16 +188,22 @@ def _effective(record: Record, rows: np.ndarray, residual: np.ndarray) -> float:
     return estimate_noise([r for r in np.split(residual, cut) if len(r)]).effective
 
 
+def _binomial(q: float, n: int, p: float) -> float:
+    """Quantile of the binomial distribution; `scipy.stats`, which has one, takes a second to load."""
+    k = float(np.ceil(scipy.special.bdtrik(q, n, p)))
+    below = max(k - 1, 0.0)
+    return below if scipy.special.bdtr(below, n, p) >= q else k
+
+
 def _in_words(coverage: np.ndarray, effective: float, rows: int, word: str) -> str:
     held, level, facts = float(coverage[1]), LEVELS[1], max(round(effective), 1)
-    low, high = scipy.stats.binom.interval(0.95, facts, level)
-    low, high = low / facts, high / facts
+    low, high = (_binomial(q, facts, level) / facts for q in (0.025, 0.975))
     said = (
         f"The {100 * level:.0f} % band holds {100 * held:.0f} % of {rows:,} {word} rows, which count as"
         f" {facts:,}: {100 * low:.0f} to {100 * high:.0f} % would be no surprise."
     )
     # A few facts may all lie outside nine tenths by chance, but not outside 99 hundredths.
-    least = [scipy.stats.binom.ppf(0.0125, facts, p) / facts for p in LEVELS[1:]]
+    least = [_binomial(0.0125, facts, p) / facts for p in LEVELS[1:]]
     if (coverage[1:] < least).any():
         said += " It is too narrow: the model is off by more than noise there."
     elif held > high:

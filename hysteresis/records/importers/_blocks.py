@@ -157,7 +157,8 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
     """The header of the numbers that begin at row k, in the rows from `least` on."""
     width = len(trimmed(rows[k][1]))
     last = _as_wide(rows[k - 1][1], width)
-    units = units_of(last)
+    # The first row names the columns. To ask whether it is one of units loads pint, half a second.
+    units = units_of(last) if k - 2 >= least else None
     if units is None and k - 3 >= least and len(last) <= width:
         # Between units and numbers some loggers write where each column is connected.
         names, over = (_as_wide(rows[at][1], width) for at in (k - 3, k - 2))

@@ -29,7 +29,7 @@ def test_the_profile_of_a_line_is_the_analytic_one() -> None:
             assert found.high == pytest.approx(best[k] + half, abs=1e-5 * half)
             exact = n / 2 * np.log1p((found.values - best[k]) ** 2 / spread)
             np.testing.assert_allclose(found.drop, exact, atol=1e-6)
-            assert found.bound == bound
+            assert found.bound == pytest.approx(bound, rel=1e-13)
             assert found.others == ()
             assert found.said.startswith(f"{found.name}: {found.low:.4g} to ")
     assert [p.name for p in profiles(line(train, test))] == ["K", "b"]

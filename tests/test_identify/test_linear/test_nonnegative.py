@@ -6,7 +6,7 @@ import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identify.linear._nnls import constrained_least_squares, nonnegative_least_squares
+from identify.linear._nnls import _Minima, constrained_least_squares, nonnegative_least_squares
 
 sizes = st.tuples(st.integers(1, 25), st.integers(0, 2**32 - 1))
 
@@ -84,3 +84,26 @@ def test_constraints_that_do_not_bind_change_nothing() -> None:
 def test_ill_conditioned_is_refused_by_the_factorisation() -> None:
     with pytest.raises(np.linalg.LinAlgError):
         nonnegative_least_squares(np.zeros((3, 3)), np.ones(3))
+
+
+def test_minima_over_sets_that_differ_by_a_few_are_those_of_factors_of_their_own() -> None:
+    """x_S = H_SS^-1 b_S, to rounding times the condition of H; also of no variables."""
+    random = np.random.default_rng(4)
+    A = random.normal(size=(80, 60))
+    H, b = A.T @ A, A.T @ random.normal(size=80)
+    minima, inside = _Minima(H, b), random.random(60) < 0.7
+    first, exact = inside.copy(), []
+    for changed in (0, 1, 2, 5, 40, 3):
+        inside = inside.copy()
+        inside[random.choice(60, changed, replace=False)] ^= True
+        at = np.flatnonzero(inside)
+        wanted = np.zeros(60)
+        wanted[at] = np.linalg.solve(H[np.ix_(at, at)], b[at])
+        np.testing.assert_allclose(minima(inside), wanted, atol=1e-11 * np.abs(wanted).max())
+        exact.append(minima.is_exact)
+    assert exact[:4] == [True, False, False, False]
+    minima.begin_at(first)
+    minima(inside)
+    assert not minima(np.zeros(60, bool)).any()
+    minima(first)
+    assert minima.is_exact
