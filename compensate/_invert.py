@@ -21,6 +21,7 @@ def invert(
     trained: tuple[float, float] | None = None,
     beyond: str = "limit",
     start: str = "known",
+    longest: float | None = None,
 ) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator, with a guard where `trained` is given.
 
@@ -37,6 +38,7 @@ def invert(
       "free" (as they are). Their status is EXTRAPOLATED.
     - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
       RUN_IN until the readings have replaced what is unknown, see `run_in`.
+    - `longest`: with `trained`, the longest time between two readings; a longer one is taken for it.
 
     **Returns:** a compensator, with the units of the model where it has any.
 
@@ -77,5 +79,5 @@ def invert(
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
     waits = run_in(model, low, high) if start == "unknown" else None
-    guarded = GuardedCompensator(inverse, low, high, beyond, waits)
+    guarded = GuardedCompensator(inverse, low, high, beyond, waits, longest=longest)
     return guarded if units is None else with_units(guarded, units)

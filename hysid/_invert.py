@@ -8,6 +8,7 @@ import numpy as np
 import identify
 from compensate import AbstractCompensator, CalibratedCompensator, LeftOut, calibrated, estimate
 from compensate import invert as invert_model
+from compensate.guards._guarded import longest_step
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
 from identify import FitResult
@@ -22,16 +23,18 @@ def invert(
     \\hat u = \\mathrm{clip}(\\hat u_\\text{inverse}, low, high)
     ```
 
-    where low and high are the least and the greatest input of the training rows. The deviation of a fit's
-    estimates is the error by level and branch of models that were fitted without one cycle, or sequence,
-    each, on the cycle that they have not seen, see `calibrated`. Of a record without two cycles it is the
-    error of the model, times that on held-out parts of the training rows over that on fitted ones. Value
-    +- 1.645 deviations should hold nine of ten inputs; `coverage` is the part of the test rows that they do
-    hold, NaN without test rows. Draws of a posterior, `invert(posterior.model)`, tell what the parameters
-    alone leave open, which is less.
+    where low and high are the least and the greatest input of the training rows. A step in time longer than
+    a thousand times the record is taken for that long and EXTRAPOLATED, as in exports.
+
+    The deviation of an estimate is the error by level and branch of models that were fitted without one
+    cycle, or sequence, each, on the cycle that they have not seen, see `calibrated`. Of a record without
+    two cycles it is the error of the model, times that on held-out parts of the training rows over that on
+    fitted ones. Value +- 1.645 deviations should hold nine of ten inputs; `coverage` is the part of the
+    test rows that they do hold, NaN without test rows. Draws of a posterior, `invert(posterior.model)`,
+    tell what the parameters alone leave open, which is less.
 
     **Arguments:** a fit of one input, or a model; the others are those of `compensate.invert`. `beyond` and
-    `start` choose another guard, and `trained` another range.
+    `start` choose another guard, `trained` and `longest` other limits.
 
     **Raises:** `InputError` where the model has no inverse, see `compensate.invert`.
 
@@ -44,7 +47,8 @@ def invert(
     if not isinstance(fit_or_model, FitResult):
         return invert_model(fit_or_model, *arguments, **options)
     fit = fit_or_model
-    guarded = invert_model(fit.model, *arguments, **({"trained": fit.trained} | options))
+    own_guard = {"trained": fit.trained, "longest": longest_of(fit.train)}
+    guarded = invert_model(fit.model, *arguments, **(own_guard | options))
     learnt = replace(error_of(fit), has_draws=False, units=guarded.units)
     if fit.test is not None:
         learnt = replace(learnt, coverage=_coverage(learnt, fit.test))
@@ -68,6 +72,15 @@ def _further(fit: FitResult) -> float:
     if own is None or own.nrmse_percent <= 0 or not np.isfinite(fit.score):
         return 1.0
     return max(1.0, fit.score / own.nrmse_percent)
+
+
+def longest_of(record: Record) -> float | None:
+    """The longest time between two readings that an export of this record takes; None without a clock."""
+    if record.time is None:
+        return None
+    used = record.mask & np.isfinite(record.output)
+    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    return longest_step(record.time[rows][used[rows]])
 
 
 def _coverage(band: CalibratedCompensator, record: Record) -> float:

@@ -6,6 +6,7 @@ Every function raises `ValueError`, whose message names the limit; the caller sa
 import json
 import re
 import struct
+import tokenize
 import tomllib
 import zipfile
 import zlib
@@ -91,7 +92,10 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
         }.get(version)
         if read is None:
             raise ValueError(f"{member.filename} has version {version} of the format")
-        shape, by_column, dtype = read(opened)
+        try:
+            shape, by_column, dtype = read(opened)
+        except (SyntaxError, tokenize.TokenError) as error:  # as NumPy reads headers of Python 2
+            raise ValueError(f"the header of {member.filename} cannot be read: {error}") from None
         check_shape(shape, dtype, member.file_size)
         content = opened.read()
     array = np.frombuffer(content, dtype, count=int(np.prod(shape, dtype=object)))

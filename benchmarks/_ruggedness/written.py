@@ -15,8 +15,8 @@ from hysid.reporting._fit_page import _visible
 from hysteresis import LinearSponge
 from hysteresis._escape import c_comment, c_string, json_text, markup, toml_comment, toml_string
 from tests.c_harness import COMPILERS, Compiled
-from tests.problems import INVERTIBLE, Problem, random_histories
-from tests.test_compensate.test_runtime import NOT_EXPORTED
+from tests.problems import Problem, random_histories
+from tests.test_compensate.test_runtime import EXPORTED
 from tests.test_compensate.test_runtime_hostile import hostile
 from tests.test_hysteresis.test_escape import HOSTILE, Tags, names, stripped
 
@@ -88,7 +88,7 @@ def headers(every: int) -> list[Row]:
         return [
             noted("headers fed with broken numbers", 0, reason="needs a C compiler: gcc or clang")
         ]
-    problems = [p for p in INVERTIBLE if p.name not in NOT_EXPORTED][::every]
+    problems = EXPORTED[::every]
     wrong = [
         f"{p.name}, {real}" for p in problems for real in ("double", "float") if not _sound(p, real)
     ]

@@ -18,9 +18,10 @@ from hysteresis.records._common_part import STILL
 from .._contract import AbstractCompensator
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
+from ..guards._guarded import longest_step as longest_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
-from ..runtime._file import COMPENSATOR_SCHEMA, LONGEST, number
+from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
@@ -35,8 +36,8 @@ from ._oscillator_tree import Motion
 from ._precision import require_double
 from ._preisach_tree import with_grids
 
-LASTING, FAR = 1000.0, 1000.0
-"""Durations of the readings that one step may take; spans of the estimates that an input may be beyond."""
+FAR = 1000.0
+"""Spans of the estimates that an input may be beyond."""
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
@@ -365,14 +366,6 @@ def _apart(
     x = u if c is None else np.column_stack([u, c[:n]])
     one, other = (np.asarray(model.simulate(t[:n], x)) for model in (given, tabulated))
     return float(np.abs(one - other).max() / max(float(np.ptp(one)), 1e-300))
-
-
-def longest_step(t: np.ndarray) -> float:
-    """The longest time between two samples that an export takes: far more than the readings it was made of.
-
-    Beyond, a free dashpot would flow so far that nothing of the readings is left in the numbers.
-    """
-    return min(LASTING * (float(np.ptp(t)) or 1.0), LONGEST)
 
 
 def wider(y: np.ndarray) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
@@ -12,6 +13,7 @@ from hysteresis import InputError, is_concrete, register
 
 from .._contract import AbstractCompensator, Found, Status
 from .._readings import reading_of, with_reading
+from ..runtime._file import LONGEST
 from ._run_in import RunIn
 
 BEYOND = ("limit", "nan", "free")
@@ -22,13 +24,28 @@ ROUNDING = 1e-6
 closer than that to an end is at the end."""
 
 
+LASTING = 1000.0
+"""Durations of the readings that one step may take."""
+
+
+def longest_step(t: ArrayLike) -> float:
+    """The longest time between two samples of a compensator that was made for readings at the times `t`.
+
+    Beyond, a free dashpot would flow so far that nothing of the readings is left in the numbers.
+    """
+    return min(LASTING * (float(np.ptp(np.asarray(t, float))) or 1.0), LONGEST)
+
+
 class GuardedState(NamedTuple):
-    """The inner state; which ends of the range estimates have seen; the first time, NaN before it."""
+    """The inner state; which ends of the range estimates have seen; the inner clock's first time; the time
+    of the last reading; what long steps have taken off the clock. NaN before the first reading."""
 
     inner: Any
     bottom: Array
     top: Array
-    t: Array
+    first: Array
+    last: Array
+    removed: Array
 
 
 @register
@@ -56,9 +73,11 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     - `beyond`: `"limit"` as above; `"nan"`: an estimate beyond is NaN; `"free"`: only the status tells.
     - `run_in`: None: the first state is known, and is the model's.
     - `readings`: readings beyond these are taken for the nearer end, `EXTRAPOLATED`; as exports do.
+    - `longest`: the longest time between two readings, in the unit of `t`; a longer one is taken for it,
+      `EXTRAPOLATED`, as exports do. None: a step of any length is taken as it is.
 
     **Raises:** `InputError` `zero-range` for limits that are not low < high, `bad-option` for another
-    `beyond`.
+    `beyond`, and for a `longest` that is not positive.
 
     **Example:**
 
@@ -73,6 +92,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     beyond: str = eqx.field(static=True)
     run_in: RunIn | None
     readings: tuple[float, float] | None = eqx.field(static=True)
+    longest: Float[Array, ""] | None
 
     def __init__(
         self,
@@ -82,6 +102,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         beyond: str = "limit",
         run_in: RunIn | None = None,
         readings: tuple[float, float] | None = None,
+        longest: ArrayLike | None = None,
     ):
         if beyond not in BEYOND:
             raise InputError(
@@ -96,10 +117,19 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             )
         self.inner, self.beyond, self.run_in = inner, beyond, run_in
         self.readings = None if readings is None else (float(readings[0]), float(readings[1]))
+        if (
+            longest is not None
+            and is_concrete(longest)
+            and not bool(np.all(np.asarray(longest) > 0))
+        ):
+            raise InputError(
+                "bad-option", f"longest={longest!r} is not a time.", fix="give a positive time."
+            )
+        self.longest = None if longest is None else jnp.asarray(longest, float)
 
     def init(self) -> GuardedState:
-        unseen = jnp.asarray(False)
-        return GuardedState(self.inner.init(), unseen, unseen, jnp.asarray(jnp.nan, float))
+        unseen, none = jnp.asarray(False), jnp.asarray(jnp.nan, float)
+        return GuardedState(self.inner.init(), unseen, unseen, none, none, jnp.zeros_like(none))
 
     def step(
         self, state: GuardedState, t: ArrayLike | None, y: ArrayLike
@@ -108,11 +138,12 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         reading = reading_of(y, 0)
         t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
         seen = self._clipped(reading)
-        inner, found = self.inner.step(state.inner, t, with_reading(y, 0, seen))
+        clock, late, last, removed = self._clock(state, t[None], y[None])
+        inner, found = self.inner.step(state.inner, clock[0], with_reading(y, 0, seen))
         (bottom, top, first), found = self._judged(
-            state, t[None], reading[None], seen[None], _rows(found)
+            state, clock, late, reading[None], seen[None], _rows(found)
         )
-        after = GuardedState(inner, bottom[0], top[0], first)
+        after = GuardedState(inner, bottom[0], top[0], first, last, removed)
         return after, jax.tree.map(lambda a: a[..., 0], found)
 
     def simulate(
@@ -122,9 +153,27 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         state = self.init() if state is None else state
         reading = reading_of(y, 1)
         seen = self._clipped(reading)
+        given = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
+        clock, late, _, _ = self._clock(state, given, y)
+        if t is not None and self.longest is not None:
+            t = clock
         found = self.inner.simulate(t, with_reading(y, 1, seen), state.inner)
-        t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        return self._judged(state, t, reading, seen, found)[1]
+        return self._judged(state, clock, late, reading, seen, found)[1]
+
+    def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """The inner clock, in which no step is longer than `longest`; which samples come after a longer
+        one; the time of the last reading, and what long steps have taken off the clock up to there."""
+        if self.longest is None:
+            return t, jnp.zeros(t.shape, bool), state.last, state.removed
+        finite = jnp.isfinite(y)
+        valid = finite if y.ndim == 1 else finite.all(axis=-1)
+        at = jax.lax.cummax(jnp.where(valid, jnp.arange(t.shape[0]), -1))
+        before = jnp.concatenate([jnp.full(1, -1), at[:-1]])
+        wait = t - jnp.where(before < 0, state.last, t[before])
+        late = valid & (wait >= self.longest)
+        removed = state.removed + jnp.cumsum(jnp.where(late, wait - self.longest, 0.0))
+        last = jnp.where(at[-1] < 0, state.last, t[at[-1]])
+        return t - removed, late, last, removed[-1]
 
     def _clipped(self, y: Array) -> Array:
         if self.readings is None:
@@ -132,16 +181,25 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         return jnp.where(jnp.isfinite(y), jnp.clip(y, *self.readings), y)
 
     @eqx.filter_jit
-    def _judged(self, state: GuardedState, t: Array, y: Array, seen: Array, found: Any) -> Any:
+    def _judged(
+        self,
+        state: GuardedState,
+        t: Array,
+        late: Array,
+        y: Array,
+        seen: Array,
+        found: Any,
+    ) -> Any:
         """What has been seen up to every sample, and the estimates as they are given out."""
         value, status = found.value, found.status
         valid = status != Status.INVALID
         sound = (status == Status.OK) | (status == Status.FLAT)
+        status, sound = jnp.where(late & sound, Status.EXTRAPOLATED, status), sound & ~late
         run_in = self.run_in or RunIn(jnp.inf, -jnp.inf, 0.0)
         bottom = state.bottom | _ever(valid & (value <= run_in.bottom))
         top = state.top | _ever(valid & (value >= run_in.top))
         first = jnp.where(valid.any(), t[jnp.argmax(valid)], jnp.nan)
-        first = jnp.where(jnp.isnan(state.t), first, state.t)
+        first = jnp.where(jnp.isnan(state.first), first, state.first)
         known = bottom & top & ((t - first >= run_in.time) | (run_in.time == 0))
         status = jnp.where(sound & ~known, Status.RUN_IN, status)
 

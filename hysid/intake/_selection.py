@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -70,11 +70,26 @@ class Selection(SelectionOptions):
             )
 
     @classmethod
-    def from_json(cls, document: dict[str, Any]) -> "Selection":
-        """A selection that `as_json` wrote."""
+    def from_json(cls, document: Any) -> "Selection":
+        """A selection that `as_json` wrote. Raises `InputError` `damaged-file` where it did not."""
+        given = document if isinstance(document, dict) else {}
         options: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in document.items()
+            k: tuple(v) if isinstance(v, list) else v for k, v in given.items()
         }
+        hints = {k: hint for k, hint in get_type_hints(cls).items() if k in FIELDS}
+        odd = [k for k, v in options.items() if k not in hints or not _is_of_kind(v, hints[k])]
+        odd += [k for k in ("input", "output") if k not in options]
+        for name in FIELDS:
+            choices = FIELDS[name].metadata.get("choices")
+            if choices and options.get(name) not in (None, *choices):
+                odd.append(name)
+        if odd:
+            raise InputError(
+                "damaged-file",
+                f"which columns were chosen cannot be read: {odd[0]!r:.40}.",
+                cause="The file was edited.",
+                fix="Fit again.",
+            )
         return cls(**options)
 
     def as_json(self) -> dict[str, Any]:
@@ -221,3 +236,15 @@ def _equality(condition: str) -> tuple[str, list[str]]:
     parse_condition(condition)  # raises where it is none
     name, _, values = condition.partition("=")
     return name.strip(), [value.strip() for value in values.split(",")]
+
+
+def _is_of_kind(value: Any, hint: Any) -> bool:
+    """Whether a value is of a field's type: a word, a number, tuples of them, None where it may be."""
+    if get_origin(hint) is tuple:
+        (one, _) = get_args(hint)
+        return isinstance(value, tuple) and all(_is_of_kind(v, one) for v in value)
+    if kinds := get_args(hint):
+        return any(_is_of_kind(value, kind) for kind in kinds)
+    if isinstance(value, bool) and hint is not bool:
+        return False
+    return isinstance(value, (int, float) if hint is float else hint)

@@ -13,7 +13,7 @@ def selection_of_fit(document: dict[str, Any]) -> Selection:
     """The columns a fit was made from; a fit saved from Python knows their names alone."""
     try:
         if "selection" in document:
-            return Selection.from_json(dict(document["selection"]))
+            return Selection.from_json(document["selection"])
         words = document["records"]["train"]
         time = words["time_name"] if words["time_unit"] != "1" else None
         channels = "channels" in document

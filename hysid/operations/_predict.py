@@ -14,6 +14,7 @@ from hysteresis import InputError, Record
 from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
 
+from .._invert import longest_of
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
@@ -163,6 +164,8 @@ def _between(fitted: identify.FitResult, record: Record) -> list[str]:
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
     """The compensator over each sequence, from the virgin state, limited to the trained inputs."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    found = estimate(invert(fitted.model, trained=fitted.trained), record)
+    found = estimate(
+        invert(fitted.model, trained=fitted.trained, longest=longest_of(fitted.train)), record
+    )
     value, status = np.asarray(found.value), np.asarray(found.status)
     return fitted.clocks.undone(record, value), status

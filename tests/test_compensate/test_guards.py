@@ -21,6 +21,7 @@ from compensate import (
     invert,
     run_in,
 )
+from compensate.guards._guarded import longest_step
 from compensate.guards._run_in import LONGEST, TIMES
 from compensate.runtime import load
 from compensate.runtime._file import checksum
@@ -100,6 +101,44 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
         np.testing.assert_array_equal(status_c, status)
         assert it.wrong == 0
         assert f"State: {it.size} bytes" in it.text
+
+
+@pytest.mark.parametrize("start", ["known", "unknown"])
+def test_a_long_pause_is_held_alike(start: Any, tmp_path: Path):
+    """JAX, Python and C take a step beyond the longest one for that, and say so; the rest is as ever."""
+    t, u, _ = history(CREEP)
+    y = np.where(np.arange(ROWS) % 20 == 7, np.nan, CREEP.simulate(t, u))
+    options = {"trained": (0.2, 0.8), "start": start}
+    export_runtime(CREEP, tmp_path / "it.json", y, times=t, depth=128, **options)
+    export_c(CREEP, tmp_path / "it.h", y, times=t, depth=128, **options)
+    runtime = load(tmp_path / "it.json")
+    longest = longest_step(t)
+    assert runtime.longest == longest
+    for pause in (0.999 * longest, longest, 1e3 * longest):
+        # A pause after a reading, one that ends where the reading is missing, and the one at the start.
+        dt = np.diff(t, prepend=t[0])
+        dt[[0, 30, 47]] = pause
+        clock = np.cumsum(dt)
+        compensator = invert(CREEP, longest=longest, **options)
+        wanted = compensator.simulate(clock, y)
+        value, status = np.asarray(wanted.value), np.asarray(wanted.status)
+        runtime.reset()
+        found = [runtime.step(*now) for now in zip(y.tolist(), dt.tolist(), strict=True)]
+        scale = 1e-6 if pause > longest else 1e-9  # the clock has its digits less
+        np.testing.assert_allclose([e.value for e in found], value, rtol=0, atol=scale)
+        np.testing.assert_array_equal([int(e.status) for e in found], status)
+        if start == "known" and pause >= longest:
+            assert (status[[30, 48]] == Status.EXTRAPOLATED).all()
+        if COMPILERS:
+            it = Compiled(tmp_path / "it.h", COMPILERS[0], ("-O0",))
+            value_c, status_c = it.run(dt, y)
+            np.testing.assert_allclose(value_c, [e.value for e in found], rtol=0, atol=1e-9)
+            np.testing.assert_array_equal(status_c, status)
+        state, step = compensator.init(), eqx.filter_jit(compensator.step)
+        for k in range(60):
+            state, one = step(state, clock[k], y[k])
+            np.testing.assert_allclose(one.value, value[k], rtol=0, atol=scale)
+            assert int(one.status) == status[k]
 
 
 def test_the_law_of_each_mode():

@@ -341,6 +341,15 @@ FOLDERS = {
     "32: columns that are none": Spoilt(
         edited(selection={"x": 1}), "damaged-file", ("which columns", "Fit again")
     ),
+    **{
+        f"32: a selection of another kind, {name}": Spoilt(
+            lambda folder, name=name, odd=odd: edited(
+                selection=document(folder)["selection"] | {name: odd}
+            )(folder),
+            "damaged-file", ("which columns", name, "Fit again"),
+        )
+        for name, odd in {"where": 1e308, "time": 5, "decimal": ":", "group": [1]}.items()
+    },
     "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "Fit again")),
     "32: no fit": Spoilt(
         lambda folder: (folder / "fit.json").unlink(), "file-not-found", ("out: ", "hysid fit --out DIR")

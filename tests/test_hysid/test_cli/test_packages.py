@@ -43,6 +43,19 @@ def test_a_file_in_the_current_folder(name: str, kind: str, tmp_path: Path):
     )
 
 
+def test_the_command_does_not_look_into_the_current_folder(tmp_path: Path):
+    """For `python -m hysid`, Python runs ./hysid.py before anything of ours; not with `-P`."""
+    (tmp_path / "hysid.py").write_text("print('mine')\n")
+    command = tmp_path / "bin" / "hysid"
+    command.parent.mkdir()
+    command.write_text("from hysid.cli._app import main\nmain()\n")  # as pip makes it
+    for words in ((str(command),), ("-P", "-m", "hysid")):
+        done = python(tmp_path, *words, "--version")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith("hysid")
+    assert python(tmp_path, "-m", "hysid", "--version").stdout == "mine\n"
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the packages, as pip makes one."""
