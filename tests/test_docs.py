@@ -23,7 +23,8 @@ DRAWS = re.compile(
 )
 """The last line of a block that ends with a figure."""
 # The Python of five-minutes.md is that of the README, and a fit by everything there is takes a minute.
-RUN = [page for page in sorted(DOCS.glob("*.md")) if page.stem != "five-minutes"]
+WRITTEN = sorted([*DOCS.glob("*.md"), *DOCS.glob("stories/*.md")])
+RUN = [page for page in WRITTEN if page.stem != "five-minutes"]
 
 
 def tool(name: str) -> ModuleType:
