@@ -110,31 +110,28 @@ def piezo_strain(t: Samples, u: Samples) -> Samples:
     return p**2 + 0.3 * p * u
 
 
-def geared_drive(t: Samples, u: Samples) -> Samples:
-    """Torque behind a gear with backlash, of a shaft that drives a load with friction and a spring."""
-    load, found = 0.0, []
+def _behind_a_gear(u: Samples, spring: float, friction: float) -> tuple[list[float], list[float]]:
+    """Torque behind a worn gear, and the angle of its load: backlash, compliance, friction, a spring."""
+    load, torques, angles = 0.0, [], []
     for motor in u:
         for _ in range(20):
             gap = motor - load
             torque = 8 * (gap - np.clip(gap, -0.08, 0.08))
-            net = torque - 1.5 * load
-            push = net - np.clip(net, -0.35, 0.35)
-            load += 0.05 * push
-        found.append(torque)
-    return np.array(found)
+            net = torque - spring * load
+            load += 0.05 * (net - np.clip(net, -friction, friction))
+        torques.append(torque)
+        angles.append(load)
+    return torques, angles
+
+
+def geared_drive(t: Samples, u: Samples) -> Samples:
+    """Torque behind a gear with backlash, of a shaft that drives a load with friction and a spring."""
+    return np.array(_behind_a_gear(u, 1.5, 0.35)[0])
 
 
 def load_angle(t: Samples, u: Samples) -> Samples:
-    """Angle of the load behind a worn gear: backlash, compliance, friction."""
-    load, found = 0.0, []
-    for motor in u:
-        for _ in range(20):
-            gap = motor - load
-            torque = 8 * (gap - np.clip(gap, -0.08, 0.08))
-            net = torque - 0.8 * load
-            load += 0.05 * (net - np.clip(net, -0.25, 0.25))
-        found.append(load)
-    return np.array(found)
+    """Angle of the load behind a worn gear."""
+    return np.array(_behind_a_gear(u, 0.8, 0.25)[1])
 
 
 def fractional_dashpot(t: Samples, u: Samples) -> Samples:

@@ -63,7 +63,7 @@ def keep_compiled_by_python() -> None:
     if refused := keep_compiled():
         warnings.warn(refused, stacklevel=3)
     if (folder := os.environ.get("JAX_COMPILATION_CACHE_DIR")) is not None:
-        least = os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"]
+        least = os.environ.get("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         jax.config.update("jax_compilation_cache_dir", folder)
         jax.config.update("jax_persistent_cache_min_compile_time_secs", float(least))
 

@@ -1,6 +1,6 @@
 """Reading files of strangers within limits: size, nesting and number, before anything is unpacked.
 
-Every function raises `ValueError`, whose message names the limit; the caller says which file it was.
+Every function raises `ValueError`, whose message names the limit; `damage_told` says which file it was.
 """
 
 import json
@@ -10,11 +10,15 @@ import tokenize
 import tomllib
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from ._errors import InputError
 
 LARGEST_JSON, LARGEST_TOML = 256_000_000, 1_000_000
 """Bytes of a document."""
@@ -34,6 +38,25 @@ _TOML_TEXT = re.compile(
     r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
 )
 _NO_KEY = re.compile(r"[=,\[\]{}\n]")
+
+
+@contextmanager
+def damage_told(name: str, place: Path, fix: str) -> Iterator[None]:
+    """What readers raise of a damaged file, as an `InputError` `damaged-file`; others pass."""
+    try:
+        yield
+    except InputError:
+        raise
+    except DAMAGE as error:
+        plain = isinstance(error, OSError | ValueError) and str(error)
+        said = (plain or f"{type(error).__name__} {error}").splitlines()[0]
+        raise InputError(
+            "damaged-file",
+            f"{name} cannot be used: {said}.",
+            place=str(place),
+            cause="It was cut off or edited, or another version wrote it.",
+            fix=fix,
+        ) from error
 
 
 def parse_json(raw: str | bytes) -> Any:

@@ -21,7 +21,7 @@ from compensate.armor import (
 )
 from hysteresis import AbstractModel, InputError, conversion
 from hysteresis._atomic_file import atomic_file, open_csv
-from hysteresis._limits import DAMAGE, load_arrays
+from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
 from ._calibration import calibrate_armor
@@ -157,7 +157,7 @@ def load_calibration(
             "file-not-found", f"This folder has no {DOCUMENT}.", place=str(folder),
             fix="Make one: hysid armor calibrate PRESSES.csv --sponge DIR --shape FILE --out DIR.",
         )  # fmt: skip
-    try:
+    with damage_told(DOCUMENT, folder, "Calibrate again."):
         document = identify.internal.read_json(folder / DOCUMENT)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
@@ -177,13 +177,6 @@ def load_calibration(
             for part in ("armor", "draws")
         )
         noise, scatter = jnp.asarray(arrays["noise"]), document["scatter"]
-    except DAMAGE as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "damaged-file", f"{DOCUMENT} cannot be used: {error}.", place=str(folder),
-            cause="It was edited, or a newer version wrote it.", fix="Calibrate again.",
-        ) from error  # fmt: skip
     return UncertainArmor(armor, draws, noise, scatter), material
 
 

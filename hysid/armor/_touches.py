@@ -25,7 +25,7 @@ import identify
 from compensate.armor import AbstractShape, Contact, ContactStatus
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
-from hysteresis._limits import DAMAGE, parse_json
+from hysteresis._limits import damage_told, parse_json
 
 FILE = "touches.json"
 COLUMNS = {
@@ -120,16 +120,11 @@ def read_touches(folder: Path) -> dict[str, Any]:
             place=str(folder),
             fix="Name a folder that hysid reproduce tsuji2014 wrote.",
         )
-    try:
+    with damage_told(FILE, file, "Write it again: hysid reproduce tsuji2014 --overwrite."):
         document = parse_json(file.read_bytes())
         if document["schema"] != 1:
-            raise _fault(file, f"its schema is {document['schema']}, and this hysid knows 1.")
+            raise ValueError(f"its schema is {document['schema']}, and this hysid knows 1")
         _check(document)
-    except InputError:
-        raise
-    except DAMAGE as error:
-        said = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise _fault(file, f"it is damaged ({said}).") from error
     return document
 
 
@@ -174,12 +169,3 @@ def _rounded(values: np.ndarray) -> Any:
 
 def _five(row: Any) -> Any:
     return np.vectorize(lambda x: float(f"{x:.5g}"), otypes=[float])(row).tolist()
-
-
-def _fault(file: Path, problem: str) -> InputError:
-    return InputError(
-        "damaged-file",
-        problem,
-        place=str(file),
-        fix="Write it again: hysid reproduce tsuji2014 --overwrite.",
-    )

@@ -21,12 +21,10 @@ from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
 
 from ..soft_sensor._contacts import train_contacts
-from ..soft_sensor._force_networks import decaying, staircase_squares
+from ..soft_sensor._force_networks import BATCH, decaying, staircase_squares, updates_of
 from ..soft_sensor._force_records import ForceRecord
 
 Series = Float[np.ndarray, " _"]
-
-BATCH = 64
 
 
 class Learnt(NamedTuple):
@@ -111,7 +109,7 @@ def train_channels(
         noise=noise, high_force=high_force, lags=lags,
         thresholds=[r / high_force for r in thresholds],
         motion=MotionFilter(high_force, acceleration=10.0, turn=10.0, turns=1.0),
-        updates=epochs * rows // BATCH,
+        updates=updates_of(epochs, rows),
     )  # fmt: skip
     return learnt.estimator
 

@@ -1,6 +1,7 @@
 """`hysid microchannel train-pairs`, and `estimate` of its folder: forces on several places at once."""
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,7 +17,7 @@ from compensate import Status
 from compensate.microchannel import MultiContactEstimator, export_contacts
 from hysteresis import InputError, Record, Table, conversion
 from hysteresis._atomic_file import atomic_file, open_csv
-from hysteresis._limits import DAMAGE, load_arrays
+from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.records._units import named_unit
@@ -26,12 +27,13 @@ from ..figures._format import plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ._contacts import UPDATES, ContactTraining, train_contacts
+from ._force_networks import updates_of
 from ._force_records import ForceRecord
 from ._learn import AT_REST
-from ._sensor import _lengthened
+from ._sensor import lengthened
 
 DOCUMENT, ARRAYS, RUNTIME = "contacts.json", "contacts.npz", "runtime.json"
-SCHEMA, BATCH = 1, 64
+SCHEMA = 1
 
 
 class Stretch(NamedTuple):
@@ -91,7 +93,7 @@ def train_pairs(
         )  # fmt: skip
     say(f"learning {' and '.join(names)}")
     rows = min(sum(len(one.time) for one in found) for found in places.values())
-    updates = UPDATES if epochs is None else max(1, epochs * rows // BATCH)
+    updates = UPDATES if epochs is None else updates_of(epochs, rows)
     learnt = train_contacts(
         places, noise=noise, high_force=high, seed=seed, tell=progress, updates=updates
     )
@@ -163,7 +165,7 @@ def _newtons(table: Table, name: str) -> np.ndarray:
 
 def found_in(estimator: MultiContactEstimator, one: Stretch) -> tuple[np.ndarray, ...]:
     """Forces, deviations and statuses of a stretch."""
-    found = estimator.simulate(_lengthened(one.time), _lengthened(one.reading))
+    found = estimator.simulate(lengthened(one.time), lengthened(one.reading))
     parts = found.value, found.deviation, found.status
     return tuple(np.asarray(part)[: len(one.time)] for part in parts)
 
@@ -194,19 +196,12 @@ def is_contacts(folder: Path) -> bool:
 
 def load_contact_training(folder: Path) -> tuple[dict[str, Any], MultiContactEstimator]:
     """What `train_pairs` wrote. Raises `InputError` where it is damaged."""
-    try:
+    with damage_told(DOCUMENT, folder, "Train again."):
         document = identify.internal.read_json(folder / DOCUMENT)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
         arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
         return document, rebuilt(document["structure"], arrays)
-    except DAMAGE as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "damaged-file", f"{DOCUMENT} cannot be used: {error}.", place=str(folder),
-            cause="It was edited, or a newer version wrote it.", fix="Train again.",
-        ) from error  # fmt: skip
 
 
 def estimate_contacts(
@@ -230,18 +225,18 @@ def estimate_contacts(
     target = target or folder / f"estimated-{Path(file).stem}.csv"
     target.parent.mkdir(parents=True, exist_ok=True)
     header = [f"{name} (N)" for name in names] + [f"{name} sd (N)" for name in names]
-    words = [Status(int(s)).name for _, _, status in found for s in status]
+    words = [[Status(int(one)).name for one in status] for _, _, status in found]
     with atomic_file(target) as new, open_csv(new) as handle:
         writer = csv.writer(handle)
         writer.writerow(["line", "time (s)", *header, "status"])
-        for one, (value, deviation, status) in zip(parts, found, strict=True):
+        for one, (value, deviation, _), said in zip(parts, found, words, strict=True):
             numbers = np.column_stack([one.time, value, deviation]).tolist()
-            for line, row, word in zip(one.line.tolist(), numbers, status, strict=True):
-                said = [f"{x:.6g}" for x in row]
-                writer.writerow([line, *said, Status(int(word)).name])
+            for line, row, word in zip(one.line.tolist(), numbers, said, strict=True):
+                writer.writerow([line, *(f"{x:.6g}" for x in row), word])
+    count = Counter(word for said in words for word in said)
     return {
-        "contacts": judged(estimator, parts, names), "rmse": None, "rows": len(words),
-        "flagged": sum(word != "OK" for word in words),
-        "statuses": {"status": {word: words.count(word) for word in dict.fromkeys(words)}},
+        "contacts": judged(estimator, parts, names), "rmse": None, "rows": count.total(),
+        "flagged": count.total() - count["OK"],
+        "statuses": {"status": dict(count)},
         "channels_at_fault": {}, "notes": [], "file": str(target),
     }  # fmt: skip

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 import identify
 from hysteresis import InputError, Table, parse_condition
 from hysteresis._atomic_file import atomic_file, open_csv
-from hysteresis._limits import DAMAGE, parse_json
+from hysteresis._limits import damage_told, parse_json
 
 from ..intake._selection import Selection
 from ._sensor import SoftSensor
@@ -149,15 +149,10 @@ def read_training(folder: str | Path) -> dict[str, Any]:
     file = Path(folder) / TRAINING
     if not file.is_file():
         raise no_sensor(Path(folder), TRAINING)
-    try:
+    with damage_told(TRAINING, Path(folder), "Train again."):
         document = parse_json(file.read_bytes())
         if document["schema"] != 1:
             raise ValueError(f"schema {document['schema']}, and this version reads 1")
-    except DAMAGE as error:
-        raise InputError(
-            "damaged-file", f"{TRAINING} cannot be used: {error}.", place=str(folder),
-            cause="The file was cut off or edited, or a newer version wrote it.", fix="Train again.",
-        ) from error  # fmt: skip
     return document
 
 

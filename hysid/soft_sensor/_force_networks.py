@@ -55,6 +55,11 @@ class Found(NamedTuple):
     words: dict[str, Any]
 
 
+def updates_of(epochs: int, rows: int) -> int:
+    """How many updates take so many epochs."""
+    return max(1, epochs * rows // BATCH)
+
+
 def lags_of(data: ForceData) -> tuple[float, ...]:
     """Delays in s that records of this length and sampling can tell of."""
     steps = np.concatenate([np.diff(data.time[rows]) for rows in data.sequences()])

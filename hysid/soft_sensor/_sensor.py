@@ -113,7 +113,7 @@ class SoftSensor:
         readings = np.asarray(readings, float)
         samples = len(readings)
         t = np.zeros(samples) if time is None else np.asarray(time, float)
-        t, y = (_lengthened(part) for part in (t, readings))
+        t, y = (lengthened(part) for part in (t, readings))
         changes = self.readout.simulate(t, y)
         value, states = (np.asarray(part)[:samples] for part in changes)
         sound = np.where(states == ChannelStatus.MISSING, np.nan, value)
@@ -124,7 +124,7 @@ class SoftSensor:
             whole = (jnp.broadcast_to(part, (len(y),)) for part in found[:3])
             force = UncertainEstimate(*(part[:samples] for part in whole))
         if self.position is not None:
-            there = self.position.estimate(_lengthened(sound))
+            there = self.position.estimate(lengthened(sound))
             position = Position(*(part[:samples] for part in there))
         return SoftEstimate(
             Changes(*(part[:samples] for part in changes)),
@@ -157,7 +157,7 @@ class SoftSensor:
         return found
 
 
-def _lengthened(rows: np.ndarray) -> np.ndarray:
+def lengthened(rows: np.ndarray) -> np.ndarray:
     """Its last row repeated, so that few lengths are compiled: what comes later changes nothing."""
     length = SHORTEST
     while length < len(rows):

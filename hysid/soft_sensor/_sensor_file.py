@@ -11,7 +11,7 @@ import numpy as np
 
 from compensate.runtime._file import checksum
 from hysteresis import InputError
-from hysteresis._limits import DAMAGE, load_arrays, parse_json
+from hysteresis._limits import damage_told, load_arrays, parse_json
 from hysteresis._serialisation import Arrays, described, rebuilt
 from identify.internal import check_unedited, plain, whole_files, write_set
 
@@ -65,12 +65,10 @@ def load_sensor(folder: str | Path) -> SoftSensor:
     """
     folder = Path(folder)
     document = _document(folder)
-    try:
+    with damage_told(ARRAYS, folder, "Train again (--overwrite)."):
         place = whole_files(folder, {"files": {ARRAYS: document["files"][ARRAYS]}})[ARRAYS]
         arrays = load_arrays(place)
-    except DAMAGE as error:
-        raise _damaged(folder, ARRAYS, error) from error
-    try:
+    with damage_told(WORDS, folder, "Train again (--overwrite)."):
         return SoftSensor(
             tuple(Quantity(**words) for words in document["channels"]),
             step=float(document["step"]), time_unit=document["time_unit"],
@@ -78,33 +76,27 @@ def load_sensor(folder: str | Path) -> SoftSensor:
             position_in=tuple(Quantity(**words) for words in document["position_in"]),
             **{name: rebuilt(document[name], arrays) for name in PARTS},
         )  # fmt: skip
-    except DAMAGE as error:
-        if isinstance(error, InputError):
-            raise
-        raise _damaged(folder, WORDS, error) from error
 
 
 def _document(folder: Path) -> dict[str, Any]:
     file = folder / WORDS
     if not file.is_file():
         raise no_sensor(folder, WORDS)
-    try:
+    with damage_told(WORDS, folder, "Train again (--overwrite)."):
         document = parse_json(file.read_bytes())
         if not isinstance(document, dict) or document.get("kind") != KIND:
             raise ValueError("it holds something else")
-    except (OSError, ValueError) as error:
-        raise _damaged(folder, WORDS, error) from error
-    if document.get("schema") != SCHEMA:
-        raise InputError(
-            "newer-schema",
-            f"{WORDS} has schema {document.get('schema')}, but this version reads {SCHEMA}.",
-            place=str(folder), fix="Update hysid, or train again.",
-        )  # fmt: skip
-    # Earlier versions wrote one checksum of the whole.
-    if ("checksum" in document or "checksums" not in document) and document.get(
-        "checksum"
-    ) != checksum(plain(document)):
-        raise _damaged(folder, WORDS, ValueError("its checksum does not agree"))
+        if document.get("schema") != SCHEMA:
+            raise InputError(
+                "newer-schema",
+                f"{WORDS} has schema {document.get('schema')}, but this version reads {SCHEMA}.",
+                place=str(folder), fix="Update hysid, or train again.",
+            )  # fmt: skip
+        # Earlier versions wrote one checksum of the whole.
+        if "checksum" in document or "checksums" not in document:
+            said = document.get("checksum")
+            if said != checksum(plain(document)):
+                raise ValueError("its checksum does not agree")
     check_unedited(folder, WORDS, document)
     return document
 
@@ -114,12 +106,4 @@ def no_sensor(folder: Path, name: str) -> InputError:
     return InputError(
         "file-not-found", f"This folder has no {name}.", place=str(folder),
         fix="Train a sensor: hysid microchannel train FILE --input COL --force COL --out DIR.",
-    )  # fmt: skip
-
-
-def _damaged(folder: Path, name: str, error: Exception) -> InputError:
-    said = str(getattr(error, "strerror", None) or error) or type(error).__name__
-    return InputError(
-        "damaged-file", f"{name} cannot be used: {said.splitlines()[0]}.", place=str(folder),
-        cause="The file was cut off or edited.", fix="Train again (--overwrite).",
     )  # fmt: skip

@@ -19,6 +19,7 @@ from ..figures._format import plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ._estimate import TRAINING, Estimates, estimates_of, judged
+from ._force_networks import updates_of
 from ._force_records import ForceRecord
 from ._force_training import ForceTraining, train_force
 from ._learn import checks_of, learn_places, learn_positions
@@ -36,7 +37,6 @@ TIMED, SLOW_S = 200, 5e-4
 """Readings by which the runtime is timed; s a reading that are too many for a loop of 1 kHz."""
 REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
 """Codes of notes on a file that are worth a look."""
-BATCH = 64
 """Rows of a step of the networks' training."""
 
 
@@ -180,7 +180,7 @@ def _learn_force(
     options: dict[str, Any] = {"members": settings.members, "seed": settings.seed}
     if settings.epochs is not None:
         rows = sum(int(np.isfinite(record.force).sum()) for record in records)
-        options["updates"] = max(1, settings.epochs * rows // BATCH)
+        options["updates"] = updates_of(settings.epochs, rows)
     found: dict[str, ForceTraining] = {}
     for kind in kinds:
         say(f"learning the force: {kind}")

@@ -17,6 +17,7 @@ from .._registry import register
 from .._stepped_model import AbstractSteppedModel
 from ..models._compose import Sum
 from ._rate_form import AbstractRateForm
+from ._runge_kutta import runge_kutta
 
 NEWTON_STEPS = 4
 INTEGRATORS = ("newmark", "runge-kutta")
@@ -231,11 +232,13 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
 
     def _acceleration(self, system: System, at: CoupledState, force: Vector, t: Any) -> Vector:
         stretch = system.links @ at.displacement
-        pairs = zip(self.parts, at.parts, strict=True)
-        rates = [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
-        z = self._forces(at.parts, t, stretch, rates)
+        z = self._forces(at.parts, t, stretch, self._rate_forces(at.parts))
         left = force - system.damping @ at.velocity - system.stiffness @ at.displacement
         return jnp.linalg.solve(system.mass, left - system.links.T @ z)
+
+    def _rate_forces(self, states: tuple[Any, ...]) -> list[Array]:
+        pairs = zip(self.parts, states, strict=True)
+        return [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
 
     def _forces(
         self, states: tuple[Any, ...], t: Any, stretch: Array, rates: Iterable[Array]
@@ -319,8 +322,6 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
         rate_parts = [
             (link, part) for link, part in self.parts if isinstance(part, AbstractRateForm)
         ]
-        pairs = zip(self.parts, at.parts, strict=True)
-        rates = [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
         M, C, K, L = system
 
         def slopes(y: Any, v: Any, z: list[Any], share: float) -> Any:
@@ -333,17 +334,8 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
             ]
             return v, jnp.linalg.solve(M, left), along
 
-        start = (at.displacement, at.velocity, rates)
-
-        def later(by: Any, step: Array) -> Any:
-            return jax.tree.map(lambda x, d: x + step * d, start, by)
-
-        k1 = slopes(*start, 0.0)
-        k2 = slopes(*later(k1, 0.5 * h), share=0.5)
-        k3 = slopes(*later(k2, 0.5 * h), share=0.5)
-        k4 = slopes(*later(k3, h), share=1.0)
-        mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
-        y1, v1, z1 = later(mean, h)
+        start = (at.displacement, at.velocity, self._rate_forces(at.parts))
+        y1, v1, z1 = runge_kutta(lambda x, share: slopes(*x, share), start, h)
         parts = self._after(at.parts, t, L @ y1, z1)
         _, a1, _ = slopes(y1, v1, z1, 1.0)
         return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)

@@ -17,6 +17,7 @@ from .._stepped_model import AbstractSteppedModel
 from ..models._compose import Sum
 from ._fast_path import Compiled
 from ._rate_form import AbstractRateForm
+from ._runge_kutta import runge_kutta
 
 NEWTON_STEPS = 4
 
@@ -248,16 +249,7 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
             return v, a, [v * part.slope(one, v < 0) for part, one in zip(rates, z, strict=True)]
 
         start = (at.displacement, at.velocity, self._rate_forces(at.parts))
-
-        def later(by: Any, step: Array) -> Any:
-            return jax.tree.map(lambda x, d: x + step * d, start, by)
-
-        k1 = slopes(*start, 0.0)
-        k2 = slopes(*later(k1, 0.5 * h), share=0.5)
-        k3 = slopes(*later(k2, 0.5 * h), share=0.5)
-        k4 = slopes(*later(k3, h), share=1.0)
-        mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
-        y1, v1, z1 = later(mean, h)
+        y1, v1, z1 = runge_kutta(lambda x, share: slopes(*x, share), start, h)
         parts, _ = self._of_displacement(at.parts, t, y1)
         forces = iter(z1)
         parts = tuple(

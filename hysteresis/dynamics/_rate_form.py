@@ -13,6 +13,7 @@ from .._errors import InputError
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from .._stepped_model import AbstractSteppedModel
+from ._runge_kutta import runge_kutta
 
 NEWTON_STEPS = 4
 RUNGE_KUTTA_STEPS = 4
@@ -51,11 +52,7 @@ class AbstractRateForm(AbstractSteppedModel[RateState]):
         """z after a way of one direction, by the classical Runge-Kutta method."""
         falling, h = way < 0, way / RUNGE_KUTTA_STEPS
         for _ in range(RUNGE_KUTTA_STEPS):
-            k1 = self.slope(z, falling)
-            k2 = self.slope(z + 0.5 * h * k1, falling)
-            k3 = self.slope(z + 0.5 * h * k2, falling)
-            k4 = self.slope(z + h * k3, falling)
-            z = z + h * (k1 + 2 * k2 + 2 * k3 + k4) / 6
+            z = runge_kutta(lambda x, _: self.slope(x, falling), z, h)
         return z
 
     def after(self, z: Array, v: Array, v1: Array, h: Array) -> Array:

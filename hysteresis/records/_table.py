@@ -27,7 +27,7 @@ class Table:
 
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str. Dates, times of
       day and times since 1970 are seconds from the first row.
-    - `text`: (n,) str, every column as it stands in the file, without the blanks around it. Of a large text
+    - `text`: (n,) str, every column as it is in the file, without the blanks around it. Of a large text
       it is made each time that it is asked for.
     - `line`: (n,) the line of each row, from 1.
     - `units`: from a row of units, by column; empty without one. `written_units`: as the file writes them.

@@ -68,6 +68,12 @@ class MeasuredMotion:
         return self.period > 0
 
     @property
+    def periods(self) -> int:
+        """How many were averaged; 1 of a record without a period."""
+        first, end = self.rows
+        return (end - first) // self.period if self.periodic else 1
+
+    @property
     def explained(self) -> float:
         """chi2 per row up to which noise explains what is left: more where its level is less certain."""
         return (

@@ -20,7 +20,7 @@ import numpy as np
 
 from hysteresis import InputError, Note, Record
 from hysteresis._format import plain
-from hysteresis._limits import DAMAGE, load_arrays
+from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
@@ -181,18 +181,8 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
             place=str(folder),
             fix=f"name one of them: {', '.join(several[:5])}.",
         )
-    try:
+    with damage_told("fit.json, or one of its arrays,", folder, "fit again."):
         return _load(document, files), document
-    except DAMAGE as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "damaged-file",
-            f"fit.json does not fit its arrays: {type(error).__name__} {error}.",
-            place=str(folder),
-            cause="it was edited.",
-            fix="fit again.",
-        ) from error
 
 
 def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._limits import ALWAYS_UNPACKED, DAMAGE, LARGEST_RATIO, check_shape, load_arrays
+from hysteresis._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape, damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
 from ..posterior._posterior import Posterior, Summary
@@ -146,7 +146,7 @@ def load_posterior(folder: str | Path) -> Posterior | None:
             cause="the fit was made again.",
             fix="sample again: hysid sample DIR.",
         )
-    try:
+    with damage_told("the posterior", folder, "sample again: hysid sample DIR."):
         with h5netcdf.File(places["posterior.nc"], "r") as file:
             group = file["posterior"]
             columns = [_read(group[name], places["posterior.nc"]) for name in document["names"]]
@@ -156,15 +156,6 @@ def load_posterior(folder: str | Path) -> Posterior | None:
         rebuild = partial(rebuilt, document["structure"])
         model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
         return _posterior(document, draws, model)
-    except DAMAGE as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "damaged-file",
-            f"the posterior cannot be read: {error}.",
-            place=str(folder),
-            fix="sample again: hysid sample DIR.",
-        ) from error
 
 
 def _posterior(document: dict[str, Any], draws: np.ndarray, model: Any) -> Posterior:

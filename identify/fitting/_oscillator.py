@@ -362,9 +362,7 @@ def _candidate(tried: Tried, motion: MeasuredMotion) -> Candidate:
     A row is its mean over n periods and a rest of variance (n - 1) sigma^2, sigma that of the mean.
     """
     found, span = tried.found, float(np.ptp(motion.displacement))
-    first, end = motion.rows
-    periods = (end - first) // motion.period if motion.periodic else 1
-    rest = (periods - 1) * motion.sigma**2
+    rest = (motion.periods - 1) * motion.sigma**2
     rmse = float(np.sqrt(found.chi * motion.sigma**2 + rest))
     r2 = 1 - rmse**2 / (float(motion.displacement.var()) + rest)
     text = f"chi2 per row {found.chi:.4g}, {found.effective:.0f} effective parameters"

@@ -110,7 +110,7 @@ def unknowns_for(
     u, y = record.input[counted], record.output[counted]
     times = relaxation_times(record)
     speed, step = usual_speed(record)
-    duration = longest(record)
+    duration = longest_sequence(record)
     some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
     some = tuple(p for p in some if duration > 0 or p != TIME_DRIFT)
     some = tuple(p for p in some if speed > 0 or p != FRICTION)
@@ -360,22 +360,21 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     if record.time is None:
         return ()
     sequences = [record.time[rows] for _, rows in record.sequences()]
-    span = max(float(np.ptp(t)) for t in sequences)
     steps = np.concatenate([np.diff(t) for t in sequences])
     step = float(np.median(steps[steps > 0]))
-    longest = 2 * span
+    last_time = 2 * longest_sequence(record)
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
         rows = np.flatnonzero(np.isin(record.cycle, numbers))
         first = np.flatnonzero(np.diff(record.cycle[rows], prepend=0))
         t = record.time[rows]
         last = np.append(first[1:], len(rows)) - 1
-        longest = float(np.median(t[last] - t[first])) / 4
-    count = int(np.clip(1 + 2 * np.log10(longest / step), 5, 9))
-    return tuple(float(tau) for tau in np.geomspace(step, longest, count))
+        last_time = float(np.median(t[last] - t[first])) / 4
+    count = int(np.clip(1 + 2 * np.log10(last_time / step), 5, 9))
+    return tuple(float(tau) for tau in np.geomspace(step, last_time, count))
 
 
-def longest(record: Record) -> float:
+def longest_sequence(record: Record) -> float:
     """How long its longest sequence lasts; 0 without time."""
     if record.time is None:
         return 0.0

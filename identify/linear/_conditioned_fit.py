@@ -4,7 +4,7 @@ from copy import copy
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from hysteresis import Record
 from hysteresis.models._conditioned import AXES
@@ -102,6 +102,7 @@ class ConditionedProblem(Problem):
         wide = self.ends[0] > 0 and self.ends[1] > WIDE * self.ends[0]
         self.axes = AXES if wide else AXES[:1]
         self.axis, self.knot_count = "linear", 2
+        self.inside_at: dict[float, Bool[np.ndarray, " unknowns"]] = {}
         self.inner_folds = inner_folds(trained)
 
     def of(self, axis: str, knots: int) -> "ConditionedProblem":
@@ -146,7 +147,14 @@ class ConditionedProblem(Problem):
     def solution(
         self, which: tuple[int, ...], some: tuple[str, ...], strength: float
     ) -> Float[np.ndarray, " unknowns"]:
-        return self.meaning(which, some).minimum(*self.objective(which, some, strength))
+        columns, meaning = self.whole.where(some), self.meaning(which, some)
+        # What is not zero changes little from one fold, prior or set of parts to the next.
+        inside = [self.inside_at.setdefault(knot, self.inside.copy()) for knot in meaning.knots]
+        start = np.concatenate([at[columns] for at in inside])
+        x = meaning.minimum(*self.objective(which, some, strength), start)
+        for at, part in zip(inside, x.reshape(len(inside), -1), strict=True):
+            at[columns] = part != 0
+        return x
 
     def tried(self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()) -> Tried:
         columns = self.whole.where(some)

@@ -32,3 +32,9 @@ class Chains(NamedTuple):
     statistics: dict[str, np.ndarray]
     method: str
     notes: tuple[str, ...]
+
+    @property
+    def thinned(self) -> Float[np.ndarray, "chains draws parameters"]:
+        """The draws worth keeping of each chain, over all its walkers."""
+        chains, _, _, parameters = self.points.shape
+        return self.points[:, :: self.thin].reshape(chains, -1, parameters)

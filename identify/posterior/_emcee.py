@@ -162,7 +162,7 @@ def first_walkers(
     """Start about the fit, every ensemble about a place of its own, so that they have to find each other.
 
     In Laplace's metric an ensemble's place is one and a half deviations from the fit, its walkers one from
-    there. Whoever is hopeless, more than 10 + 3 per parameter below the fit in log-probability, comes
+    there. A walker that is hopeless, more than 10 + 3 per parameter below the fit in log-probability, comes
     halfway back, lest it stays there.
     """
     random = np.random.default_rng([seed, 1])

@@ -95,8 +95,7 @@ def sample_weights(
 
 def _chosen(chains: Chains, count: int) -> Float[np.ndarray, "ensembles draws parameters"]:
     """At most so many points of every ensemble, as far apart as they can be."""
-    ensembles, _, _, parameters = chains.points.shape
-    thinned = chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
+    thinned = chains.thinned
     return thinned[:, np.linspace(0, thinned.shape[1] - 1, count).astype(int)]
 
 
@@ -128,8 +127,7 @@ class _Given:
     ) -> None:
         self.linear, self.design = linear, design
         self.U, self.known = design.basis.directions, design.basis.known
-        # Of the prior, what `factor` does not hold: it is along the directions that the data do not know.
-        self._beside = design.basis.prior - design.basis.dual @ design.basis.dual.T
+        self._sums = design.sums.moved(design.basis.dual)
         factor, strength, _ = self._normal(place)
         along = design.totals @ self.U
         solved = scipy.linalg.solve_triangular(factor, along[:, : self.known].T, lower=True)
@@ -152,9 +150,10 @@ class _Given:
         w = noise / np.sqrt(strength)
         centre = scipy.linalg.solve_triangular(factor, right, lower=True)
         w[: self.known] = scipy.linalg.solve_triangular(factor.T, centre + noise[: self.known])
-        known = self.design.basis.dual @ factor
-        H = known @ known.T + strength * self._beside + self._held
-        return self.linear.meaning.minimum(H, H @ (self.U @ w), self.linear.unknowns != 0)
+        H = self._sums.under(float(np.tanh(point[1] / 2))) / self._sums.rows
+        H += strength * self.design.basis.prior + self._held
+        x = self.U @ w
+        return self.linear.meaning.minimum(H, H @ x, x > 0)
 
     def _normal(
         self, point: Float[np.ndarray, " 3"]

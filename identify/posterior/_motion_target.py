@@ -145,10 +145,8 @@ def motion_target(fit: FitResult) -> MotionTarget:
     of_state = np.linalg.qr(J[:, 3:first])[0]
     columns = np.column_stack([J[:, :3], J[:, first], -J[:, first + 1 : first + 3]])
     columns = columns - of_state @ (of_state.T @ columns)
-    first_row, end = motion.rows
-    periods = (end - first_row) // motion.period if motion.periodic else 1
     sigma = float(np.sqrt(left @ left / (len(left) - columns.shape[1] - of_state.shape[1])))
-    noise = NoiseModel(sigma * np.sqrt(periods))
+    noise = NoiseModel(sigma * np.sqrt(motion.periods))
     sizes = float(np.ptp(fit.train.output[fit.used])), float(np.ptp(fit.train.input[fit.used]))
     noise_bounds = transform(noise, *sizes, NOISE_PRIORS)
     z = bounds.from_values(values)
@@ -168,7 +166,7 @@ def motion_target(fit: FitResult) -> MotionTarget:
         # What is left of a transient from the fit's steady state is small, and half as long gone.
         replace(coarse, warm=-(-coarse.warm // 2)), family,
         coarse.steady_state(family, q) if motion.periodic else None, initial, exact - rough, of_state,
-        periods, log_priors,
+        motion.periods, log_priors,
     )  # fmt: skip
 
 

@@ -30,6 +30,11 @@ class NeighbourSums(NamedTuple):
         found = (1 + phi**2) * self.same - phi * self.next - phi**2 * self.ends
         return found / (1 - phi**2)
 
+    def moved(self, by: Float[np.ndarray, "moved _"]) -> "NeighbourSums":
+        """Those of M b_i, b_i without its last column."""
+        same, following, ends = (by @ one[:-1, :-1] @ by.T for one in self[:3])
+        return NeighbourSums(same, following, ends, self.rows, self.sequences)
+
     def log_determinant(self, phi: float) -> float:
         """log det V."""
         return float((self.rows - self.sequences) * np.log1p(-(phi**2)))

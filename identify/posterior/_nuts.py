@@ -112,7 +112,7 @@ def _walked(
 
 
 def _first(density: Any, away: Array, parameters: int) -> Array:
-    """Whoever is more than 10 + 3 per parameter below the fit comes halfway back, lest it stays there."""
+    """A start more than 10 + 3 per parameter below the fit comes halfway back, lest it stays there."""
     look = jax.jit(jax.vmap(density))
     floor = look(jnp.zeros_like(away))[0] - 10 - 3 * parameters
     for _ in range(60):

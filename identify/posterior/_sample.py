@@ -323,7 +323,7 @@ def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: flo
     """Of a fit: with its prior, and what the draws say of each row."""
     values, free = _prior(aim, seed)
     found = posterior_of(aim.names, chains, aim.values, jax.vmap(aim.model), free.var(0), begin)
-    rows = per_row(aim, _thinned(chains), seed) if isinstance(aim, Target) else None
+    rows = per_row(aim, chains.thinned, seed) if isinstance(aim, Target) else None
     return replace(found, prior=values, per_row=rows)
 
 
@@ -346,7 +346,7 @@ def posterior_of(
         return np.asarray(jax.vmap(values)(flat)).reshape(points.shape)
 
     ensembles, _, _, parameters = chains.points.shape
-    every, thinned = in_units(chains.points), _thinned(chains)
+    every, thinned = in_units(chains.points), chains.thinned
     summaries = []
     for j, name in enumerate(names):
         column, ess = every[..., j].reshape(ensembles, -1), float(chains.ess[j])
@@ -360,11 +360,6 @@ def posterior_of(
         chains.autocorrelation, time.perf_counter() - begin, chains.notes, chains.long_enough,
         density, chains.statistics,
     )  # fmt: skip
-
-
-def _thinned(chains: Chains) -> Float[np.ndarray, "ensembles draws parameters"]:
-    ensembles, _, _, parameters = chains.points.shape
-    return chains.points[:, :: chains.thin].reshape(ensembles, -1, parameters)
 
 
 def _prior(aim: Target | MotionTarget, seed: int) -> tuple[np.ndarray, np.ndarray]:

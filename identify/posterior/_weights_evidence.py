@@ -146,15 +146,21 @@ class WeightsEvidence:
         left = np.maximum(yy - (squares / total).sum(-1), 1e-24 * yy)
         return spread, left, log_det
 
+    def _likeliest(self, v: float) -> tuple[float, float, float]:
+        """-log p at atanh phi = v, and log sigma and log strength there, where it is least."""
+        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
+        known = tuple(np.asarray(x)[None] for x in self._at(v))
+        spread, left, log_det = self._parts(known, tried)
+        rows = self.sums.rows - 1
+        loss = 0.5 * (rows * np.log(left) + spread + log_det)
+        best = int(np.argmin(loss))
+        return float(loss[best]), 0.5 * float(np.log(left[best] / rows)), float(tried[best])
+
     def _top(self) -> tuple[float, float]:
         """atanh phi of the likeliest noise, whatever its size and the prior, and its deviation."""
-        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
 
         def loss(v: float) -> float:
-            known = tuple(np.asarray(x)[None] for x in self._at(v))
-            spread, left, log_det = self._parts(known, tried)
-            rows = self.sums.rows - 1
-            return 0.5 * float(np.min(rows * np.log(left) + spread + log_det))
+            return self._likeliest(v)[0]
 
         found: Any = scipy.optimize.minimize_scalar(
             loss, bounds=(ENDS[0] + 0.1, ENDS[1] - 0.1), method="bounded", options={"xatol": 1e-3}
@@ -164,12 +170,8 @@ class WeightsEvidence:
         return top, float(1 / np.sqrt(max(curvature, 1.0)))
 
     def _laplace(self, v: float) -> tuple[np.ndarray, np.ndarray]:
-        begin = self.sums.rows
-        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
-        known = tuple(np.asarray(x)[None] for x in self._at(v))
-        spread, left, _ = self._parts(known, tried)
-        best = int(np.argmin((begin - 1) * np.log(left) + spread))
-        first = np.array([0.5 * np.log(left[best] / (begin - 1)), 2 * v, tried[best]])
+        _, log_sigma, log_strength = self._likeliest(v)
+        first = np.array([log_sigma, 2 * v, log_strength])
         found = scipy.optimize.minimize(
             lambda point: -self(point[None])[0], first, method="Nelder-Mead",
             options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400},

@@ -10,8 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from hysteresis import InputError
-from hysteresis._limits import DAMAGE, load_arrays, parse_json
+from hysteresis._limits import damage_told, load_arrays, parse_json
 
 from ..storage._checkpoint_file import CheckpointFile, check_identity, digest
 
@@ -80,20 +79,12 @@ class TrainingFile:
             )
             return like
         leaves, structure = jax.tree.flatten(like)
-        try:
+        with damage_told("the checkpoint", self.file, "train from the beginning, without resume."):
             found = load_arrays(self.file)
             words = parse_json(str(found["words"]))
             kept = [found[f"leaf{k}"] for k in range(len(found) - 1)]
             if words.get("format") != FORMAT or words.get("checksum") != digest(*kept):
                 raise ValueError("its checksum does not agree")
-        except DAMAGE as error:
-            raise InputError(
-                "damaged-file",
-                f"the checkpoint cannot be read: {error}.",
-                place=str(self.file),
-                cause="it was cut off or changed, or another version wrote it.",
-                fix="train from the beginning, without resume.",
-            ) from error
         check_identity(
             self.file, {**self.identity, "number of arrays": str(len(leaves))},
             {**words, "number of arrays": str(len(kept))}, verb="the network was trained",

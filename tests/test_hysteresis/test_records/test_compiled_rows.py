@@ -1,4 +1,4 @@
-"""Large texts: the compiled parser gives the table of the careful reader, whatever stands in them."""
+"""Large texts: the compiled parser gives the table of the careful reader, whatever is in them."""
 
 from pathlib import Path
 
