@@ -20,6 +20,7 @@ from ._sensor import Quantity, SoftSensor
 SCHEMA = 1
 KIND = "hysid soft sensor"
 WORDS, ARRAYS = "soft_sensor.json", "soft_sensor.npz"
+AGAIN = "Train again (--overwrite)."
 
 PARTS = ("readout", "force", "localizer", "position")
 
@@ -65,10 +66,10 @@ def load_sensor(folder: str | Path) -> SoftSensor:
     """
     folder = Path(folder)
     document = _document(folder)
-    with damage_told(ARRAYS, folder, "Train again (--overwrite)."):
-        place = whole_files(folder, {"files": {ARRAYS: document["files"][ARRAYS]}})[ARRAYS]
-        arrays = load_arrays(place)
-    with damage_told(WORDS, folder, "Train again (--overwrite)."):
+    with damage_told(ARRAYS, folder, AGAIN):
+        files = {"files": {ARRAYS: document["files"][ARRAYS]}}
+        arrays = load_arrays(whole_files(folder, files, AGAIN)[ARRAYS])
+    with damage_told(WORDS, folder, AGAIN):
         return SoftSensor(
             tuple(Quantity(**words) for words in document["channels"]),
             step=float(document["step"]), time_unit=document["time_unit"],
@@ -82,7 +83,7 @@ def _document(folder: Path) -> dict[str, Any]:
     file = folder / WORDS
     if not file.is_file():
         raise no_sensor(folder, WORDS)
-    with damage_told(WORDS, folder, "Train again (--overwrite)."):
+    with damage_told(WORDS, folder, AGAIN):
         document = parse_json(file.read_bytes())
         if not isinstance(document, dict) or document.get("kind") != KIND:
             raise ValueError("it holds something else")

@@ -324,7 +324,8 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
         ]
         M, C, K, L = system
 
-        def slopes(y: Any, v: Any, z: list[Any], share: float) -> Any:
+        def slopes(motion: Any, share: float) -> Any:
+            y, v, z = motion
             push = at.force + (force - at.force) * share
             left = push - C @ v - K @ y - L.T @ self._forces(at.parts, t, L @ y, z)
             w = L @ v
@@ -335,9 +336,9 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
             return v, jnp.linalg.solve(M, left), along
 
         start = (at.displacement, at.velocity, self._rate_forces(at.parts))
-        y1, v1, z1 = runge_kutta(lambda x, share: slopes(*x, share), start, h)
+        y1, v1, z1 = runge_kutta(slopes, start, h)
         parts = self._after(at.parts, t, L @ y1, z1)
-        _, a1, _ = slopes(y1, v1, z1, 1.0)
+        _, a1, _ = slopes((y1, v1, z1), 1.0)
         return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)
 
 

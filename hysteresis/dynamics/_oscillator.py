@@ -240,7 +240,8 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
         their state before the step."""
         rates = [part for part in self.parts if isinstance(part, AbstractRateForm)]
 
-        def slopes(y: Any, v: Any, z: list[Any], share: float) -> Any:
+        def slopes(motion: Any, share: float) -> Any:
+            y, v, z = motion
             _, force = self._of_displacement(at.parts, t - (1 - share) * h, y)
             for own in z:
                 force = force + own
@@ -249,12 +250,12 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
             return v, a, [v * part.slope(one, v < 0) for part, one in zip(rates, z, strict=True)]
 
         start = (at.displacement, at.velocity, self._rate_forces(at.parts))
-        y1, v1, z1 = runge_kutta(lambda x, share: slopes(*x, share), start, h)
+        y1, v1, z1 = runge_kutta(slopes, start, h)
         parts, _ = self._of_displacement(at.parts, t, y1)
         forces = iter(z1)
         parts = tuple(
             own._replace(u=y1, z=next(forces)) if isinstance(part, AbstractRateForm) else own
             for part, own in zip(self.parts, parts, strict=True)
         )
-        a1 = slopes(y1, v1, z1, 1.0)[1]
+        a1 = slopes((y1, v1, z1), 1.0)[1]
         return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=parts)

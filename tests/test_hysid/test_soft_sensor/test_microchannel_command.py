@@ -280,7 +280,7 @@ def test_folders_that_hold_no_sensor(trained: Trained, tmp_path: Path):
     words, arrays = (
         (trained.out / n).read_bytes() for n in ("soft_sensor.json", "soft_sensor.npz")
     )
-    refused(answer("soft_sensor.npz", arrays[:-50]), "soft_sensor.npz", "[damaged-file]")
+    refused(answer("soft_sensor.npz", arrays[:-50]), "soft_sensor.npz", "[wrong-checksum]")
     refused(answer("soft_sensor.json", words[:500]), "soft_sensor.json", "[damaged-file]")
     refused(answer("soft_sensor.json", words.replace(b'"V"', b'"A"')), "channels", "[edited-file]")
     refused(answer("soft_sensor.json", words.replace(b'"schema": 1', b'"schema": 9')), "schema 9")
