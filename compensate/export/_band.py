@@ -8,6 +8,7 @@ from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
 from ..uncertainty._filtered import FilteredCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
+from ._python_to_c99 import number
 
 
 def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> Tree:
@@ -28,7 +29,7 @@ def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> 
         )
     return {
         "factor": float(band.factor), "guarantee": band.guarantee, "runs": band.runs,
-        "by_deviation": by_deviation,
+        "by_deviation": by_deviation, "gain": float(band.gain),
     }  # fmt: skip
 
 
@@ -37,10 +38,13 @@ def _alike(one: CalibratedCompensator, other: CalibratedCompensator) -> bool:
     return all(a.shape == b.shape and bool((a == b).all()) for a, b in pairs)
 
 
-def band_in_c(document: Tree, stem: str, real: str, factor: str) -> str:
-    """The function that gives the band of the last estimate; nothing where there is no band."""
+def band_in_c(document: Tree, stem: str, real: str, single: bool) -> str:
+    """The functions that give the band of the last estimate, and by which it follows a sensor that drifts;
+    nothing where there is no band."""
     if not (band := document.get("band")):
         return ""
+    factor, gain = number(band["factor"], single), number(band["gain"], single)
+    allowed, zero = number(1.0 - band["guarantee"], single), number(0.0, single)
     by = " * s->deviation" if band["by_deviation"] else ""
     return f"""\
 /* The band of the last estimate: a new run lies within its bands over its whole length with a probability
@@ -51,4 +55,41 @@ static inline void {stem}_band(const {stem}_state *s, {real} *low, {real} *high)
     {real} half = {factor}{by};
     *low = s->estimate - half;
     *high = s->estimate + half;
+}}
+
+/* A band that follows runs whose inputs become known: it is wider after a run that left it, and a little
+ * narrower after one that did not, so that {100 - 100 * band["guarantee"]:g} per cent leave it in the long
+ * run, whatever drifts. The caller keeps it, over every reset of the state. */
+typedef struct {{
+    {real} factor; /* half the width, over {"the deviation" if by else "1"} */
+    int missed;    /* whether this run has left its band */
+}} {stem}_followed;
+
+static inline void {stem}_followed_reset({stem}_followed *f)
+{{
+    f->factor = {factor};
+    f->missed = 0;
+}}
+
+static inline void {stem}_followed_band(
+    const {stem}_followed *f, const {stem}_state *s, {real} *low, {real} *high)
+{{
+    {real} half = f->factor{by};
+    *low = s->estimate - half;
+    *high = s->estimate + half;
+}}
+
+/* The true input behind the last estimate; one that is not finite says nothing. */
+static inline void {stem}_watch({stem}_followed *f, const {stem}_state *s, {real} input)
+{{
+    {real} half = f->factor{by};
+    f->missed = f->missed || input < s->estimate - half || input > s->estimate + half;
+}}
+
+/* At the end of a run. */
+static inline void {stem}_follow({stem}_followed *f)
+{{
+    f->factor += {gain} * (({real})f->missed - {allowed});
+    f->factor = f->factor < {zero} ? {zero} : f->factor;
+    f->missed = 0;
 }}"""

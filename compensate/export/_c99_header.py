@@ -54,7 +54,6 @@ class _Header:
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
-        self._half: float = (document.get("band") or {"factor": 0.0})["factor"]
         self.predicts = all(part.tree["kind"] not in ONE_WAY for part in self.parts)
 
     def text(self) -> str:
@@ -71,7 +70,7 @@ class _Header:
             self._state(),
             *(self._functions(part) for part in self.parts),
             self._step(),
-            band_in_c(self.document, stem, self.real, self._number(self._half, "real")),
+            band_in_c(self.document, stem, self.real, self.single),
             self._learns and _c99_adaptive.called(self._learns, self.root.number, self.document),
             self._self_test(),
             f"#endif /* {upper}_H */\n",

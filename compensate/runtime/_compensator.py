@@ -12,7 +12,7 @@ from ._tree import Tree, error_of, guard_of, node_of
 KIND = "hysid compensator"
 
 _STATUSES = tuple(Status)
-_KEPT = ("_value", "_waited", "_deviation")
+_KEPT = ("_value", "_waited", "_deviation", "_factor", "_missed")
 _OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
 
 
@@ -38,7 +38,8 @@ class Compensator:
     - `lasting`: {"share", "time"}: the part of the error's variance that lasts, and the time in which that
       decays to 1/e, in the unit of `dt` (in readings where the record had no times), for filters in which
       the error is a state; None where the file does not know it.
-    - `band`: of the last estimate; it holds whole runs with a guaranteed probability.
+    - `band`: of the last estimate; it holds whole runs with a guaranteed probability. `watch` and `follow`
+      keep the share of runs that leave it, as the sensor drifts.
     - `advice` and `lost`: of a compensator that recalibrates itself.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
       of the data, ISO 8601; None where they are not known.
@@ -61,6 +62,7 @@ class Compensator:
         self.longest: float = document.get("longest") or LONGEST
         self._tree, self._start = document["tree"], document["start"]
         self._band: Tree | None = document.get("band")
+        self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
@@ -165,8 +167,36 @@ class Compensator:
         """The ends of the guaranteed band of the last estimate; None where the file has none."""
         if self._band is None:
             return None
-        half = self._band["factor"] * (self._deviation if self._band["by_deviation"] else 1.0)
+        half = self._factor * (self._deviation if self._band["by_deviation"] else 1.0)
         return self._value - half, self._value + half
+
+    def watch(self, known: float) -> None:
+        """The true input behind the last estimate: whether this run leaves its band. NaN says nothing."""
+        if (band := self.band) is not None and not band[0] <= known <= band[1] and known == known:
+            self._missed = 1.0
+
+    def follow(self) -> None:
+        """The end of a run whose inputs were given to `watch`: the band is wider after a run that left it.
+
+            factor <- factor + gain (missed - (1 - guarantee)),     missed = 1 if the run left its band
+
+        In the long run the share of runs that leave their bands is then 1 - guarantee, whatever drifts.
+        `reset` keeps the band. Does nothing where the file has no band.
+
+        Source: Gibbs and Candes 2021; Angelopoulos, Candes and Tibshirani 2023 (quantile tracking).
+
+        **Example:**
+
+            >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
+            >>> sensor = compensate.runtime.load(file)
+            >>> sensor.follow()
+            >>> sensor.band is None
+            True
+        """
+        if self._band is not None:
+            gain = self._band.get("gain", 0.2 * self._band["factor"])
+            change = gain * (self._missed - (1.0 - self._band["guarantee"]))
+            self._factor, self._missed = max(self._factor + change, 0.0), 0.0
 
     def state(self) -> Tree:
         """All that changes, as plain data for JSON: `restore` goes on from there.
@@ -198,7 +228,8 @@ class Compensator:
         for one, values in zip(self._all_states(), nodes, strict=True):
             vars(one).update(_copied(values))
         for name in _KEPT:
-            setattr(self, name, nan if state[name] is None else state[name])
+            value = state.get(name, getattr(self, name))
+            setattr(self, name, nan if value is None else value)
         self._begun = state["begun"]
 
     def _all_states(self) -> list[Any]:

@@ -1,5 +1,7 @@
 """Bands that hold whole runs: the finite-sample law, the statement, and the exported band."""
 
+import ctypes
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from compensate.runtime import load
 from compensate.runtime._compensator import Compensator
 from compensate.uncertainty._guaranteed import rank, run_scores, tracked
 from hysteresis import InputError, MonotoneCurve, Record
+from tests.c_harness import COMPILERS, STRICT
 
 MODEL = MonotoneCurve(np.array([0.0, 10.0]), np.array([20.0]))
 
@@ -112,6 +115,61 @@ def test_a_band_follows_runs_that_become_known():
     assert "long run" in after.statement
 
 
+SOURCE = """
+#include "it.h"
+double follow(long runs, const double *given, const double *known, const long *ends);
+double follow(long runs, const double *given, const double *known, const long *ends)
+{
+    it_state s;
+    it_followed f;
+    it_followed_reset(&f);
+    long k = 0;
+    double u, low, high;
+    for (long j = 0; j < runs; ++j) {
+        it_reset(&s);
+        for (; k < ends[j]; ++k) {
+            (void)it_step(&s, given[k], &u, 0);
+            it_watch(&f, &s, known[k]);
+        }
+        it_watch(&f, &s, NAN);
+        it_follow(&f);
+    }
+    it_band(&s, &low, &high);
+    it_followed_band(&f, &s, &low, &high);
+    return f.factor;
+}
+"""
+
+
+def in_c(folder: Path, given: np.ndarray, ends: np.ndarray) -> float:
+    """The factor of it.h after runs whose inputs became known."""
+    (folder / "follow.c").write_text(SOURCE)
+    library = folder / "follow.so"
+    command = [
+        COMPILERS[0],
+        *STRICT,
+        "-O1",
+        "-shared",
+        "-fPIC",
+        "-o",
+        library,
+        folder / "follow.c",
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    code = ctypes.CDLL(str(library)).follow
+    code.restype = ctypes.c_double
+    reals, longs = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
+    y, u = np.ascontiguousarray(given)
+    count = ends.astype(np.int64)
+    return code(
+        ctypes.c_long(len(ends)),
+        y.ctypes.data_as(reals),
+        u.ctypes.data_as(reals),
+        count.ctypes.data_as(longs),
+    )
+
+
 @pytest.mark.parametrize("shaped", [False, True])
 def test_files_give_the_band(shaped: bool, tmp_path: Path):
     """Python and C give the ends that JAX gives, of constant width and by the deviation."""
@@ -130,6 +188,30 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
         np.testing.assert_allclose(sensor.band, (wanted.low[k], wanted.high[k]), atol=1e-9)
     text = export_c(MODEL, tmp_path / "it.h", y, **options).path.read_text("utf-8")
     assert "it_band(const it_state *s, it_real *low, it_real *high)" in text
+    # As a sensor drifts, runs whose inputs become known move the band as in JAX; a state holds it.
+    drifted = runs(12, 3, 1.0)
+    after = float(band.follow(drifted).factor)
+    rows = [rows for _, rows in drifted.sequences()]
+    for k, one in enumerate(rows):
+        sensor.reset()
+        for reading, known in zip(drifted.output[one], drifted.input[one], strict=True):
+            sensor.step(float(reading))
+            sensor.watch(float(known))
+        sensor.follow()
+        if k == 5:
+            kept = sensor.state()
+            sensor = load(tmp_path / "it.json")
+            assert isinstance(sensor, Compensator)
+            sensor.restore(kept)
+    found, (low, high) = sensor.step(5.0), sensor.band or (0.0, 0.0)
+    half = after * (found.deviation if shaped else 1.0)
+    assert (high - low) / 2 == pytest.approx(half, rel=1e-9)
+    if COMPILERS:
+        given = np.stack(
+            [np.concatenate([x[one] for one in rows]) for x in (drifted.output, drifted.input)]
+        )
+        ends = np.cumsum([one.stop - one.start for one in rows])
+        assert in_c(tmp_path, given, ends) == pytest.approx(after, rel=1e-9)
     if shaped:
         with pytest.raises(InputError) as refused:
             export_runtime(MODEL, tmp_path / "no.json", y, band=band)
