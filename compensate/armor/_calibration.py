@@ -158,7 +158,7 @@ class PressResiduals(eqx.Module):
 
     def __call__(self, armor: Armor) -> Float[Array, "presses residuals"]:
         def one(press: Presses) -> Array:
-            missed = _missed(armor, press)
+            missed = missed_of(armor, press)
             found = [(missed.wrench / self.noise[None]).ravel(), missed.height[None] / self.place]
             if missed.depth is not None:
                 rest = jnp.where(missed.told, missed.depth - missed.mean, 0) / self.reading
@@ -172,7 +172,7 @@ class PressResiduals(eqx.Module):
     def with_noise_left(self, armor: Armor) -> "PressResiduals":
         """The same with the deviations that an armor leaves of presses: of the wrenches in each channel, of
         d from press to press and from sample to sample; those stay that nothing was measured of."""
-        missed = jax.vmap(lambda press: _missed(armor, press))(self.presses)
+        missed = jax.vmap(lambda press: missed_of(armor, press))(self.presses)
         noise = jnp.sqrt(jnp.mean(missed.wrench**2, axis=(0, 1)))
         if missed.depth is None:
             return replace(self, noise=noise)
@@ -188,7 +188,7 @@ class PressResiduals(eqx.Module):
         )
 
 
-class _Missed(NamedTuple):
+class Missed(NamedTuple):
     """What an armor misses of one press: (F, M), the height of P^i, and d where it is `told`."""
 
     wrench: Float[Array, "samples 6"]
@@ -229,41 +229,64 @@ def with_slip(armor: Armor, presses: Presses, full_scale: ArrayLike, rounds: int
         >>> found.sensor.slip.weights.shape
         (6, 36, 3)
     """
-    sensor = armor.sensor
-    if sensor.hysteresis is not None:
-        raise InputError(
-            "bad-option", "the sensor has a play on each axis already.",
-            fix="give a WristSensor without hysteresis.",
-        )  # fmt: skip
-    slip = Slip(full_scale)
-    full = np.asarray(slip.full_scale)
-    readings = presses.readings - sensor.bias[None, None]
-    force, moment = loads_of(armor, presses)
-    wanted = np.asarray(sensor.carried(force, moment)).reshape(-1, 6) / full
-    parts = np.asarray(readings).reshape(-1, 6) / full
-    stops = np.asarray(jax.jit(jax.vmap(slip.stops))(readings)).reshape(len(parts), -1)
-    known = np.concatenate([parts, stops], axis=1)
-    each = HYSTERESIS / 2 / np.sqrt(len(combined_axes()))
-    prior = np.concatenate([np.full(6, 1 / MATRIX), np.full(stops.shape[1], 1 / each)]) ** 2
-    off = wanted - parts @ (np.asarray(sensor.matrix) * full / full[:, None]).T
-    noise = np.full(6, FIRST_NOISE)
-    found = np.zeros((known.shape[1], 6))
-    for _ in range(rounds):
-        for k in range(6):
-            normal = known.T @ known / noise[k] ** 2 + np.diag(prior)
-            found[:, k] = np.linalg.solve(normal, known.T @ off[:, k] / noise[k] ** 2)
-        noise = np.maximum(np.std(off - known @ found, axis=0), LEAST_NOISE)
-    matrix = jnp.asarray(sensor.matrix + found[:6].T * full[:, None] / full)
-    weights = found[6:].T.reshape(slip.weights.shape)
-    return eqx.tree_at(
-        lambda a: (a.sensor.matrix, a.sensor.slip),
-        armor,
-        (matrix, Slip(full, weights)),
-        is_leaf=lambda leaf: leaf is None,
-    )
+    problem = _SlipProblem(armor, presses, full_scale)
+    return problem.armor_of(np.ones(len(presses.surface), bool), rounds)
 
 
-def _missed(armor: Armor, press: Presses) -> _Missed:
+def without_each(
+    armor: Armor, presses: Presses, full_scale: ArrayLike, rounds: int = 3
+) -> list[Armor]:
+    """For each press, what `with_slip` finds from the others."""
+    problem, count = _SlipProblem(armor, presses, full_scale), len(presses.surface)
+    return [problem.armor_of(np.arange(count) != k, rounds) for k in range(count)]
+
+
+class _SlipProblem:
+    """The ridge regression of `with_slip`: `known` columns (presses, samples, columns), what is `off`."""
+
+    def __init__(self, armor: Armor, presses: Presses, full_scale: ArrayLike):
+        sensor = armor.sensor
+        if sensor.hysteresis is not None:
+            raise InputError(
+                "bad-option", "the sensor has a play on each axis already.",
+                fix="give a WristSensor without hysteresis.",
+            )  # fmt: skip
+        self.armor, self.slip = armor, Slip(full_scale)
+        self.full = np.asarray(self.slip.full_scale)
+        readings = presses.readings - sensor.bias[None, None]
+        force, moment = loads_of(armor, presses)
+        wanted = np.asarray(sensor.carried(force, moment)) / self.full
+        parts = np.asarray(readings) / self.full
+        stops = np.asarray(jax.jit(jax.vmap(self.slip.stops))(readings))
+        self.known = np.concatenate([parts, stops], axis=-1)
+        each = HYSTERESIS / 2 / np.sqrt(len(combined_axes()))
+        prior = [np.full(6, 1 / MATRIX), np.full(stops.shape[-1], 1 / each)]
+        self.prior = np.concatenate(prior) ** 2
+        self.off = wanted - parts @ (np.asarray(sensor.matrix) * self.full / self.full[:, None]).T
+
+    def armor_of(self, some: Bool[np.ndarray, " presses"], rounds: int) -> Armor:
+        """The armor that some of the presses give."""
+        known = self.known[some].reshape(-1, self.known.shape[-1])
+        off = self.off[some].reshape(-1, 6)
+        noise, square = np.full(6, FIRST_NOISE), known.T @ known
+        found = np.zeros((known.shape[1], 6))
+        for _ in range(rounds):
+            for k in range(6):
+                normal = square / noise[k] ** 2 + np.diag(self.prior)
+                found[:, k] = np.linalg.solve(normal, known.T @ off[:, k] / noise[k] ** 2)
+            noise = np.maximum(np.std(off - known @ found, axis=0), LEAST_NOISE)
+        full = self.full
+        matrix = jnp.asarray(self.armor.sensor.matrix + found[:6].T * full[:, None] / full)
+        weights = found[6:].T.reshape(self.slip.weights.shape)
+        return eqx.tree_at(
+            lambda a: (a.sensor.matrix, a.sensor.slip),
+            self.armor,
+            (matrix, Slip(full, weights)),
+            is_leaf=lambda leaf: leaf is None,
+        )
+
+
+def missed_of(armor: Armor, press: Presses) -> Missed:
     normal = _normal(armor, press)
     offset = armor.solver.shape.faces().offset[press.surface - 1]
     modelled = _modelled(armor, press, normal)
@@ -275,7 +298,7 @@ def _missed(armor: Armor, press: Presses) -> _Missed:
     depth = None if measured is None else jnp.where(told, modelled - measured, 0)
     many = jnp.maximum(told.sum(), 1).astype(modelled.dtype)
     mean = jnp.zeros(()) if depth is None else depth.sum() / many
-    return _Missed(wrench, offset + dots(normal, press.touched), depth, told, mean)
+    return Missed(wrench, offset + dots(normal, press.touched), depth, told, mean)
 
 
 def _normal(armor: Armor, press: Presses) -> Float[Array, "3"]:

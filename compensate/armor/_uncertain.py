@@ -58,16 +58,17 @@ class Alternative(NamedTuple):
 class UncertainArmor(eqx.Module):
     """An armor with uncertain parameters, represented by draws, and with noise on its readings.
 
-    Draw d adds its own noise to the readings and solves with its own sensor and cover. Its cover is thicker
-    by e_d, of standard deviation `scatter`, which is constant throughout a record: P^e moves by e_d F / F_n
-    along the line of action. The spread of the draws is the uncertainty of the contact.
+    Draw d adds its own error to all readings of a record, because what a sensor is off by hardly changes in
+    a press, and solves with its own sensor and cover. Its cover is thicker by e_d, of standard deviation
+    `scatter`, which is constant throughout a record: P^e moves by e_d F / F_n along the line of action. The
+    spread of the draws is the uncertainty of the contact.
 
     **Arguments:**
 
     - `armor`: its contact is the estimate.
     - `draws`: the same with a leading axis on what differs, such as `Calibration.draws(200)` or
       `Posterior.model`.
-    - `noise` (6,), N and N m: standard deviation of one reading.
+    - `noise` (6,), N and N m: standard deviation of the error of the readings of a press.
     - `scatter`, m: standard deviation of the cover from place to place.
     - `seed`: of noise and scatter.
 
@@ -131,8 +132,8 @@ class UncertainArmor(eqx.Module):
 def _spread(uncertain: UncertainArmor, t: Array | None, readings: Array) -> Contact:
     def one(armor: Armor, key: Key[Array, ""]) -> Contact:
         of_noise, of_scatter = jax.random.split(key)
-        noise = jax.random.normal(of_noise, readings.shape)
-        seen = readings + noise * jnp.broadcast_to(uncertain.noise, readings.shape)
+        noise = uncertain.noise * jax.random.normal(of_noise, (6,), readings.dtype)
+        seen = readings + jnp.broadcast_to(noise, readings.shape)
         deeper = uncertain.scatter * jax.random.normal(of_scatter, ())
         contact = armor.solve(seen) if t is None else armor.simulate(t, seen)
         force = armor.sensor.read(seen).force

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 import identify
 from compensate.armor import (
@@ -14,7 +15,11 @@ from compensate.armor import (
     Presses,
     PressResiduals,
     UncertainArmor,
+    with_slip,
 )
+from compensate.armor._calibration import without_each
+
+from ._left_out import spread_of_unseen
 
 QUIET = 1e-3
 """Of the greatest reading of a channel: the noise from which a calibration starts."""
@@ -28,9 +33,11 @@ DRAWS = 200
 class CalibratedArmor(NamedTuple):
     """A calibrated armor.
 
-    - `armor`: with what was found; `uncertain`: the same with draws, noise and scatter.
+    - `armor`: with what was found; `uncertain`: the same with draws, and with the errors that armors
+      calibrated without one press each make in that press, as its noise and scatter.
     - `calibration`: every number with its deviation.
-    - `noise` (6,), N and N m; `scatter`, m, of the cover from place to place; `reading`, m: what is left.
+    - `noise` (6,), N and N m; `scatter`, m, of the cover from place to place; `reading`, m: what is left
+      of the presses themselves.
     """
 
     armor: Armor
@@ -74,6 +81,7 @@ def calibrate_armor(
     reading: float = 2e-4,
     rounds: int = 2,
     seed: int = 0,
+    full_scale: ArrayLike | None = None,
 ) -> CalibratedArmor:
     """Calibrate an armor with presses at known points.
 
@@ -87,6 +95,8 @@ def calibrate_armor(
     - `rounds`: each after the first starts from the residuals of the one before, so that the resulting
       standard deviations are those of this sensor and cover.
     - `seed`: of the draws in `CalibratedArmor.uncertain`.
+    - `full_scale` (6,), N and N m: ratings of a sensor whose joints slip; `compensate.armor.with_slip` then
+      finds that first. None: the armor's sensor as it is.
 
     **Returns:** a `CalibratedArmor`.
 
@@ -99,6 +109,10 @@ def calibrate_armor(
         >>> round(float(found.armor.solver.cover.factor.value), 3)
         1.0
     """
+    starts: list[Armor] = []
+    if full_scale is not None:
+        starts = without_each(armor, presses, full_scale)
+        armor = with_slip(armor, presses, full_scale)
     free = doubts(armor) if deviations is None else deviations
     noise = quiet(presses) if noise is None else jnp.asarray(noise, float)
     residuals = PressResiduals(presses, noise, scatter=scatter, reading=reading)
@@ -107,11 +121,12 @@ def calibrate_armor(
         residuals = residuals.with_noise_left(found.system)
         found = identify.calibrate(armor, residuals, free, begin=found.point)
     told = residuals.with_noise_left(found.system)
+    unseen = spread_of_unseen(found, residuals, starts)
     uncertain = UncertainArmor(
         found.system,
         found.draws(DRAWS, seed),
-        told.noise,
-        jnp.hypot(told.scatter, told.reading),
+        jnp.asarray(unseen.noise),
+        jnp.hypot(told.scatter, told.reading) if unseen.depth is None else unseen.depth,
         seed,
     )
     return CalibratedArmor(

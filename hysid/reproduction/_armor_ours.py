@@ -18,7 +18,6 @@ from compensate.armor import (
     UncertainContact,
     WristSensor,
     planned_presses,
-    with_slip,
 )
 from hysteresis import AbstractModel, LinearSponge, Record
 from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, FoamBlock, SpongeRig, force_path
@@ -41,7 +40,7 @@ def calibrated(rig: ArmorRig) -> CalibratedArmor:
     """The armor of one rig, after presses at the chosen points and a look at what they leave."""
     presses = twenty_presses(rig)
     full = np.repeat([rig.sensor.full_scale_n, rig.sensor.full_scale_nm], 3)
-    return calibrate_armor(with_slip(nominal(rig), presses, full), presses, seed=rig.seed)
+    return calibrate_armor(nominal(rig), presses, seed=rig.seed, full_scale=full)
 
 
 def calibrated_line(rig: ArmorRig, line: LinearSponge) -> CalibratedArmor:

@@ -92,7 +92,7 @@ class Calibration(Generic[System]):
     - `rms`: of the residuals, divided by their standard deviations: 1 if these are right.
     - `converged`: whether the search converged, after so many `steps`.
     - `point`, `root`: the mode in the unconstrained space, and a root of the covariance there.
-    - `prior`, `residuals`: what it was calibrated with.
+    - `prior`, `residuals`: what it was calibrated with. `jacobian`: of the residuals, by z, at the mode.
 
     In the example: one parameter, measured as 2.1 with a standard deviation of 0.1; expected was 2 ± 0.5.
 
@@ -113,6 +113,7 @@ class Calibration(Generic[System]):
     residuals: Callable[[System], Array]
     point: Float[np.ndarray, " unknowns"]
     root: Float[np.ndarray, "unknowns unknowns"]
+    jacobian: Float[np.ndarray, "residuals unknowns"]
 
     @property
     def text(self) -> str:
@@ -219,7 +220,7 @@ def calibrate(
     return Calibration(
         system=found.system, parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in rows),
         rms=float(found.rms), converged=bool(found.done), steps=int(found.steps), prior=prior,
-        residuals=residuals, point=np.asarray(found.z), root=root,
+        residuals=residuals, point=np.asarray(found.z), root=root, jacobian=np.asarray(found.jacobian),
     )  # fmt: skip
 
 
