@@ -1,6 +1,8 @@
 """How wide the loops of a record are, and how much of that the residuals of a fit keep."""
 
+import hashlib
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -40,15 +42,26 @@ class LoopsLeft(NamedTuple):
 
 def loops_left(fit: FitResult) -> LoopsLeft:
     """Loops in the measured output and in the residuals, over the rows that were fitted."""
-    record, used = fit.train, fit.used
-    y = record.output
-    noise = [noise_level(y[rows][used[rows]]) for _, rows in record.sequences() if used[rows].any()]
-    return LoopsLeft(
-        _width(record, y, used),
-        _width(record, fit.residuals, used),
-        float(np.median(noise)) if noise else 0.0,
-        float(np.ptp(y[used])) if used.any() else 0.0,
-    )
+    width, noise, span = _measured(fit.train, fit.used)
+    return LoopsLeft(width, _width(fit.train, fit.residuals, fit.used), noise, span)
+
+
+_known: "WeakKeyDictionary[Record, dict[bytes, tuple[float, float, float]]]" = WeakKeyDictionary()
+
+
+def _measured(record: Record, used: Bool[np.ndarray, " samples"]) -> tuple[float, float, float]:
+    """Width, noise and span of the measured loops: once for all candidates of a fit."""
+    rows_used = hashlib.sha256(used.tobytes()).digest()
+    known = _known.setdefault(record, {})
+    if rows_used not in known:
+        y, parts = record.output, [rows for _, rows in record.sequences()]
+        noise = [noise_level(y[rows][used[rows]]) for rows in parts if used[rows].any()]
+        known[rows_used] = (
+            _width(record, y, used),
+            float(np.median(noise)) if noise else 0.0,
+            float(np.ptp(y[used])) if used.any() else 0.0,
+        )
+    return known[rows_used]
 
 
 def _width(

@@ -159,6 +159,10 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     assert left == pytest.approx(found.left, rel=0.006)
     assert percent == pytest.approx(100 * found.left / found.width, abs=0.6)
     assert percent > 80
+    # What is measured is kept for the other candidates of a fit, unless they leave rows out.
+    few = loops_left(replace(loops, used=loops.used & (np.arange(len(loops.used)) % 2 > 0)))
+    assert few.noise != found.noise
+    assert loops_left(loops) == found
     alone = loops_left(line)
     assert not alone.are_there
     assert alone.noise == pytest.approx(0.05, rel=0.3)
