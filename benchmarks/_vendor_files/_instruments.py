@@ -164,6 +164,14 @@ def instruments() -> Mapping[str, Variant]:
             "H [A/m];B [T]\n" + table(FIELD, MOMENT, sep=";", comma=True),
             {"H [A/m]": "A/m", "B [T]": "T"}, None, ("H [A/m]", "B [T]"),
         ),
+        "J over H of a magnet": Variant(
+            "H (kA/m)\tJ (T)\tT (K)\n" + table(FIELD, MOMENT, [300.0] * N, sep="\t"),
+            {"H (kA/m)": "kA/m", "J (T)": "T"}, None, ("H (kA/m)", "J (T)"),
+        ),
+        "magnetisation in amperes a metre": Variant(
+            "time (s),H (kA/m),M (kA/m),T (K)\n" + table(T, FIELD, MOMENT, [300.0] * N),
+            {"M (kA/m)": "kA/m"}, "time (s)", ("H (kA/m)", "M (kA/m)"),
+        ),
         "polarisation, aixACCT": Variant(
             AIXACCT + table(T, FIELD, ERRORS, MOMENT, sep="\t"),
             {"V+ [V]": "V", "P1 [uC/cm2]": "uC/cm2"}, "Time [s]", ("V+ [V]", "P1 [uC/cm2]"), ".dat",

@@ -134,6 +134,14 @@ def loggers() -> Mapping[str, Variant]:
             "Time{s};Load<N>;Pos<mm>\n" + table(T, F, X, sep=";"), {"Load<N>": "N", "Pos<mm>": "mm"},
             "Time{s}", ("Load<N>", "Pos<mm>"),
         ),
+        "names listed in a comment": Variant(
+            "# units: m N\n# columns: height force\n" + table(X, F, sep=" ", form="{:.6e}"), {}, None,
+            ("height", "force"), ".txt",
+        ),
+        "microseconds and counts": Variant(
+            "time_us,adc,force_mN\n" + table([round(1e6 * t) for t in T], X, F), {"force_mN": "mN"},
+            "time_us", ("force_mN", "adc"),
+        ),
         "bars": Variant(
             "Time (s)|Force (N)|Position (mm)\n" + table(T, F, X, sep="|"), plain, "Time (s)", pair,
         ),

@@ -206,6 +206,25 @@ def machines() -> Mapping[str, Variant]:
             "Time (sec);Distance (mm);Force (g)\n" + table(T, X, F, sep=";", comma=True),
             {"Force (g)": "g", "Distance (mm)": "mm"}, "Time (sec)", ("Force (g)", "Distance (mm)"),
         ),
+        "a strain gauge, microstrain": Variant(
+            "Time (s),Load (kN),Strain (µε)\n" + table(T, F, X),
+            {"Load (kN)": "kN", "Strain (µε)": "µε"}, "Time (s)", ("Load (kN)", "Strain (µε)"),
+        ),
+        "French, decanewtons": Variant(
+            "Temps (s);Effort (daN);Course (mm)\n" + table(T, F, X, sep=";", comma=True),
+            {"Effort (daN)": "daN"}, "Temps (s)", ("Effort (daN)", "Course (mm)"), encoding="cp1252",
+        ),
+        "nanoindenter, units below": Variant(
+            "Displacement Into Surface\tLoad On Sample\tTime On Sample\nnm\tmN\ts\n"
+            + table(X, F, T, sep="\t"),
+            {"Displacement Into Surface": "nm", "Load On Sample": "mN"}, "Time On Sample",
+            ("Displacement Into Surface", "Load On Sample"), ".txt",
+        ),
+        "a damper with its velocity": Variant(
+            "Time (s),Displacement (mm),Velocity (mm/s),Force (N)\n"
+            + table(T, F, np.gradient(DRIVE, 0.05).tolist(), X),
+            {"Force (N)": "N"}, "Time (s)", ("Displacement (mm)", "Force (N)"),
+        ),
         "torque and twist": Variant(
             "Time (s),Rotation (deg),Torque (N-m)\n" + table(T, X, F),
             {"Rotation (deg)": "deg", "Torque (N-m)": "N-m"}, "Time (s)",

@@ -45,6 +45,10 @@ PAIRS: dict[tuple[str, str], float] = {
 """Input, output, and how usual the pair is. The output lags the input."""
 
 
+STRENGTH, FLUX = ("A/m", "kA/m", "Oe", "kOe"), ("T", "mT", "G", "kG", "Gs")
+"""Units of a field that drives, and of the flux density that answers."""
+
+
 class Column(NamedTuple):
     """A column of numbers: its name, unit and kind, its cells (n,), and the share that is missing."""
 
@@ -91,6 +95,8 @@ def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
             if a is b:
                 continue
             usual = PAIRS.get((a.kind.name, b.kind.name), 0.0)
+            if a.kind.name == b.kind.name == "field" and a.unit in STRENGTH and b.unit in FLUX:
+                usual = 0.9
             if usual:
                 follows = abs(rank_correlation(a.x, b.x))
                 sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)

@@ -304,6 +304,7 @@ def _as_wide(cells: Sequence[str], width: int) -> list[str]:
     if len(row) != 1 or width < 2:
         return row
     bare = row[0].strip().lstrip("#%;").strip()
+    bare = re.sub(r"(?i)^(columns?|fields|names|header)\s*[:=]\s*", "", bare)
     for parts in (re.split(r"\s{2,}|\t", bare), bare.split(), re.split(r"\s*[,;]\s*", bare)):
         if len(parts) == width:
             return parts
