@@ -4,8 +4,8 @@ These functions are documented and tested, and hysid uses them. They are not par
 they may change with any release.
 
 - Files: `residuals_of_all`, `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`,
-  `read_fit`, `write_fit`, `write_set`, `whole_files`, `check_unedited`, `to_json`, `posterior_json`,
-  `versions`.
+  `read_fit`, `write_fit`, `replace_fits`, `write_set`, `stage_set`, `whole_files`, `check_unedited`,
+  `to_json`, `posterior_json`, `versions`.
 - Units: `check_unit`.
 - Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
 - The models of a fit without each cycle of its rows: `models_without_groups`.
@@ -16,11 +16,12 @@ from hysteresis._format import plain
 
 from .files._fit_folder import read_document, read_fit, residuals_of_all, to_json, write_fit
 from .files._posterior import posterior_json
+from .files._several_fits import replace_fits
 from .fitting._creep import is_at_first_row, kind_of, stepped
 from .records._folds import block_errors, root_difference
 from .results._fit_result import check_unit
 from .results._left_out import models_without_groups
-from .storage._file_set import check_unedited, sealed, whole_files, write_set
+from .storage._file_set import check_unedited, sealed, stage_set, whole_files, write_set
 from .storage._json import check_free, read_json, write_json
 from .storage._provenance import versions
 
@@ -37,9 +38,11 @@ __all__ = [
     "read_document",
     "read_fit",
     "read_json",
+    "replace_fits",
     "residuals_of_all",
     "root_difference",
     "sealed",
+    "stage_set",
     "stepped",
     "to_json",
     "versions",

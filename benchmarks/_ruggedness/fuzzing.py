@@ -22,7 +22,7 @@ from tests.test_hysid.command import Result
 from .._measure import Row, judged, noted
 
 LONGEST, STUCK, LARGEST_KB = 5.0, 60, 1_000_000
-"""Seconds of processor time of a case, seconds after which it is ended, growth of the process's memory."""
+"""Seconds of processor time of a case, and at which it is ended; growth of the process's memory."""
 
 AT_ONCE = 1000
 """Cases of one seed: Hypothesis remembers all of them, and takes longer for each."""
@@ -155,12 +155,12 @@ def fuzz(
     def stuck(*_: object) -> None:
         nonlocal looked
         if looked[0] != now:
-            looked = now, time.perf_counter()
-        elif time.perf_counter() - looked[1] > STUCK:
+            looked = now, time.process_time()
+        elif _watch[0].home is not None and time.process_time() - looked[1] > STUCK:
             raise _Stuck
 
-    here, before = Path.cwd().resolve(), signal.signal(signal.SIGALRM, stuck)
-    signal.setitimer(signal.ITIMER_REAL, 5.0, 5.0)
+    here, before = Path.cwd().resolve(), signal.signal(signal.SIGPROF, stuck)
+    signal.setitimer(signal.ITIMER_PROF, 5.0, 5.0)
     try:
         for begin in range(0, count, AT_ONCE):
             tried = settings(
@@ -169,8 +169,8 @@ def fuzz(
             )(given(cases)(each))  # fmt: skip
             seed(1_000_000 * first + begin)(tried)()
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
     if os.listdir("..") != [INSIDE]:
         tally.failures.append(f"left outside: {os.listdir('..')}")
     return tally

@@ -25,7 +25,11 @@ def fit(
     say: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Fit, and write the folder. With `each` every value gets a folder of its own below."""
+    """Fit, and write the folder. With `each` every value gets a folder of its own below.
+
+    New fits of several values replace the old ones all at once, at the end; where there are none, each is
+    there as soon as it is made.
+    """
     selection.check_columns()
     records, faults = selection.records(selection.read(file))
     folders = folder_names(records)
@@ -44,6 +48,9 @@ def fit(
                 fix="Leave out --purpose compensate, or fit a record whose input changes.",
             )
         run = partial(identify.fit_step, **step_options(options))
+    at_once = "" not in records and overwrite and (out / "fit.json").exists()
+    write = identify.internal.stage_set if at_once else identify.internal.write_set
+    staged: dict[str, dict[str, Any]] = {}
     for value, (train, test) in records.items():
         if value:
             say(f"{selection.each} = {value}")
@@ -54,8 +61,14 @@ def fit(
             continue
         found[value] = identify.internal.to_json(result)
         written = identify.internal.write_fit(
-            result, out / folders[value], found[value], overwrite=overwrite, extra=extra
+            result,
+            out / folders[value],
+            found[value],
+            overwrite=overwrite,
+            extra=extra,
+            write=write,
         )
+        staged[folders[value]] = written
         if value:
             say(_in_short(result))
     if not found:
@@ -64,6 +77,8 @@ def fit(
         return written
     failed = {value: str(error) for value, error in faults.items()}
     document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
+    if at_once:
+        return identify.internal.replace_fits(out, document, staged)
     document = identify.internal.sealed(document)
     identify.internal.write_json(out / "fit.json", document)
     return document

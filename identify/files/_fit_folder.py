@@ -10,7 +10,7 @@ import json
 import math
 import time
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -34,7 +34,7 @@ from ..results._detail import detail_of
 from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Candidate, FitResult, Parameter, Starts
 from ..results._metrics import Metrics
-from ..storage._file_set import check_unedited, whole_files, write_set
+from ..storage._file_set import check_unedited, document_in, whole_files, write_set
 from ..storage._json import check_free, read_json
 from ..storage._provenance import versions
 
@@ -50,7 +50,7 @@ _KINDS: dict[str, type] = {
     **dict.fromkeys(("parameters", "candidates", "baselines", "notes"), list),
 }
 """Entries of fit.json that readers look into, and what they are."""
-_OF_EARLIER = (
+OF_EARLIER = (
     "posterior.json", "posterior.nc", "posterior_models.npz", "chains.h5", "chains.previous.h5",
     "report.html",
 )  # fmt: skip
@@ -96,8 +96,12 @@ def write_fit(
     *,
     overwrite: bool = False,
     extra: dict[str, Any] | None = None,
+    write: Callable[..., dict[str, Any]] = write_set,
 ) -> dict[str, Any]:
-    """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back."""
+    """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back.
+
+    `write`: `stage_set` leaves the old fit in force until `replace_fits`.
+    """
     check_free(folder, overwrite)
     structure, arrays = described(fit.model)
     channels: dict[str, Any] = {}
@@ -121,12 +125,12 @@ def write_fit(
         | fit.detail.words()
         | (extra or {})
     )
-    return write_set(
+    return write(
         folder,
         "fit.json",
         document,
         {name: partial(_write_arrays, arrays=arrays) for name, arrays in files.items()},
-        remove=_OF_EARLIER,
+        remove=OF_EARLIER,
         check=partial(check_free, folder, overwrite),
     )
 
@@ -139,7 +143,7 @@ def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any])
         "fit.json",
         document | extra,
         {name: partial(_write_bytes, content=files[name]) for name in document["files"]},
-        remove=_OF_EARLIER,
+        remove=OF_EARLIER,
     )
 
 
@@ -237,7 +241,7 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
 
 def read_document(folder: str | Path) -> dict[str, Any]:
     """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
-    file = Path(folder) / "fit.json"
+    file = document_in(Path(folder), "fit.json")
     if not file.is_file():
         raise InputError(
             "file-not-found",

@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError
 from identify.storage import _file_set
-from identify.storage._file_set import check_unedited, edited, sealed, whole_files, write_set
+from identify.storage._file_set import (
+    check_unedited,
+    document_in,
+    edited,
+    replace_sets,
+    sealed,
+    stage_set,
+    whole_files,
+    write_set,
+)
 from identify.storage._json import read_json, write_json
 from tests.test_hysid.command import ENVIRONMENT
 
@@ -28,7 +37,7 @@ def written(folder: Path, word: str) -> None:
 
 def read(folder: Path) -> tuple[str, set[str]]:
     """The word of the document, and the words of the files that belong to it."""
-    document = read_json(folder / "fit.json")
+    document = read_json(document_in(folder, "fit.json"))
     check_unedited(folder, "fit.json", document)
     return document["word"], {p.read_text() for p in whole_files(folder, document).values()}
 
@@ -37,13 +46,17 @@ class Killed(BaseException):
     """As if the process ended here."""
 
 
-@pytest.mark.parametrize("moment", range(12))
-def test_a_process_killed_at_any_moment_leaves_a_whole_set(
-    moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Before each of its changes of the folder in turn: nothing of ours runs after that."""
-    written(tmp_path, "old")
-    (tmp_path / "report.html").write_text("old")
+def several_written(folder: Path, word: str) -> None:
+    """Two sets, and the table of both."""
+    files = {name: lambda place: place.write_text(word) and None for name in NAMES}
+    staged = {
+        below: stage_set(folder / below, "fit.json", {"word": word}, files) for below in ("a", "b")
+    }
+    replace_sets(folder, "fit.json", {"word": word, "files": {}}, staged, ["report.html"])
+
+
+def mortal_from(moment: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every change of a folder from this one on ends the process."""
     calls = iter(range(100))
 
     def mortal(function):
@@ -61,6 +74,53 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_set(
         (Path, "write_bytes"),
     ):
         monkeypatch.setattr(owner, name, mortal(getattr(owner, name)))
+
+
+@pytest.mark.parametrize("moment", range(30))
+def test_several_sets_change_at_once(moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Killed before each of the changes in turn: table and sets are of one time."""
+    several_written(tmp_path, "old")
+    (tmp_path / "a" / "report.html").write_text("old")
+    mortal_from(moment, monkeypatch)
+    ended = False
+    try:
+        several_written(tmp_path, "new")
+        ended = True
+    except Killed:
+        pass
+    monkeypatch.undo()
+    word, _ = read(tmp_path)
+    assert word in ("old", "new")
+    for below in ("a", "b"):
+        assert read(tmp_path / below) == (word, {word})
+    if ended:
+        assert word == "new"
+        for below in ("a", "b"):
+            here = sorted(p.name for p in (tmp_path / below).iterdir())
+            assert here == sorted([*NAMES, "fit.json"])
+    written(tmp_path / "a", "last")
+    assert read(tmp_path / "a") == ("last", {"last"})
+    assert read(tmp_path / "b") == (word, {word})
+
+
+def test_what_another_process_has_staged_is_not_taken_over(tmp_path: Path):
+    several_written(tmp_path, "old")
+    staged = {"a": stage_set(tmp_path / "a", "fit.json", {"word": "new"}, {})}
+    stage_set(tmp_path / "a", "fit.json", {"word": "another"}, {})
+    with pytest.raises(InputError, match="another process") as caught:
+        replace_sets(tmp_path, "fit.json", {"word": "new", "files": {}}, staged)
+    assert caught.value.code == "cannot-write"
+    assert read(tmp_path / "a")[0] == read(tmp_path)[0] == "old"
+
+
+@pytest.mark.parametrize("moment", range(12))
+def test_a_process_killed_at_any_moment_leaves_a_whole_set(
+    moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Before each of its changes of the folder in turn: nothing of ours runs after that."""
+    written(tmp_path, "old")
+    (tmp_path / "report.html").write_text("old")
+    mortal_from(moment, monkeypatch)
     ended = False
     try:
         written(tmp_path, "new")

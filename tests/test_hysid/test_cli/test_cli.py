@@ -89,8 +89,13 @@ def fitted(folder) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def each(folder) -> dict[str, Any]:
     options = ("--each", "block", "--test-tail", 0.2, *LINE)
-    out = ("--out", folder / "each")
-    return run("fit", folder / "blocks.csv", *COLUMNS, *options, *out, "--json").json()
+    words = ("fit", folder / "blocks.csv", *COLUMNS, *options, "--out", folder / "each", "--json")
+    first = run(*words).json()
+    again = run(*words, "--overwrite").json()
+    assert "parts" not in first
+    assert again["parts"].keys() == {*again["folders"].values()}
+    assert not [*(folder / "each").rglob("*.new.*")]
+    return again
 
 
 def test_check_says_what_is_in_a_record(folder):
