@@ -18,6 +18,8 @@ every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
 seeds = st.integers(0, 2**32 - 1)
 CUT = SAMPLES // 2
 """Both parts are of one length: their steps are compiled once."""
+STARTS = (0, CUT, CUT + 1)
+"""Sequences, one of them of a single sample."""
 
 
 @eqx.filter_jit
@@ -73,9 +75,13 @@ def test_a_record_may_be_cut_and_the_state_carried(problem: Problem, data: st.Da
 def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject):
     model, t, u = draw(problem, data)
     t[CUT:] -= t[CUT] - 0.5  # each sequence has its own clock
-    both = batch(model, t, u, starts=(0, CUT))
-    close(both[:CUT], model.stream(t[:CUT], u[:CUT])[1], model)
-    close(both[CUT:], model.stream(t[CUT:], u[CUT:])[1], model)
+    every = batch(model, t, u, starts=STARTS)
+    close(every[:CUT], model.stream(t[:CUT], u[:CUT])[1], model)
+    # Of one sample; what comes later changes nothing, and the program of this length is there.
+    close(every[CUT : CUT + 1], model.stream(t[CUT:], u[CUT:])[1][:1], model)
+    last, rest = slice(CUT + 1, None), np.arange(CUT).clip(max=CUT - 2) + CUT + 1
+    after = t[rest] + np.maximum(np.arange(CUT) - (CUT - 2), 0)
+    close(every[last], model.stream(after, u[rest])[1][:-1], model)
 
 
 @every
@@ -84,7 +90,7 @@ def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
     u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
     state, _ = model.stream(t[:CUT], u[:CUT])
     # The programs of the traced ones are those of the tests above.
-    for rows, before, starts in ((slice(None), None, (0, CUT)), (slice(CUT, None), state, (0,))):
+    for rows, before, starts in ((slice(None), None, STARTS), (slice(CUT, None), state, (0,))):
         got = model.simulate(t[rows], u[rows], before, starts=starts)
         close(got, batch(model, t[rows], u[rows], before, starts), model)
 
@@ -176,13 +182,6 @@ def test_models_are_frozen(problem: Problem):
     name = next(iter(parameters(model)))[0].split(".")[0]
     with pytest.raises(FrozenInstanceError):
         setattr(model, name, 1.0)
-
-
-@every
-def test_one_sample(problem: Problem):
-    model = problem.model()
-    t, u = 7.0 + clock(0), np.full(SAMPLES, (problem.low + problem.high) / 3)
-    close(batch(model, t[:1], u[:1]), model.stream(t, u)[1][:1], model)
 
 
 @every
