@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests.test_hysid.command import run
 from tests.test_hysid.test_studio.served import serving
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
@@ -88,6 +89,12 @@ def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         page.context.close()
     assert faults == []
+    assert run("report", tmp_path / "run").code == 0
+    for colours in ("light", "dark"):
+        page = browser.new_page(color_scheme=colours, viewport={"width": 390, "height": 844})
+        page.goto((tmp_path / "run" / "report.html").as_uri())
+        assert serious(page) == []
+        page.close()
 
 
 def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
