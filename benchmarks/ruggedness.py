@@ -6,8 +6,8 @@ Parts: files (the table of bad inputs), damage (a good file, damaged at random),
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
 names (hostile names of columns), headers (exported C fed with broken numbers), disk (a full one), kills (at
-random moments). `--count`: cases of `tables` and `documents` together, 10,000 by default; `--seed`: other
-cases, so that 200,000 are tried by several processes.
+random moments), chains (of killed samplers, resumed). `--count`: of cases of `tables` and `documents`,
+10,000 by default; `--seed`: other cases, so that 200,000 are tried by several processes.
 """
 
 import sys
@@ -26,6 +26,7 @@ from tests.test_hysid.command import COLUMNS, put, run, sponge, text, tree
 from tests.test_hysid.test_cli.test_bad_inputs import BAD
 from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
+from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
 from ._ruggedness import documents as _documents
 from ._ruggedness import kills as _kills
@@ -266,6 +267,13 @@ def kills(quick: bool) -> list[Row]:
         return _kills.kills(100)
 
 
+def chains(quick: bool) -> list[Row]:
+    """Chains of samplers that were killed and resumed."""
+    if quick:
+        return [noted("killed chains", 0, reason="takes minutes: run without --quick")]
+    return kill_rows(quick)
+
+
 def disk(quick: bool) -> list[Row]:
     """Commands on a full disk; the same for `quick`."""
     with elsewhere():
@@ -284,6 +292,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "headers": lambda quick: _written.headers(14 if quick else 1),
     "disk": disk,
     "kills": kills,
+    "chains": chains,
 }
 
 

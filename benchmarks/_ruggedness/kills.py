@@ -24,6 +24,7 @@ import os, sys, json, time
 import jax, identify, compensate, h5netcdf, matplotlib.figure
 from hysid.cli._app import main
 import hysid.operations._fit, hysid.operations._predict, hysid.operations._export
+import hysid.operations._sample, hysid.operations._batch
 import hysid.reporting._fit_page, hysid.reporting._specimens_page
 print("ready", flush=True)
 for line in sys.stdin:
@@ -62,11 +63,61 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "report": ("report", "out"),
     "predict": ("predict", "out", "run.csv"),
     "export": ("export", "out", "--c", "it.h", "--runtime", "it.json"),
+    "sample": ("sample", "out", "--steps", "60", "--ensembles", "2"),
+    "batch": ("batch", "data/*.csv", "--config", "it.toml", "--out", "all", "--no-resume"),
+    "fit --each": (
+        "fit",
+        "each.csv",
+        *COLUMNS,
+        "--each",
+        "cycle",
+        *FIT[:-3],
+        "--out",
+        "each",
+        "--overwrite",
+    ),
 }
+CONFIGURATION = f"""[selection]
+input = "{COLUMNS[1]}"
+output = "{COLUMNS[3]}"
+time = "{COLUMNS[5]}"
+
+[fit]
+model = "LinearSponge"
+noise = "gaussian"
+starts = 2
+"""
+
+
+def _put_files() -> None:
+    """What the commands read."""
+    rows = sponge(4.0)
+    put(text(rows))
+    put(text([row for row in rows if row[-1] in ("1", "2")]), "each.csv")
+    put(CONFIGURATION, "it.toml")
+    Path("data").mkdir()
+    for name in ("a", "b"):
+        put(text(rows), f"data/{name}.csv")
 
 
 def _whole() -> Iterator[str]:
     """What is wrong with the results in the current folder."""
+    for place in Path("all").glob("*/fit.json"):
+        try:
+            identify.load(place.parent)
+        except Exception as error:
+            yield f"batch: {error}"
+    table = Path("all/batch.csv")
+    if table.exists() and not table.read_text().endswith("\n"):
+        yield "table of a batch: cut off"
+    try:
+        several = identify.internal.read_document("each")
+        for value, one in several["each"].items():
+            seconds = identify.load(Path("each", several["folders"][value])).seconds
+            if seconds != one["seconds"]:
+                yield f"fit --each: {value} is of another time than the table"
+    except Exception as error:
+        yield f"fit --each: {error}"
     try:
         identify.load("out")
         identify.load_posterior("out")
@@ -90,10 +141,10 @@ def _whole() -> Iterator[str]:
 
 def kills(count: int) -> list[Row]:
     """SIGKILL and SIGTERM at moments spread over each command; the folder is then read."""
-    put(text(sponge(4.0)))
-    assert run(*COMMANDS["fit"]).code == 0
-    for name in ("report", "predict", "export"):
-        assert run(*COMMANDS[name]).code == 0
+    _put_files()
+    for words in COMMANDS.values():
+        said = run(*words)
+        assert said.code == 0, said.err
     whole = list(_whole())
     assert not whole, whole
     server = subprocess.Popen(
@@ -135,7 +186,7 @@ def kills(count: int) -> list[Row]:
         print(said, file=sys.stderr)
     left = [p.name for p in Path("out").iterdir() if ".new" in p.name]
     return [
-        judged(f"kills of fit, report, predict, export: results lost or cut off, of {count}", len(lost), 0),
+        judged(f"kills of {', '.join(COMMANDS)}: results lost or cut off, of {count}", len(lost), 0),
         noted(
             f"    ended by the kill; {len(_ages() - before)} files changed, {len(left)} left beside", killed
         ),
@@ -150,8 +201,9 @@ def full_disk() -> list[Row]:
     """Every write fails as on a full disk: the old results stay, and the command says so in one line."""
     put(text(sponge(4.0)))
     assert run(*COMMANDS["fit"]).code == 0
-    wrong = []
-    for name, words in COMMANDS.items():
+    wrong, tried = [], ("fit", "report", "predict", "export")
+    for name in tried:
+        words = COMMANDS[name]
         before = {p: p.read_bytes() for p in Path().rglob("*") if p.is_file()}
         with _refusing():
             said = run(*words)
@@ -166,9 +218,7 @@ def full_disk() -> list[Row]:
     for said in wrong[:3]:
         print(said, file=sys.stderr)
     return [
-        judged(
-            f"a full disk under {len(COMMANDS)} commands: results lost or not said", len(wrong), 0
-        )
+        judged(f"a full disk under {len(tried)} commands: results lost or not said", len(wrong), 0)
     ]
 
 
