@@ -39,14 +39,16 @@ def commands(node=None) -> list:
 
 
 @cache  # two seconds
-def sources() -> list[tuple[str, list[ast.AST]]]:
-    """The texts, among other nodes, of each file of the packages."""
-    found = []
+def sources() -> list[tuple[str, list[ast.AST], set[int]]]:
+    """The texts of each file of the packages, and which of them are docstrings, by `id`."""
+    found, kinds = [], ast.Module | ast.ClassDef | ast.FunctionDef
     for package in ("hysteresis", "identify", "compensate", "hysid"):
         for path in (ROOT / package).rglob("*.py"):
-            nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+            nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
             texts = [node for node in nodes if isinstance(node, ast.Constant | ast.JoinedStr)]
-            found.append((path.name, texts))
+            first = [node.body[0] for node in nodes if isinstance(node, kinds) and node.body]
+            docstrings = {id(one.value) for one in first if isinstance(one, ast.Expr)}
+            found.append((path.name, texts, docstrings))
     return found
 
 
@@ -56,7 +58,7 @@ def test_options_in_messages_exist():
         "--version",
     }
     faults = []
-    for place, nodes in sources():
+    for place, nodes, _ in sources():
         for node in nodes:
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 said = OPTION.findall(ELSEWHERE.sub("", node.value))
@@ -74,7 +76,8 @@ CALL = re.compile(rf"hysid ((?:(?:armor|microchannel|datasets) )?[a-z][a-z-]*)((
 def calls() -> dict[tuple[str, str], str]:
     """Commands with arguments that the source names in messages, and where; {} for what varies."""
     found = {}
-    for place, nodes in sources():
+    for place, nodes, docstrings in sources():
+        nodes = [node for node in nodes if id(node) not in docstrings]
         inner = {id(v) for node in nodes if isinstance(node, ast.JoinedStr) for v in node.values}
         for node in nodes:
             parts = node.values if isinstance(node, ast.JoinedStr) else [node]
