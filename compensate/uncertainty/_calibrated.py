@@ -43,7 +43,7 @@ class LeftOut(NamedTuple):
     **Example:**
 
         >>> rows = record.cycle == 1
-        >>> compensate.LeftOut(rows, compensate.invert(fit.model)).rows.sum() > 0
+        >>> bool(compensate.LeftOut(rows, compensate.invert(fit.model)).rows.any())
         True
     """
 
