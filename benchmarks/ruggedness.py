@@ -5,9 +5,10 @@ python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
-names (hostile names of columns), headers (exported C fed with broken numbers), disk (a full one), kills (at
-random moments), chains (of killed samplers, resumed). `--count`: of cases of `tables` and `documents`,
-10,000 by default; `--seed`: other cases, so that 200,000 are tried by several processes.
+names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
+units, with other threads, made again), disk (a full one), kills (at random moments), chains (of killed
+samplers, resumed). `--count`: of cases of `tables` and `documents`, 10,000 by default; `--seed`: other
+cases, so that 200,000 are tried by several processes.
 """
 
 import sys
@@ -30,6 +31,7 @@ from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
 from ._ruggedness import documents as _documents
 from ._ruggedness import kills as _kills
+from ._ruggedness import numbers as _numbers
 from ._ruggedness import tables as _tables
 from ._ruggedness import written as _written
 from ._ruggedness.fuzzing import elsewhere, fuzz, one_line
@@ -280,6 +282,14 @@ def disk(quick: bool) -> list[Row]:
         return _kills.full_disk()
 
 
+def numbers(quick: bool) -> list[Row]:
+    """Fits of a record in other units, with other threads, and made again."""
+    if quick:
+        return [noted("numbers in other units", 0, reason="takes a minute: run without --quick")]
+    with elsewhere():
+        return _numbers.equivariance() + _numbers.repetition()
+
+
 FUZZED, QUICKLY = 10_000, 100
 """Cases of `tables` and `documents`."""
 
@@ -290,6 +300,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "readings": readings,
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
     "headers": lambda quick: _written.headers(14 if quick else 1),
+    "numbers": numbers,
     "disk": disk,
     "kills": kills,
     "chains": chains,
