@@ -6,9 +6,10 @@ Parts: files (the table of bad inputs), damage (a good file, damaged at random),
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
-units, with other threads, made again), disk (a full one), kills (at random moments), chains (of killed
-samplers, resumed). `--count`: of cases of `tables` and `documents`, 10,000 by default; `--seed`: other
-cases, so that 200,000 are tried by several processes.
+units, with other threads, made again), load (rows, columns, groups, steps in C, threads, processes), disk
+(a full one), kills (at random moments), chains (of killed samplers, resumed). `--count`: of cases of
+`tables` and `documents`, 10,000 by default; `--seed`: other cases, so that 200,000 are tried by several
+processes.
 """
 
 import sys
@@ -31,6 +32,7 @@ from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
 from ._ruggedness import documents as _documents
 from ._ruggedness import kills as _kills
+from ._ruggedness import load as _load
 from ._ruggedness import numbers as _numbers
 from ._ruggedness import tables as _tables
 from ._ruggedness import written as _written
@@ -290,6 +292,15 @@ def numbers(quick: bool) -> list[Row]:
         return _numbers.equivariance() + _numbers.repetition()
 
 
+def much(quick: bool) -> list[Row]:
+    """Large tables, many steps, threads and processes."""
+    if quick:
+        return [noted("load", 0, reason="takes minutes: run without --quick")]
+    with elsewhere():
+        rows = _load.large_files() + _load.many_steps()
+    return rows + _load.at_once()  # other processes import from where this one does
+
+
 FUZZED, QUICKLY = 10_000, 100
 """Cases of `tables` and `documents`."""
 
@@ -301,6 +312,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
     "headers": lambda quick: _written.headers(14 if quick else 1),
     "numbers": numbers,
+    "load": much,
     "disk": disk,
     "kills": kills,
     "chains": chains,

@@ -1,0 +1,145 @@
+"""Much of everything: rows, columns, groups, steps in C, threads and processes at once."""
+
+import multiprocessing
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import identify
+from compensate import export_c, invert
+from hysteresis import Record
+from tests.c_harness import STRICT
+from tests.problems import Problem, random_histories
+from tests.test_compensate.test_runtime import EXPORTED
+from tests.test_hysid.command import F, T, X, run, sponge
+
+from .._measure import Row, judged, noted
+
+ROWS, GROUPS, COLUMNS, THREADS = 10_000_000, 1_000, 500, 8
+STEPS, SANITIZED = 100_000_000, 10_000_000
+"""Steps in C, over all models together."""
+FIT = ("--input", F, "--output", X, "--time", T, "--model", "LinearSponge", "--out", "out")
+
+LOOP = """\
+#include <stdio.h>
+#include "it.h"
+
+int main(void)
+{
+    static double y[%(count)d];
+    it_state s;
+    FILE *file = fopen("y.bin", "rb");
+    if (!file || fread(y, sizeof y[0], %(count)d, file) != %(count)d) { return 2; }
+    it_reset(&s);
+    for (long k = 0; k < %(steps)dL; ++k) {
+        it_real u;
+        int status = it_step(&s, %(dt)s(it_real)y[k %% %(count)d], &u, 0);
+        if (!isfinite((double)u) || status < IT_OK || status > IT_INVALID) { return 1; }
+    }
+    return 0;
+}
+"""
+
+
+def large_files() -> list[Row]:
+    """Tables of many rows, columns and groups: commands that do not end with 0."""
+    t, force, stroke = (np.array(c, float) for c in list(zip(*sponge(), strict=True))[:3])
+    failed = []
+
+    def tried(what: str, *command: object) -> None:
+        if (done := run(*command)).code:
+            failed.append(what)
+            print(f"{what}: {done.err}", file=sys.stderr)
+
+    wide = np.column_stack([t, force, stroke, *[stroke] * (COLUMNS - 3)])
+    names = [T, F, X, *(f"channel {k} (V)" for k in range(COLUMNS - 3))]
+    np.savetxt("wide.csv", wide, "%.6g", ",", header=",".join(names), comments="")
+    tried(f"{COLUMNS} columns", "fit", "wide.csv", *FIT)
+    group = np.repeat(np.arange(GROUPS), 20)
+    each = np.arange(20) / 19
+    force = np.tile(20 * np.sin(np.pi * each), GROUPS)
+    table = np.column_stack(
+        [np.tile(each, GROUPS), force, 1.3 * force + 6 + 0.1 * (group % 7), group]
+    )
+    np.savetxt("groups.csv", table, "%.6g", ",", header=f"{T},{F},{X},run", comments="")
+    tried(f"{GROUPS} groups", "fit", "groups.csv", *FIT, "--group", "run", "--overwrite")
+    block = table[:100_000, :3]
+    with Path("long.csv").open("w") as file:
+        file.write(f"{T},{F},{X}\n")
+        lines = [f"{f:.5g},{x:.5g}\n" for _, f, x in np.resize(block, (100_000, 3))]
+        for begin in range(0, ROWS, len(lines)):
+            file.writelines(f"{(begin + k) / 1000:.3f},{line}" for k, line in enumerate(lines))
+    tried(f"{ROWS:,} rows", "check", "long.csv", *FIT[:6])
+    what = (
+        f"tables of {COLUMNS} columns, {GROUPS:,} groups, {ROWS:,} rows: commands that failed, of 3"
+    )
+    return [judged(what, len(failed), 0)]
+
+
+def many_steps() -> list[Row]:
+    """The step of every exportable model in C, over good readings, again and again."""
+    if not shutil.which("gcc"):
+        return [noted("steps in C", 0, reason="needs gcc")]
+    sanitizers = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    rows = []
+    for flags, steps, what in ((("-O2",), STEPS, ""), (sanitizers, SANITIZED, " under sanitizers")):
+        each = steps // len(EXPORTED)
+        wrong = [p.name for p in EXPORTED if not _ends_well(p, each, flags)]
+        what = f"{each * len(EXPORTED):,} steps in C{what}: models that gave no number, of {len(EXPORTED)}"
+        rows.append(judged(f"{what} {', '.join(wrong[:3])}".rstrip(), len(wrong), 0))
+    return rows
+
+
+def _ends_well(problem: Problem, steps: int, flags: tuple[str, ...]) -> bool:
+    model, count = problem.model(), 1000
+    u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, count))[0]
+    t = 0.01 * np.arange(1.0, count + 1)
+    y = np.asarray(model.simulate(t, u))
+    export_c(model, Path("it.h"), y, times=t, depth=256)
+    y.tofile("y.bin")
+    timed = "    it_state *s, it_real dt, it_real reading" in Path("it.h").read_text("utf-8")
+    dt = "(it_real)0.01, " if timed else ""
+    Path("loop.c").write_text(LOOP % {"count": count, "steps": steps, "dt": dt}, "utf-8")
+    subprocess.run(["gcc", *STRICT, *flags, "loop.c", "-o", "loop", "-lm"], check=True)
+    return subprocess.run(["./loop"], check=False).returncode == 0
+
+
+def at_once() -> list[Row]:
+    """A model in eight threads, and fits in processes of other kinds."""
+    t, force, stroke = (np.array(c, float) for c in list(zip(*sponge(), strict=True))[:3])
+    record = Record.from_arrays(force, stroke, time=t)
+    fit = identify.fit(record, "Preisach")
+    inverse = invert(fit.model)
+    streams = [stroke * k / THREADS for k in range(1, THREADS + 1)] * 25
+
+    def estimated(y: np.ndarray) -> np.ndarray:
+        return np.asarray(inverse.simulate(t, y).value)
+
+    alone = [estimated(y) for y in streams]
+    with ThreadPoolExecutor(THREADS) as pool:
+        together = list(pool.map(estimated, streams))
+    other = sum(not np.array_equal(*pair) for pair in zip(alone, together, strict=True))
+    what = f"{THREADS} threads with one model: other estimates, of {len(streams)} streams"
+    rows = [judged(what, other, 0)]
+    for kind in ("spawn", "forkserver"):
+        if kind not in multiprocessing.get_all_start_methods():
+            continue
+        with ProcessPoolExecutor(2, multiprocessing.get_context(kind)) as pool:
+            found = list(pool.map(partial(_predicted, t, force), [stroke] * 2))
+        off = max(float(np.abs(one - fit.predict(record)).max()) for one in found)
+        what = f"fits in processes that {kind} makes: difference over the range"
+        rows.append(judged(what, off / float(np.ptp(stroke)), 1e-12))
+    return rows
+
+
+def _predicted(t: np.ndarray, force: np.ndarray, stroke: np.ndarray) -> np.ndarray:
+    import jax  # a new process, which knows no setting of its parent's
+
+    jax.config.update("jax_enable_x64", True)
+    record = Record.from_arrays(force, stroke, time=t)
+    return identify.fit(record, "Preisach").predict(record)
