@@ -50,7 +50,7 @@ def with_clocks(table: Table) -> Table:
 
 
 def _stamps(cells: np.ndarray) -> np.ndarray | None:
-    """Seconds from the first cell (n,), NaN where one is empty; None where one is no date and no time."""
+    """Seconds from the first cell (n,), NaN where it is empty; None where one is neither date nor time."""
     filled = np.flatnonzero(cells != "")
     if len(filled) < 2 or ":" not in cells[filled[0]] or ":" not in cells[filled[-1]]:
         return None

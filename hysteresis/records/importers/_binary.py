@@ -1,4 +1,4 @@
-"""The table of a file that is no text of rows: the first reader that knows its first bytes."""
+"""The table of a file that is not a text of rows: the first reader that knows its first bytes."""
 
 from collections.abc import Callable
 from pathlib import Path
