@@ -101,6 +101,16 @@ def machine() -> str:
     )
 
 
+def said(row: Row) -> Row:
+    """The row, which is said on stderr at once: what takes long shows what it has found so far."""
+    print(f"{row.what}: {row.value:.3g}, {_verdict(row)}", file=sys.stderr, flush=True)
+    return row
+
+
+def _verdict(row: Row) -> str:
+    return row.reason if row.met is None else "yes" if row.met else "NO"
+
+
 def report(rows: Sequence[Row], as_json: bool) -> None:
     """Print the rows as a table, or as `{"machine", "rows"}`."""
     if as_json:
@@ -109,11 +119,11 @@ def report(rows: Sequence[Row], as_json: bool) -> None:
     print(machine())
     width = max(len(row.what) for row in rows)
     print(f"{'what':{width}}  {'value':>8}  {'least':>8}  {'bar':>7}  met")
-    for what, value, bar, least, met, reason, at_least in rows:
+    for row in rows:
+        what, value, bar, least, _, _, at_least = row
         beside = "" if least is None else f"{least:.3g}"
         limit = "" if bar is None else f"{'≥' if at_least else '≤'} {bar:g}"
-        verdict = reason if met is None else "yes" if met else "NO"
-        print(f"{what:{width}}  {value:8.3g}  {beside:>8}  {limit:>7}  {verdict}")
+        print(f"{what:{width}}  {value:8.3g}  {beside:>8}  {limit:>7}  {_verdict(row)}")
 
 
 def _entry(row: Row) -> dict[str, Any]:

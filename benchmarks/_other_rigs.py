@@ -4,7 +4,7 @@ Their held-out cycles have amplitudes and rates of their own. What is known of t
 compared with what a fit is worth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ import identify
 from hysteresis import Record
 
 from ._measure import Row, judged
+from ._verdicts import Judged, is_beaten
 
 NOISE = 0.002
 """Standard deviation of the reading, of the output's range."""
@@ -260,27 +261,17 @@ RIGS = {
 }
 
 
-def rows() -> list[Row]:
-    """Held-out error of each rig over that of the best baseline, then PASS where a baseline is better."""
-    found, beaten = [], 0
+def rows() -> Iterator[tuple[Row, Judged]]:
+    """Held-out error of each rig over that of the best baseline, and its verdict beside it."""
     for name, rig in RIGS.items():
         fit = identify.fit(record_of(rig), test_cycles=rig.tested)
         test, ours = fit.metrics["test"], fit.test_blocks
         assert test is not None
         assert ours is not None
         best = min(fit.baselines, key=lambda one: one.judged[0])
-        share = 100 / float(np.ptp(fit.test.output[fit.test.mask])) if fit.test is not None else 1.0
-        beside = (
-            f"{fit.name} {share * test.rmse:.2g} %; {best.name} {share * best.judged[0]:.2g} %;"
-            f" {fit.verdict.level}"
-        )
-        found.append(judged(f"{VIRTUAL}: {name} ({beside})", test.rmse / best.judged[0], WORST))
-        each = (
-            identify.internal.root_difference(one.test_blocks, ours)
-            for one in fit.baselines
-            if one.test_blocks is not None
-        )
-        better = any(one is not None and one.value > one.error for one in each)
-        beaten += better and fit.verdict.level == "PASS"
-    what = f"{VIRTUAL}: verdicts that PASS though a baseline is better"
-    return [*found, judged(what, beaten, 0)]
+        theirs = [one.test_blocks for one in fit.baselines if one.test_blocks is not None]
+        error, other = test.nrmse_percent, best.judged[1]
+        beside = f"{fit.name} {error:.2g} %; {best.name} {other:.2g} %; {fit.verdict.level}"
+        row = judged(f"{VIRTUAL}: {name} ({beside})", test.rmse / best.judged[0], WORST)
+        level, beaten = fit.verdict.level, is_beaten(ours, theirs)
+        yield row, Judged(f"virtual {name}", level, error, best.name, other, beaten)

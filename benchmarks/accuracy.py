@@ -2,6 +2,10 @@
 
 python -m benchmarks.accuracy [--quick] [--json] [--only TEXT]
 
+Each row is said on stderr as soon as it is known, because all of them take half an hour of processor time.
+At the end stand the verdicts beside what the fits are worth: of each level the range of the errors, and how
+many fits a baseline beats on the test rows beyond the standard error of the difference.
+
 The data are not in the repository: they lie in the folder that HYSID_DATA names, or beside the
 checkout in ../shared/data. Every figure comes from the same code as the command line.
 """
@@ -9,6 +13,7 @@ checkout in ../shared/data. Every figure comes from the same code as the command
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,14 +21,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-import identify
 from hysid.intake._selection import Selection
 from hysid.operations._fit import fit
 from hysteresis import InputError
 
 from . import _creep, _other_rigs
 from . import _measured_data as data
-from ._measure import Row, judged, noted, options, report
+from ._measure import Row, judged, noted, options, report, said
+from ._verdicts import Judged, calibration, is_beaten
 
 Prepare = Callable[[Path, Path], Path]
 
@@ -203,29 +208,25 @@ def data_folder() -> Path:
 
 
 class Fitted(NamedTuple):
-    """What came of a task: its row, and fit.json; empty where nothing was fitted."""
+    """What came of a task: its row, and the verdicts of its fits, several where each value has its own."""
 
     row: Row
-    document: dict[str, Any]
-
-    @property
-    def passes_though_beaten(self) -> bool:
-        """Whether a verdict is PASS where a baseline is better on the test rows beyond a standard error."""
-        passed = (
-            one
-            for one in self.document.get("each", {"": self.document}).values()
-            if one["verdict"]["level"] == "PASS" and one["test_blocks"] is not None
-        )
-        return any(_is_beaten(one) for one in passed)
+    verdicts: tuple[Judged, ...] = ()
 
 
-def _is_beaten(document: dict[str, Any]) -> bool:
-    ours = np.array(document["test_blocks"])
-    found = [
-        identify.internal.root_difference(np.array(one["test_blocks"]), ours)
-        for one in document["baselines"]
-    ]
-    return any(one is not None and one.value > one.error for one in found)
+def _verdicts(task: Task, document: dict[str, Any]) -> tuple[Judged, ...]:
+    if task.part != "test":
+        return ()
+    found = []
+    for value, one in document.get("each", {"": document}).items():
+        test, best = one["metrics"]["test"], min(one["baselines"], key=lambda x: x["nrmse_percent"])
+        span = test["rmse"] / test["nrmse_percent"] if task.span is None else task.span / 100
+        theirs = [np.array(x["test_blocks"]) for x in one["baselines"]]
+        beaten = is_beaten(np.array(one["test_blocks"]), theirs)
+        what = f"{task.what}, {value}" if value else task.what
+        ours, other = test["rmse"] / span, best["rmse"] / span
+        found.append(Judged(what, one["verdict"]["level"], ours, best["name"], other, beaten))
+    return tuple(found)
 
 
 def fitted(task: Task, folder: Path) -> Fitted:
@@ -234,16 +235,18 @@ def fitted(task: Task, folder: Path) -> Fitted:
         file = folder / task.file if isinstance(task.file, str) else folder
         if not file.exists():
             missing = noted(task.what, float("nan"), reason="the data are not here")
-            return Fitted(missing, {})
+            return Fitted(missing)
         if not isinstance(task.file, str):
             file = task.file(folder, Path(out))
+        begin = time.process_time()
         try:
             document: dict[str, Any] = fit(
                 file, task.selection, Path(out) / "fit", initial=task.initial, model="auto"
             )
         except InputError as error:
             refused = judged(f"{task.what} ({error.code})", float("nan"), task.bar)
-            return Fitted(refused, {})
+            return Fitted(refused)
+    seconds = time.process_time() - begin
     test = document["metrics"][task.part]
     value = test["nrmse_percent"] if task.span is None else 100 * test["rmse"] / task.span
     line, quintic, black_box = task.references
@@ -251,16 +254,9 @@ def fitted(task: Task, folder: Path) -> Fitted:
     best = min(document["baselines"], key=lambda one: one["nrmse_percent"], default=None)
     if best is not None and task.span is None and task.part == "test":
         beside += f", {best['name']} {best['nrmse_percent']:.3g}"
-    beside += f"; {document['verdict']['level']}; {document['seconds']:.0f} s"
-    return Fitted(judged(f"{task.what} ({beside})", value, task.bar), document)
-
-
-def honest(found: Sequence[Fitted]) -> list[Row]:
-    """How many verdicts PASS where a baseline is better, over all tasks with data."""
-    there = [one.passes_though_beaten for one in found if one.document]
-    return (
-        [judged("verdicts that PASS though a baseline is better", sum(there), 0)] if there else []
-    )
+    beside += f"; {document['verdict']['level']}; {seconds:.0f} s of processor time"
+    row = judged(f"{task.what} ({beside})", value, task.bar)
+    return Fitted(row, _verdicts(task, document))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -270,12 +266,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     jax.config.update("jax_enable_x64", True)
     tasks = [task for task in TASKS if (chosen.only or "") in task.what]
-    tried = [fitted(task, data_folder()) for task in tasks]
-    found = [one.row for one in tried] + honest(tried)
+    found: list[Row] = []
+    verdicts: list[Judged] = []
+    for task in tasks:
+        one = fitted(task, data_folder())
+        found.append(said(one.row))
+        verdicts += one.verdicts
     if (chosen.only or "") in CREEP:
-        found += _creep.rows(data_folder())
+        found += map(said, _creep.rows(data_folder()))
     if (chosen.only or "") in _other_rigs.VIRTUAL:
-        found += _other_rigs.rows()
+        for row, verdict in _other_rigs.rows():
+            found.append(said(row))
+            verdicts.append(verdict)
+    found += map(said, calibration(verdicts))
     report(found, chosen.json)
 
 
