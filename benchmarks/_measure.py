@@ -117,7 +117,7 @@ def report(rows: Sequence[Row], as_json: bool) -> None:
         print(json.dumps({"machine": machine(), "rows": [_entry(row) for row in rows]}))
         return
     print(machine())
-    width = max(len(row.what) for row in rows)
+    width = max((len(row.what) for row in rows), default=0)
     print(f"{'what':{width}}  {'value':>8}  {'least':>8}  {'bar':>7}  met")
     for row in rows:
         what, value, bar, least, _, _, at_least = row

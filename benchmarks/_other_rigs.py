@@ -13,8 +13,8 @@ from jaxtyping import Float
 import identify
 from hysteresis import Record
 
+from ._accuracy.verdicts import Judged, is_beaten
 from ._measure import Row, judged
-from ._verdicts import Judged, is_beaten
 
 NOISE = 0.002
 """Standard deviation of the reading, of the output's range."""

@@ -25,10 +25,11 @@ from hysid.intake._selection import Selection
 from hysid.operations._fit import fit
 from hysteresis import InputError
 
-from . import _creep, _other_rigs
 from . import _measured_data as data
+from . import _other_rigs
+from ._accuracy import creep
+from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
-from ._verdicts import Judged, calibration, is_beaten
 
 Prepare = Callable[[Path, Path], Path]
 
@@ -273,7 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found.append(said(one.row))
         verdicts += one.verdicts
     if (chosen.only or "") in CREEP:
-        found += map(said, _creep.rows(data_folder()))
+        found += map(said, creep.rows(data_folder()))
     if (chosen.only or "") in _other_rigs.VIRTUAL:
         for row, verdict in _other_rigs.rows():
             found.append(said(row))

@@ -150,7 +150,7 @@ def fit_oscillator(
     )
     fitted = _tested(fitted)
     fitted = replace(fitted, baselines=(_linear_baseline(fitted, motion, linear, found.setting),))
-    warnings += [*_misfit(fitted, motion, detail)]
+    warnings += [*misfit_of(fitted, motion, detail)]
     verdict = judge(fitted, tuple(warnings))
     seconds = time.perf_counter() - begin
     fitted = replace(fitted, verdict=verdict, seconds=seconds)
@@ -339,7 +339,8 @@ def warnings_of(
     return tuple(found)
 
 
-def _misfit(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[Note, ...]:
+def misfit_of(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[Note, ...]:
+    """What its residuals and its damping say against a fit."""
     found = []
     if detail.chi2 > motion.explained:
         left = quantity(

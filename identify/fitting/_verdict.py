@@ -219,8 +219,10 @@ def _noise(fit: FitResult, found: Reasons) -> None:
         text = f"Noise model of the residuals: {fit.noise_model.words}."
         found.facts.append(Note("noise-model", text))
     elif fit.noise_model is None and fit.noise_evidence:
-        text = "No noise model explains the residuals"
-        text += f" ({quantity(fit.noise.sigma, fit.train.output_unit, 3)} rms); treat them as model error."
+        train = fit.metrics["train"]
+        assert train is not None
+        left = quantity(train.rmse, fit.train.output_unit, 3)
+        text = f"No noise model explains the residuals ({left} rms); treat them as model error."
         where = found.cautions if fit.purpose == "constants" else found.facts
         where.append(Note("model-error", text))
     if fit.noise.correlation_time > 3:

@@ -1,6 +1,7 @@
 """The verdict on a compensator, where what is right is known."""
 
 import json
+import re
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import AbstractCompensator, Estimate, Status, invert
-from compensate.qualification._qualify import Latency, latency, loop_widths, qualify
+from compensate import AbstractCompensator, Estimate, Status, estimate, invert
+from compensate.qualification._qualify import Latency, Qualification, latency, loop_widths, qualify
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record, Scaled
 from hysteresis.numerics._normal import NORMAL_95
 
@@ -35,11 +36,12 @@ def record(u: np.ndarray | None = None, **options) -> Record:
 
 
 class Off(AbstractCompensator[AbstractCompensator, Estimate]):
-    """The inverse, off by so much, or with a status for every third sample."""
+    """The inverse, off by so much, a status for every third sample, two thirds of the way to y / slope."""
 
     inner: AbstractCompensator
     by: float = 0.0
     status: int = 0
+    slope: float | None = None
 
     def init(self):
         return self.inner.init()
@@ -50,6 +52,8 @@ class Off(AbstractCompensator[AbstractCompensator, Estimate]):
 
     def simulate(self, t, y, state=None):
         value, status = self.inner.simulate(t, y, state)
+        if self.slope is not None:
+            value = (value + 2 * y / self.slope) / 3
         third = jnp.arange(len(y)) % 3 == 0
         return Estimate(value + self.by, jnp.where(third, self.status, status))
 
@@ -116,6 +120,7 @@ def test_only_counted_rows_of_whole_cycles_make_a_loop():
     rising = Record.from_arrays(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
     loop = loop_widths(rising, rising.input)
     assert (loop.cycles, np.isnan(loop.ratio)) == (0, True)
+    assert "no-loop" in qualify(invert(model()), rising).verdict.codes
 
 
 def test_a_line_that_stands_for_the_loop_is_doubtful():
@@ -170,6 +175,7 @@ def test_parts_add_up_to_the_whole():
 def test_verdicts_and_their_reasons(compensator, needs, level, words):
     found = qualify(compensator, record(), **needs)
     assert found.level == level
+    assert ("not-finite" in found.verdict.codes) == (words == "not finite")
     assert any(words in reason for reason in found.reasons)
 
 
@@ -178,7 +184,47 @@ def test_one_slow_step_in_a_thousand_is_a_caution(monkeypatch):
     monkeypatch.setattr("compensate.qualification._qualify.latency", lambda *_: slow)
     found = qualify(invert(model()), record(), rate=1000.0)
     assert found.level == "CAUTION"
-    assert any("One step in a thousand" in reason for reason in found.reasons)
+    assert numbers(found, "sometimes-slow") == [1e4, 1000]
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def numbers(found: Qualification, code: str) -> list[float]:
+    """Of the one sentence with this code."""
+    said = found.reasons[found.verdict.codes.index(code)]
+    return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]?\d+)?", said)]
+
+
+def test_every_figure_of_a_verdict_comes_from_the_arrays():
+    """Estimates that keep two thirds of the loop; sentences have two or three digits."""
+    whole, lost = record(), model(0.5)
+    slope = float(np.polyfit(whole.input, whole.output, 1)[0])
+    off = Off(invert(model()), 0.0, int(Status.EXTRAPOLATED), slope)
+    found = qualify(off, whole, lost, max_error=0.1, rate=1e9)
+    value, status = estimate(off, whole)[:2]
+    error = np.asarray(value) - whole.input
+    rmse, percent, most = numbers(found, "error")
+    assert (rmse, most) == pytest.approx((rms(error), np.abs(error).max()), rel=0.006)
+    assert percent == pytest.approx(100 * rms(error) / np.ptp(whole.input), rel=0.06)
+    asked, inside = numbers(found, "above-max-error")[0], numbers(found, "above-max-error")[-1]
+    assert (asked, inside) == (0.1, pytest.approx(np.quantile(np.abs(error), 0.95), rel=0.006))
+    assert numbers(found, "too-slow") == pytest.approx([1e6 * found.latency.median, 1e9], rel=0.006)
+    shares = [100 * np.mean(np.asarray(status) == s) for s in (Status.OK, Status.EXTRAPOLATED)]
+    assert sorted(numbers(found, "not-ok")) == pytest.approx(sorted(shares), rel=0.006)
+    assert numbers(found, "loop-left") == [pytest.approx(found.loop.ratio, rel=0.06)]
+    assert found.loop.ratio == pytest.approx(2 / 3, abs=0.05)
+    again = np.asarray(lost.simulate(whole.time, value))
+    fine = np.asarray(status) == Status.OK
+    assert numbers(found, "round-trip")[0] == pytest.approx(
+        np.abs(again - whole.output)[fine].max(), rel=0.006
+    )
+    far = qualify(Off(invert(model()), 3.0), whole, max_error=5.0, rate=0.5)
+    assert numbers(far, "large-error") == [pytest.approx(15, rel=0.06), 5]
+    assert numbers(far, "below-max-error") == [5]
+    assert numbers(far, "fast-enough") == pytest.approx([1e6 * far.latency.median, 0.5], rel=0.006)
+    assert numbers(far, "loop-removed") == [pytest.approx(far.loop.ratio, rel=0.06, abs=1e-9)]
 
 
 class Band(NamedTuple):
@@ -206,7 +252,8 @@ def test_the_worst_of_an_ensemble_counts(draws, worst):
     assert found.doubt.worst == pytest.approx(worst)
     assert found.doubt.coverage == 1
     assert found.level == "CAUTION"
-    assert any("Within the posterior" in reason for reason in found.reasons)
+    assert numbers(found, "posterior-error") == [pytest.approx(worst, rel=0.006)]
+    assert numbers(found, "coverage") == [90, 100]
 
 
 def test_samples_that_cannot_be_read_are_counted_by_their_status():

@@ -1,7 +1,9 @@
 """Verdicts add up in one way: the worst level counts, and all reasons stay."""
 
+import ast
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,3 +69,27 @@ def test_plain_data_can_be_written_as_json():
     assert json.loads(json.dumps(found, allow_nan=False)) == {
         "1": [0, 1], "x": [None, 3], "b": [True, None],
     }  # fmt: skip
+
+
+SAYING = (
+    "identify/fitting", "identify/diagnostics", "compensate/qualification", "hysid/operations",
+)  # fmt: skip
+"""Folders whose files write the sentences of verdicts."""
+
+ALIKE = {"other-class", "rows-seen"}
+"""Without a figure of their own: the words of a candidate's note, and rows that the fit has seen."""
+
+
+def test_every_sentence_of_a_verdict_has_a_test_that_names_its_code():
+    root = Path(__file__).resolve().parents[2]
+    tests = "".join(file.read_text() for file in (root / "tests").rglob("test_*.py"))
+    codes = {
+        call.args[0].value
+        for folder in SAYING
+        for file in (root / folder).glob("*.py")
+        for call in ast.walk(ast.parse(file.read_text()))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in ("Note", "warning")
+        and isinstance(call.args[0], ast.Constant)
+    }  # fmt: skip
+    assert {"error", "baseline-better", "open-range", "above-max-error"} <= codes
+    assert {code for code in codes - ALIKE if f'"{code}"' not in tests} == set()

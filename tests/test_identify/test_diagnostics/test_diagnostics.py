@@ -11,6 +11,7 @@ import scipy.stats
 
 from hysteresis import AbstractModel, Record, Scalar, parameter
 from identify import FitResult, breakdown, fit, sensitivity, sloppiness, whiteness
+from identify.fitting._verdict import judge
 from identify.noise._model import NoiseModel
 from identify.noise._residual_statistics import estimate_noise
 from tests.test_identify.lines import THRESHOLD, line, pressed
@@ -190,8 +191,43 @@ def test_springs_in_series_are_known_together_only(in_series: FitResult) -> None
 
 
 def test_a_parameter_without_effect_is_a_reason(in_series: FitResult) -> None:
+    assert "without-effect" in in_series.verdict.codes
     said = [r for r in in_series.verdict.reasons if "[without-effect]" in r]
     assert said == [
         "c2 changes the fit by < 1e-06 of its range when doubled: fix it, or add a creep hold."
         " [without-effect]"
     ]
+
+
+class Squared(AbstractModel[Any, Any]):
+    """y = c^2 u: either sign of c fits as well."""
+
+    c: Scalar = parameter(unit="1")
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return ()
+
+    def step(self, state: Any, t: Any, u: Any) -> Any:
+        return (), self.evaluate(u)
+
+    def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
+        return jnp.asarray(u)
+
+    def evaluate(self, prepared: Any) -> Any:
+        return self.c**2 * prepared
+
+
+def test_two_minima_that_fit_equally_well_are_a_reason() -> None:
+    u = triangle()
+    y = 2.25 * u + 0.01 * np.random.default_rng(0).normal(size=ROWS)
+    record = Record.from_arrays(u, y, 0.1 * np.arange(ROWS), time_unit="s")
+    found = fit(record, Squared(1.0), starts=2, noise="gaussian", conditioning="keep")
+    assert found.starts is not None
+    ends = found.starts._replace(free=found.starts.free * np.array([[1.0], [-1.0]]))
+    verdict = judge(replace(found, starts=ends, purpose="constants"))
+    assert verdict.level == "CAUTION"
+    said = verdict.reasons[verdict.codes.index("second-minimum")]
+    c = float(found.parameters[0].value)
+    assert c == pytest.approx(np.sqrt((u @ y) / (u @ u)), rel=1e-6)
+    assert f"c {-c:.3g} or {c:.3g}." in said
+    assert "second-minimum" not in found.verdict.codes

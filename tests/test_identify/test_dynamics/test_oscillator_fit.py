@@ -10,9 +10,10 @@ from scipy.signal import lfilter
 import identify
 from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
 from hysteresis import InputError, Record
+from hysteresis._format import quantity
 from identify.dynamics._linear_approximation import LinearApproximation, linear_approximation
 from identify.dynamics._measured_motion import clock_of, measured_motion, period_of
-from identify.fitting._oscillator import warnings_of
+from identify.fitting._oscillator import misfit_of, warnings_of
 
 SAMPLES = 2048
 TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
@@ -165,12 +166,22 @@ def test_a_record_without_noise_is_explained():
 
 
 def test_a_wrong_class_is_said_to_be_wrong():
-    fit = identify.fit(
-        recorded(*training(1, "iwan", 3, samples=SAMPLES)), "Oscillator(BoucWen)", starts=12
-    )
+    other = recorded(*training(1, "iwan", 3, samples=SAMPLES))
+    fit = identify.fit(other, "Oscillator(BoucWen)", starts=12)
     assert fit.detail.kind == "motion"
     assert fit.detail.chi2 > 10
-    assert "wrong-class" in {note.code for note in fit.verdict.reasons}
+    said = fit.verdict.reasons[fit.verdict.codes.index("wrong-class")]
+    left = np.sqrt(fit.detail.chi2 - 1) * measured_motion(other).sigma
+    assert f"is {fit.detail.chi2:.3g} where" in said
+    assert f"wrong by {quantity(left, 'm', 3)} rms." in said
+
+
+def test_a_damper_that_gives_energy_is_told():
+    mass, damping, *rest = found().parameters
+    for value, codes in ((10.0, set()), (-10.0, {"negative-damping"})):
+        changed = replace(found(), parameters=(mass, damping._replace(value=value), *rest))
+        notes = misfit_of(changed, measured_motion(record()), found().detail)
+        assert {note.code for note in notes} == codes
 
 
 def test_the_period_is_found_and_a_wrong_one_is_refused():

@@ -4,17 +4,23 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from hysteresis import InputError, LinearSponge, Record
+from hysteresis import Burgers, InputError, LinearSponge, Record
 from hysteresis._verdict import Verdict
+from hysteresis.numerics._normal import NORMAL_95
 from identify import FitResult, fit, fit_step
 from identify.baselines._input_memory import stops
 from identify.diagnostics._loops_left import loops_left
-from identify.diagnostics._rows_beyond import held_for
+from identify.diagnostics._rows_beyond import extrapolation, held_for
+from identify.diagnostics._time_constants import unseen_time_constants
 from identify.fitting._verdict import judge
+from identify.noise._model import NoiseModel
+from identify.noise._residual_statistics import estimate_noise
 from identify.records._folds import root_difference
+from identify.results._detail import DiscreteSpectrum
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
 TIME = np.arange(321) / 80
@@ -226,10 +232,116 @@ def test_a_hold_is_judged_by_its_reading():
     assert percent == pytest.approx(relative, rel=0.06)
     assert rmse == pytest.approx(rms(error), rel=0.006)
     assert relative < 1
-    test = found.metrics["test"]
-    assert test is not None
-    assert test.nrmse_percent > 10
+    figures = found.metrics["test"]
+    assert figures is not None
+    assert figures.nrmse_percent > 10
     assert found.verdict.level != "FAIL"
     assert [one.name for one in found.baselines][-1] == "power law of time"
     assert found.extrapolation is not None
     assert found.extrapolation.time.rows == counted.sum()
+    detail, test = found.detail, found.test
+    assert isinstance(detail, DiscreteSpectrum)
+    assert test.time is not None
+    value, low, high = detail.spectrum.predict(test.time[counted])
+    shared, noise = test.output[counted] / 2.0, NORMAL_95 * detail.spectrum.noise.sigma * value
+    inside = 100 * np.mean((low - noise <= shared) & (shared <= high + noise))
+    share, times, _ = numbers(found.verdict, "open-range")
+    span = np.ptp(found.train.time[found.used]) if found.train.time is not None else np.nan
+    assert share == pytest.approx(inside, abs=0.6)
+    assert times == pytest.approx(test.time[counted][-1] / span, rel=0.01)
+    worse = replace(
+        found, metrics={**found.metrics, "test": figures._replace(relative_percent=3.0)}
+    )
+    ratio, held, fitted = numbers(judge(worse), "worse-than-trained")
+    train = found.metrics["train"]
+    assert train is not None
+    assert (held, fitted) == pytest.approx((3.0, train.relative_percent), rel=0.06)
+    assert ratio == pytest.approx(3.0 / train.relative_percent, rel=0.06)
+
+
+def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult):
+    best = min(line.baselines, key=lambda one: one.judged[0])
+    test, ours = best.metrics["test"], line.metrics["test"]
+    assert test is not None
+    assert ours is not None
+    assert best.test_blocks is not None
+    _, error = errors(line)
+    blocks = np.array([np.mean(block**2) for block in np.array_split(error, 10)])
+    difference = root_difference(best.test_blocks, blocks)
+    assert difference is not None
+    theirs, *apart = numbers(line.verdict, "best-baseline")
+    assert theirs == pytest.approx(test.rmse, rel=0.006)
+    assert apart == pytest.approx((abs(difference.value), difference.error), rel=0.06)
+    said = line.verdict.reasons[line.verdict.codes.index("best-baseline")]
+    assert (" rms, more by " in said) == (test.rmse > ours.rmse)
+
+
+def test_faster_rows_and_longer_holds_are_counted_and_scored_beside_the_rows_inside(
+    line: FitResult,
+):
+    """A held-out cycle of the trained amplitude: half of it as fast, half faster, then a hold."""
+    time = np.concatenate([TIME[:120], 1.5 + (TIME[120:240] - 1.5) / 8, 1.7 + TIME[1:81]])
+    u = np.append(np.tile(10 * (1 - np.abs(2 * (TIME[:80] % 1.0) - 1)), 3), np.zeros(80))
+    off = np.select([time > 1.7, time > 1.5], [0.7, 0.5], 0.02)
+    test = replace(Record.from_arrays(u, 0.5 * u + 1 + off, time), input_unit="N", output_unit="mm")
+    predicted = line.predict(test)
+    beyond = replace(line, test=test)
+    verdict = judge(replace(beyond, extrapolation=extrapolation(beyond, predicted)))
+    train = line.train
+    assert train.time is not None
+    fastest = np.abs(np.diff(train.input) / np.diff(train.time))[line.used[1:]].max()
+    fast = np.append(False, np.abs(np.diff(u) / np.diff(time)) > 1.01 * fastest)
+    held = held_for(test, 0.02 * np.ptp(train.input[line.used]))
+    longest = held_for(train, 0.02 * np.ptp(train.input[line.used]))[line.used].max()
+    long = held > 1.01 * longest
+    assert 0.1 < fast.mean() < 0.5
+    assert 0.1 < long.mean() < 0.5
+    error = predicted - test.output
+    for code, rows in (("beyond-rate", fast), ("beyond-time", long)):
+        share, there, inside = numbers(verdict, code)
+        assert share == pytest.approx(100 * rows.mean(), abs=0.6)
+        assert there == pytest.approx(rms(error[rows]), rel=0.006)
+        assert inside == pytest.approx(rms(error[~fast & ~long]), rel=0.006)
+
+
+def test_parameters_that_the_data_leave_open_are_counted(line: FitResult):
+    first, *rest = line.parameters
+    found = replace(line, parameters=(first._replace(status="unidentified"), *rest))
+    assert numbers(judge(found), "unidentified") == [1, len(line.parameters)]
+
+
+def test_what_the_residuals_are_is_told_by_their_figures(loops: FitResult):
+    """Of a line through loops: how large they are, how far correlated, and as how many rows they count."""
+    train, _ = errors(loops)
+    noise = estimate_noise([train], 2)
+    verdict = judge(replace(loops, noise=noise, noise_model=None, noise_evidence={"gaussian": 0.0}))
+    assert numbers(verdict, "model-error") == [pytest.approx(rms(train), rel=0.006)]
+    samples, rows, effective = numbers(verdict, "correlated-residuals")
+    assert rows == len(train)
+    # The larger of two sums over the autocorrelations, of which this is one.
+    rho = np.correlate(train, train, "full")[len(train) :] / (train @ train)
+    of_rhythm = 1 + 2 * np.sum(rho[rho**2 > 9 / len(train)] ** 2)
+    assert samples == pytest.approx(noise.correlation_time, abs=0.51)
+    assert samples >= of_rhythm - 0.51
+    assert effective == pytest.approx(len(train) / noise.correlation_time, abs=0.51)
+    known = NoiseModel(jnp.asarray(loops.noise.sigma), phi=jnp.asarray(0.5))
+    said = judge(replace(loops, noise_model=known))
+    assert said.reasons[said.codes.index("noise-model")].endswith(": AR(1), Gaussian.")
+
+
+def test_a_solver_that_did_not_converge_fails(line: FitResult):
+    verdict = judge(replace(line, success=False))
+    assert (verdict.level, verdict.codes[:2]) == ("FAIL", ("error", "not-converged"))
+
+
+@pytest.mark.parametrize(
+    ("eta", "bound", "part"), [(500.0, 4.0, "a dashpot"), (0.001, 1 / 80, "a spring")]
+)
+def test_time_constants_that_a_record_cannot_show_are_told(eta: float, bound: float, part: str):
+    """eta2 / E2 beside how long the record lasts, or beside its sampling step."""
+    made = replace(record((10.0, 10.0, 10.0, 10.0), 0.5), time_unit="s")
+    said = unseen_time_constants(Burgers(E1=1.0, eta1=10.0, E2=1.0, eta2=eta), made)
+    verdict = Verdict("CAUTION", tuple(note for note in said if f"of {eta:.3g} s" in note))
+    _, constant, limit = numbers(verdict, "unseen-time-constant")
+    assert (constant, limit) == (pytest.approx(eta, rel=0.006), pytest.approx(bound, rel=0.006))
+    assert f"identifiable only as {part};" in verdict.reasons[0]

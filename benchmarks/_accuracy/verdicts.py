@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 import identify
 
-from ._measure import Row, judged, noted
+from .._measure import Row, judged, noted
 
 LEVELS = ("PASS", "CAUTION", "FAIL")
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from identify import Spectrum, spectrum
 
-from ._measure import Row, judged, noted
+from .._measure import Row, judged, noted
 
 FOLDER = "polymer-creep-relaxation"
 NUMBERS = (4, 6, 8)
