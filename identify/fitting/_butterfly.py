@@ -188,7 +188,8 @@ def held_out(choice: Tried, output: Float[np.ndarray, " samples"]) -> Float[np.n
 
     def solve(train: tuple[int, ...]) -> Float[np.ndarray, " rows"]:
         x = problem.solution(train, choice.parts, choice.strength)
-        state = problem.whole.scale * np.maximum(problem.A[:, columns] @ x, problem.floor)
+        state = np.maximum(problem.A[:, columns] @ x, problem.floor)
+        state = problem.whole.centre + problem.whole.scale * state
         seen = np.isin(problem.label, train)
         return folded(folding(state[seen], y[seen]), state)
 

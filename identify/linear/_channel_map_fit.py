@@ -112,13 +112,14 @@ class _Problem:
         self.settled = _settled(record, left_out)
         used = record.mask & self.settled
         self.scale = float(np.ptp(record.output[used]))
+        self.centre = float(record.output[used].mean())
         x = np.column_stack([record.columns[name] for name in names])
         low, high = x[used].min(0), x[used].max(0)
         high = np.where(high > low, high, low + 1.0)  # one that moved in the cycles left out alone
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
         # What is tested includes the rows left out of the fit, where there are other sequences.
         rows = thinned(np.flatnonzero(record.mask), ROWS)
-        self.part, self.y = part[rows], record.output[rows] / self.scale
+        self.part, self.y = part[rows], (record.output[rows] - self.centre) / self.scale
         cells = (x[rows, :, None] - self.nodes[:, :-1]) / (self.nodes[:, 1:] - self.nodes[:, :-1])
         ramps = np.clip(cells, 0.0, 1.0).reshape(len(rows), -1)
         self.A = np.hstack([np.ones((len(rows), 1)), ramps])
@@ -131,7 +132,7 @@ class _Problem:
         return tuple(p for p in self.normal if p != without)
 
     def solve(self, strength: float, which: tuple[int, ...]) -> Float[np.ndarray, " unknowns"]:
-        """Offset and rises, in `scale`, from some parts."""
+        """Offset about `centre` and rises, in `scale`, from some parts."""
         H, b = total(self.normal[p] for p in which).means
         D = np.diff(np.eye(CELLS), axis=0)
         each = strength * (CELLS * D.T @ D + RIDGE * np.eye(CELLS))
@@ -155,7 +156,8 @@ class _Problem:
         rises = x[1:].reshape(len(self.names), CELLS)
         means = (rises * self.mean[1:].reshape(rises.shape)).sum(1)
         values = np.pad(np.cumsum(rises, axis=1), ((0, 0), (1, 0))) - means[:, None]
-        return ChannelMap(self.nodes, values, x[0] + means.sum(), self.names, self.units)
+        offset = self.centre + x[0] + means.sum()
+        return ChannelMap(self.nodes, values, offset, self.names, self.units)
 
 
 Tried: TypeAlias = Choice[_Problem]

@@ -10,7 +10,7 @@ one (drifts); so does a sum of them.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -39,6 +39,7 @@ from hysteresis.preisach import GridDensity, Initial
 from ._composition_memory import Memory, MemoryLayout, rises
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
+from ._unknown_vectors import Values, in_units, split, upper_triangular
 
 CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "curve",
@@ -91,7 +92,6 @@ AT_ONCE = 512
 
 Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]
-Values: TypeAlias = Array | np.ndarray
 
 
 class CompositionUnknowns(NamedTuple):
@@ -102,6 +102,7 @@ class CompositionUnknowns(NamedTuple):
     - `times`: relaxation times, shared by the branches and their strengths.
     - `leading`, `initial`: orientation of all parts, and the relays before the first sample.
     - `floor`: the output, or its negative where it falls, is never below it (slack); None for no limit.
+    - `centre`: a mean of the output, from which the offset is counted.
     - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
     - `rest`: where the input of the stops is before the first sample.
     - `unseen`: the shortest path before a fitted row, in ranges of the input: before it nothing drifts.
@@ -125,6 +126,7 @@ class CompositionUnknowns(NamedTuple):
     unseen: float = 0.0
     duration: float = 0.0
     smoothing: float = SMOOTHING
+    centre: float = 0.0
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -153,6 +155,18 @@ class CompositionUnknowns(NamedTuple):
     def count(self) -> int:
         """Number of unknowns."""
         return sum(self.sizes)
+
+    @property
+    def offsets(self) -> slice:
+        """Which unknown is the offset."""
+        return slice(1)
+
+    @property
+    def least(self) -> float:
+        """The floor as unknowns give it: from `centre`, over `scale`."""
+        if self.floor is None:
+            return -np.inf
+        return (self.floor - np.sign(self.scale) * self.centre) / abs(self.scale)
 
     @property
     def free(self) -> Bool[np.ndarray, " unknowns"]:
@@ -244,8 +258,8 @@ class CompositionUnknowns(NamedTuple):
                 weights = -weights
             y += memory.relays @ NodeSpace(n).from_unknowns(np.r_[0.0, ramps, weights])
         if self.floor is not None:
-            y = np.maximum(y, self.floor / abs(self.scale))
-        return self.scale * y
+            y = np.maximum(y, self.least)
+        return self.centre + self.scale * y
 
     def minimum(
         self,
@@ -261,7 +275,7 @@ class CompositionUnknowns(NamedTuple):
         if unknowns.ndim > 1:
             return jax.vmap(self.model)(jnp.asarray(unknowns))
         # In NumPy where it can be: each operation of JAX compiles a program of its own.
-        x: Any = abs(self.scale) * unknowns
+        x: Any = np.sign(self.scale) * in_units(self, unknowns)
         ends = np.cumsum(self.sizes)
         offset, *found = (x[end - size : end] for end, size in zip(ends, self.sizes, strict=True))
         values = dict(zip(self.parts, found, strict=True))
@@ -276,10 +290,10 @@ class CompositionUnknowns(NamedTuple):
                     NonlinearMaxwell(self.low, self.high, times, **own, leading=self.leading)
                 )
         if SOFTENING in values:
-            weights = _upper(CELLS[SOFTENING], values[SOFTENING])
+            weights = upper_triangular(CELLS[SOFTENING], values[SOFTENING])
             parts.append(Softening(self.low, self.high, weights, leading=self.leading))
         if RELAYS in values:
-            weights = _upper(CELLS[RELAYS], values[RELAYS]).T
+            weights = upper_triangular(CELLS[RELAYS], values[RELAYS]).T
             density = GridDensity(self.low, self.high, weights)
             support = 2 * (weights.sum(0) + weights.sum(1)) if self.leading else None
             parts.append(Preisach(density, support, leading=self.leading, initial=self.initial))
@@ -287,7 +301,7 @@ class CompositionUnknowns(NamedTuple):
             if part in values:
                 parts.append(self._stops(part, values[part]))
         if FRICTION in values:
-            coulomb, viscous = _split(values[FRICTION], len(SPEEDS), len(PLACES))
+            coulomb, viscous = split(values[FRICTION], len(SPEEDS), len(PLACES))
             parts.append(
                 VelocityFriction(
                     self.low, self.high, self.speed * SPEEDS, self._inputs(PLACES), coulomb,
@@ -317,7 +331,7 @@ class CompositionUnknowns(NamedTuple):
         """
         by_place, span = part == PLACE_STOPS, self.high - self.low
         levels = PLACES if by_place else SPANS
-        weights, springs = _split(values, 2 * len(THRESHOLDS), len(levels))
+        weights, springs = split(values, 2 * len(THRESHOLDS), len(levels))
         stops, bands = weights[: len(THRESHOLDS)], weights[len(THRESHOLDS) :]
         slopes = (stops / THRESHOLDS[:, None])[::-1].cumsum(0)[::-1] + bands / BANDS[:, None]
         springs = np.zeros(len(levels)) if by_place else springs / span
@@ -431,19 +445,3 @@ def _modulated(
 ) -> Float[np.ndarray, "samples products"]:
     """Every column of x times every one of h, those of one x side by side."""
     return (x[:, :, None] * h[:, None, :]).reshape(len(x), -1)
-
-
-def _split(values: Values, rows: int, columns: int) -> tuple[Values, Values]:
-    """A matrix (rows, columns) and what follows it."""
-    count = rows * columns
-    return values[:count].reshape(rows, columns), values[count:]
-
-
-def _upper(n: int, values: Values) -> Values:
-    """An upper triangular matrix of its n (n + 1) / 2 entries, column by column."""
-    j, i = np.tril_indices(n)
-    if isinstance(values, np.ndarray):
-        found = np.zeros((n, n))
-        found[i, j] = values
-        return found
-    return jnp.zeros((n, n), values.dtype).at[i, j].set(values)

@@ -35,6 +35,7 @@ from ._cross_validation import (
 )
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
+from ._unknown_vectors import relative
 
 STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 """Prior strengths tried, the strongest first."""
@@ -118,6 +119,7 @@ def unknowns_for(
         some, float(u.min()), float(u.max()), float(np.ptp(y)) * (-1 if output_falls(record) else 1),
         times, False, initial, rest=float(np.median(record.input[record.starts])), speed=speed, step=step,
         duration=duration, smoothing=SHARP if moves_evenly(record, speed * step) else SMOOTHING,
+        centre=float(y.mean()),
     )  # fmt: skip
 
 
@@ -145,8 +147,8 @@ class Problem:
             memory = memory_of(whole.memory(), record, self.rows)
         whole = whole._replace(unseen=float(memory.path.min()))
         self.whole = whole
-        self.floor = -np.inf if whole.floor is None else whole.floor / abs(whole.scale)
-        self.label, self.y = parts.label[self.rows], record.output[self.rows] / whole.scale
+        self.floor = whole.least
+        self.label, self.y = parts.label[self.rows], relative(whole, record.output[self.rows])
         self.A = whole.columns(memory)
         self.taut = self._taut(self.y)
         of_part = {p: (self.label == p) & self.taut for p in parts.all}
@@ -156,7 +158,7 @@ class Problem:
 
     def _taut(self, y: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows above the floor: below, an output tells only a limit."""
-        return y > self.floor + (0 if self.whole.floor is None else SLACK)
+        return y > self.floor + SLACK
 
     def mapped(self, choice: "Tried", some: tuple[str, ...]) -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range.
@@ -235,7 +237,7 @@ class Problem:
         at_once = together * max(1, AT_ONCE // together)
         H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
         for here, memory in memory_blocks(meaning.memory(), self.record, counted):
-            y = self.record.output[here] / meaning.scale
+            y = relative(meaning, self.record.output[here])
             taut = np.flatnonzero(self._taut(y))
             if not len(taut):
                 continue

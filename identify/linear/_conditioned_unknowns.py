@@ -40,6 +40,16 @@ class ConditionedUnknowns(NamedTuple):
         return self.base.scale
 
     @property
+    def centre(self) -> float:
+        """Offsets are counted from it, see `CompositionUnknowns`."""
+        return self.base.centre
+
+    @property
+    def offsets(self) -> slice:
+        """Which unknowns are an offset: one at each knot."""
+        return slice(None, None, self.base.count)
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """The parts of the composition."""
         return self.base.parts

@@ -20,6 +20,7 @@ from ._preisach_fine_grid import Coarse, solve_fine
 from ._preisach_normal_equations import NodeSums
 from ._preisach_problem import PreisachObjective, PreisachProblem
 from ._preisach_unknowns import GridUnknowns
+from ._unknown_vectors import in_units, relative
 
 DENSE = 60
 """Cells up to which the normal matrix is formed; finer grids are solved by products."""
@@ -76,13 +77,14 @@ def fit_density(
     low = float(u.min()) if low is None else low
     high = float(u.max()) if high is None else high
     _check(u, y, cells, low, high, leading, initial)
-    scale = float(np.ptp(y))
+    scale, centre = float(np.ptp(y)), float(y.mean())
     whole = Parts(np.where(record.mask, 0, -1), (), None, "nothing held out")
 
+    def meaning_of(n: int) -> GridUnknowns:
+        return GridUnknowns(n, low, high, leading, initial, scale, dead_band, centre=centre)
+
     def problem(n: int) -> PreisachProblem:
-        return PreisachProblem(
-            record, whole, GridUnknowns(n, low, high, leading, initial, scale, dead_band)
-        )
+        return PreisachProblem(record, whole, meaning_of(n))
 
     if cells <= DENSE:
         dense = problem(cells)
@@ -93,14 +95,14 @@ def fit_density(
         grids = [problem(max(cells // 4, 8)), problem(cells // 2 if cells // 2 <= DENSE else DENSE)]
         strength = grids[-1].strength_by_evidence() if strength is None else strength
         coarse = tuple(Coarse(p.meaning, *p.objective((0,), strength)) for p in grids)
-        meaning = GridUnknowns(cells, low, high, leading, initial, scale, dead_band)
+        meaning = meaning_of(cells)
         prepared = prepare(meaning.rising(np.zeros(meaning.count)), record)
         unknowns = solve_fine(
-            meaning, prepared, record.output[record.mask] / scale, record.mask, strength, coarse
+            meaning, prepared, relative(meaning, y), record.mask, strength, coarse
         )
     model = meaning.rising(unknowns)
     residuals = predict(model, record)[record.mask] - y
-    return DensityFit(model, unknowns, strength, residuals)
+    return DensityFit(model, in_units(meaning, unknowns) / scale, strength, residuals)
 
 
 def _check(
@@ -179,27 +181,29 @@ def fit_density_in_blocks(
         raise InputError("zero-range", f"the density reaches from {low:g} to {high:g}.")
     meaning = GridUnknowns(cells, low, high, leading, initial, 1.0)
     grid, sums = meaning.rising(np.zeros(meaning.count)), NodeSums(meaning.space)
-    least, most = np.full(2, np.inf), np.full(2, -np.inf)
+    least, most, centre = np.full(2, np.inf), np.full(2, -np.inf), 0.0
     for u, y in blocks:
         if not len(u):
             continue
         _check_block(u, y, sums.rows, low, high)
+        centre = centre if sums.rows else float(np.mean(y))
         least = np.minimum(least, [u.min(), y.min()])
         most = np.maximum(most, [u.max(), y.max()])
         located = grid.located(np.asarray(u, float))
         for block in design_blocks(grid, located):
-            sums.add(block, np.asarray(y[block.rows], float))
+            sums.add(block, np.asarray(y[block.rows], float) - centre)
         grid = replace(grid, initial=_remembered(located, u))
     span, scale = (most - least).tolist()
     if not (sums.rows and span > 0 and scale > 0):
         raise InputError("zero-range", "the input or the output never changes.")
-    meaning = GridUnknowns(cells, low, high, leading, initial, scale)
+    meaning = GridUnknowns(cells, low, high, leading, initial, scale, centre=centre)
     normal = sums.equations(meaning.expansion, scale)
     problem = PreisachObjective(meaning, {0: normal})
     strength = problem.strength_by_evidence() if strength is None else strength
     unknowns = meaning.minimum(*problem.objective((0,), strength))
     rmse = scale * float(np.sqrt(normal.squared_error(unknowns) / normal.rows))
-    return BlockDensityFit(meaning.rising(unknowns), unknowns, strength, normal.rows, rmse)
+    model, unknowns = meaning.rising(unknowns), in_units(meaning, unknowns) / scale
+    return BlockDensityFit(model, unknowns, strength, normal.rows, rmse)
 
 
 def _remembered(located: PreisachInput, u: Float[np.ndarray, " rows"]) -> tuple[float, ...]:

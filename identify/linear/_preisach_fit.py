@@ -46,7 +46,7 @@ def fit_preisach(
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
     low, high = float(u.min()), float(u.max())
-    scale = float(np.ptp(y)) * (-1 if output_falls(record) else 1)
+    scale, centre = float(np.ptp(y)) * (-1 if output_falls(record) else 1), float(y.mean())
     drops = (False,) if parts.conditioning is None else (False, True)
 
     def tried(meaning: GridUnknowns, strengths: Iterable[float]) -> list[Tried]:
@@ -61,7 +61,7 @@ def fit_preisach(
 
     coarse, *finer = cells
     shapes = [
-        GridUnknowns(coarse, low, high, leading, initial, scale, dead_band)
+        GridUnknowns(coarse, low, high, leading, initial, scale, dead_band, centre=centre)
         for leading in leadings
         for initial in initials
     ]
@@ -71,7 +71,9 @@ def fit_preisach(
     for n in finer:
         shape = best.problem.meaning
         block = refined(shape.block, shape.masses(_fitted(best).unknowns))
-        meaning = GridUnknowns(n, low, high, shape.leading, shape.initial, scale, dead_band, block)
+        meaning = GridUnknowns(
+            n, low, high, shape.leading, shape.initial, scale, dead_band, block, centre
+        )
         if n > 2 * coarse and 2 * meaning.count > len(u):
             break
         choices += tried(meaning, (best.strength * k for k in (10.0, 1.0, 0.1, 0.01)))

@@ -26,6 +26,7 @@ from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import DesignBlock, design_blocks
 from ._preisach_normal_equations import normal_equations
 from ._preisach_unknowns import GridUnknowns
+from ._unknown_vectors import relative
 
 COARSE = 20
 """Cells of the grid on which the prior's strength is counted, and the first one tried."""
@@ -97,7 +98,7 @@ class PreisachProblem(PreisachObjective):
 
     def __init__(self, record: Record, parts: Parts, meaning: GridUnknowns):
         self.parts, self.starts = parts, record.starts
-        self.y = np.where(parts.label >= 0, record.output, 0.0) / meaning.scale
+        self.y = np.where(parts.label >= 0, relative(meaning, record.output), 0.0)
         self.template = meaning.rising(np.zeros(meaning.count))
         self.prepared = located(self.template, record)
         P, blocks = meaning.expansion, self.blocks()

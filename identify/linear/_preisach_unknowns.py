@@ -16,6 +16,7 @@ from hysteresis.preisach import GridDensity, Preisach
 from ..records._run_model import located
 from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace, design_blocks
+from ._unknown_vectors import in_units
 
 SUMS = ("output.middle", "output.rise", "loop.width")
 """What a record determines, with low and high the ends of the input, from saturation to saturation:
@@ -36,6 +37,8 @@ NEAR = 2
 
 class GridUnknowns:
     """A vector x of unknowns in units of `scale`: (offset, increments or slacks, masses of blocks).
+
+    The offset is counted from `centre`, a mean of the output.
 
     The grid has `cells` x `cells` cells; `block` (weights,) says which block each of its weights, row
     by row, belongs to. A block's mass is spread evenly over its cells, so a fine grid needs no more
@@ -59,15 +62,16 @@ class GridUnknowns:
         scale: float,
         dead_band: float = 0.0,
         block: Int[np.ndarray, " weights"] | None = None,
+        centre: float = 0.0,
     ):
         self.cells, self.low, self.high = cells, low, high
         self.leading, self.initial, self.scale = leading, initial, scale
-        self.dead_band = dead_band
+        self.dead_band, self.centre, self.offsets = dead_band, centre, slice(1)
         self.block = np.arange(cells * (cells + 1) // 2) if block is None else block
 
     def words(self) -> dict[str, Any]:
         """All but the blocks, as plain data."""
-        names = ("cells", "low", "high", "leading", "initial", "scale", "dead_band")
+        names = ("cells", "low", "high", "leading", "initial", "scale", "dead_band", "centre")
         return {name: getattr(self, name) for name in names}
 
     @property
@@ -215,7 +219,7 @@ class GridUnknowns:
     def rising(self, unknowns: Float[np.ndarray, " unknowns"]) -> Preisach:
         """The model, or its negative where the output falls."""
         n, count = self.cells, len(self.block)
-        z = abs(self.scale) * (self.expansion @ unknowns)
+        z = np.sign(self.scale) * (self.expansion @ in_units(self, unknowns))
         reversible = np.maximum(z[1 : 1 + n], 0.0)
         weights = self._table(z[1 + n : 1 + n + count])
         fitted = self.initial == "fit"
@@ -239,7 +243,8 @@ class GridUnknowns:
         model = self.rising(unknowns)
         nodes = self.space.from_unknowns(self.expansion @ unknowns)[:, None]
         blocks = design_blocks(model, located(model, record))
-        return self.scale * np.concatenate([block.product(nodes)[:, 0] for block in blocks])
+        found = np.concatenate([block.product(nodes)[:, 0] for block in blocks])
+        return self.centre + self.scale * found
 
     def _table(self, weights: Float[np.ndarray, " weights"]) -> Float[np.ndarray, "cells cells"]:
         table = np.zeros((self.cells, self.cells))

@@ -148,13 +148,16 @@ def transform(
     input_scale: float = 1.0,
     settings: Settings | None = None,
     time_scale: float = 1.0,
+    away: float = 0.0,
 ) -> Transform:
     """The transform of a model's free parameters: scalars and one-dimensional arrays inside their bounds.
 
     `scale` and `input_scale` are the sizes of output and input. They scale unbounded parameters and, with
-    `time_scale`, the default priors.
+    `time_scale`, the default priors. Offsets of a record that lies `away` of its ranges off zero are that
+    much larger.
     """
     sizes = {"input": input_scale, "output / input": scale / input_scale, "1": 1.0}
+    sizes["output"] = scale * (1 + away)
     of_words = {"input": input_scale, "output": scale, "time": time_scale}
     if isinstance(model, AbstractModel):
         words = model.unit_words("input", "output", "time")
@@ -172,7 +175,10 @@ def transform(
                 ties.append((number, *setting.tied))
             elif not setting.fixed:
                 bounds = setting.bounds or info.bounds
-                prior = setting.prior or default_prior(bounds, data_scale(info.unit, of_words))
+                size = data_scale(info.unit, of_words)
+                if info.unit == "output" and not np.isfinite(bounds).any():
+                    size *= 1 + away
+                prior = setting.prior or default_prior(bounds, size)
                 entries.append((number, bounds, sizes.get(info.unit, scale), prior))
     names = tuple(name for name, *_ in entries)
     low, high = (tuple(float(bounds[k]) for _, bounds, *_ in entries) for k in (0, 1))
@@ -192,7 +198,14 @@ def transform_for(model: eqx.Module, record: Record, settings: Settings | None =
         steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
         step, span = np.median(np.concatenate(steps)), max(s.sum() for s in steps)
         time = float(np.sqrt(step * span)) or 1.0
-    return transform(model, float(np.ptp(y)), across, settings, time)
+    output = float(np.ptp(y))
+    away = _off_zero(u) / across + (_off_zero(y) / output if output else 0.0)
+    return transform(model, output, across, settings, time, away)
+
+
+def _off_zero(values: Float[np.ndarray, " rows"]) -> float:
+    """How far zero is from their range."""
+    return max(float(values.min()), -float(values.max()), 0.0)
 
 
 def default_prior(bounds: tuple[float, float], scale: float) -> Prior:

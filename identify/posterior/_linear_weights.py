@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_unknowns import SUMS
+from ..linear._unknown_vectors import in_units
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint
 from ._chains import Chains, Progress
@@ -70,7 +71,7 @@ def sample_weights(
         unknowns[k] = given.drawn(point, random)
         if k % 20 == 0:
             tell(k, len(flat), "weights")
-    sums = scale * unknowns @ design.totals[given.determined].T
+    sums = in_units(linear.meaning, unknowns) @ design.totals[given.determined].T
     names = tuple(np.array(design.names)[given.determined].tolist())
     draws = np.hstack([sums, evidence.in_units(flat, scale)]).reshape(*points.shape[:2], -1)
     # Given noise and strength the unknowns are independent draws, so theirs is the R-hat of those.

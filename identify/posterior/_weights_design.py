@@ -16,6 +16,7 @@ from ..linear._linear_fit import LinearFit
 from ..linear._preisach_problem import PreisachProblem
 from ..linear._preisach_sums import runs
 from ..linear._preisach_unknowns import SUMS, GridUnknowns
+from ..linear._unknown_vectors import relative
 from ..records._folds import Parts
 from ._neighbour_sums import NeighbourSums, neighbour_sums
 from ._weights_evidence import Basis, basis_of
@@ -75,10 +76,8 @@ def _of_composition(
     meaning: CompositionUnknowns | ConditionedUnknowns, record: Record, used: np.ndarray
 ) -> WeightsDesign:
     base = meaning.base if isinstance(meaning, ConditionedUnknowns) else meaning
-    y = record.output / base.scale
-    if base.floor is not None:  # below it an output tells only a limit
-        used = used & (y > base.floor / abs(base.scale) + SLACK)
-    used = _stretches(used)
+    y = relative(base, record.output)
+    used = _stretches(used & (y > base.least + SLACK))  # below it an output tells only a limit
     rows = np.flatnonzero(used)
     H, knots = np.zeros((len(meaning.totals.T),) * 2), 1
     for _, A in _columns(meaning, record, rows):

@@ -21,6 +21,7 @@ from ..linear._cross_validation import NormalEquations
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_problem import PreisachProblem
 from ..linear._preisach_unknowns import GridUnknowns
+from ..linear._unknown_vectors import relative
 from ..records._folds import Parts
 from ._detail import Composition, GridWeights, Parametric
 from ._fit_result import FitResult
@@ -92,10 +93,8 @@ def _of_weights(
 def _of_composition(
     meaning: CompositionUnknowns, record: Record, group: Int[np.ndarray, " samples"]
 ) -> dict[int, NormalEquations]:
-    y = record.output / meaning.scale
-    used = group >= 0
-    if meaning.floor is not None:  # below it an output tells only a limit
-        used = used & (y > meaning.floor / abs(meaning.scale) + SLACK)
+    y = relative(meaning, record.output)
+    used = (group >= 0) & (y > meaning.least + SLACK)  # below it an output tells only a limit
     n = meaning.count
     found = {
         g: NormalEquations(np.zeros((n, n)), np.zeros(n), 0.0, 0) for g in np.unique(group[used])

@@ -56,16 +56,17 @@ def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float,
     data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
-        rest=0.2, speed=0.3, step=0.1, duration=7.0,
+        rest=0.2, speed=0.3, step=0.1, duration=7.0, centre=3.0,
     )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     memory = memory_of(meaning.memory(), data, rows)
     columns = meaning.columns(memory)
-    np.testing.assert_allclose(meaning.outputs(memory, x), meaning.scale * columns @ x, atol=1e-9)
+    outputs = 3.0 + meaning.scale * columns @ x
+    np.testing.assert_allclose(meaning.outputs(memory, x), outputs, atol=1e-9)
     expected = predict(meaning.model(x), data)[rows]
     # A thousand products of numbers up to a hundred, each rounded.
-    np.testing.assert_allclose(meaning.scale * columns @ x, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(outputs, expected, rtol=0, atol=1e-9)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_composition_memory, "ROWS", 64)
         blocks = memory_of(meaning.memory(), data, rows)
@@ -158,6 +159,11 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     found = fit_compositions(cut, parts(cut), (True,))[-1]
     assert found.meaning.floor == pytest.approx(floor)
     assert predict(found.model, cut).min() == pytest.approx(floor)
+    far = 1e6 * np.ptp(cut.output)
+    moved = fit_compositions(replace(cut, output=cut.output + far), parts(cut), (True,))[-1]
+    # Numbers a million times the range are rounded to 1e-10 of it.
+    off = moved.outputs(cut) - far - found.outputs(cut)
+    assert np.abs(off).max() < 1e-7 * np.ptp(cut.output)
 
 
 def test_no_time_no_rate_dependent_part():

@@ -85,6 +85,21 @@ def test_finds_the_model_that_made_the_data(leading: bool) -> None:
     assert np.sqrt(np.mean(error**2)) < noise
 
 
+def test_an_output_a_million_ranges_off_moves_the_offset_alone() -> None:
+    u = history(0)
+    y = np.asarray(true_model(8, False).simulate(None, u))
+    y = y + np.random.default_rng(1).normal(0, 1e-2, len(y))
+    far = 1e6 * np.ptp(y)
+    near, moved = (
+        fit_preisach(record, parts(record), (False,), ("negative",), cells=(8,))
+        for record in (Record.from_arrays(u, y), Record.from_arrays(u, y + far))
+    )
+    # A number a million times the range is rounded to 1e-10 of it.
+    np.testing.assert_allclose(moved.unknowns, near.unknowns, rtol=0, atol=1e-7)
+    offset = float(moved.model.offset) - float(near.model.offset)  # type: ignore[union-attr]
+    assert offset == pytest.approx(far, rel=1e-12)
+
+
 def test_a_leading_fit_can_always_be_inverted() -> None:
     """Data whose true slope is zero after every reversal: without constraints it would go below."""
     truth = true_model(10, True)

@@ -8,6 +8,7 @@ from benchmarks._identification.sums import noisy, truth
 from identify import FitResult, fit
 from identify.linear._correlated_noise import noise_behind, spread_over_rows
 from identify.linear._preisach_unknowns import NOT_SEPARABLE, SUMS, GridUnknowns
+from identify.linear._unknown_vectors import in_units
 
 
 def ar1(phi: float, rows: int, seed: int) -> np.ndarray:
@@ -43,20 +44,21 @@ def test_the_spread_is_the_covariance_of_ar1_noise() -> None:
 @pytest.mark.parametrize(("leading", "scale"), [(False, 2.0), (True, 2.0), (False, -2.0)])
 def test_the_sums_are_what_the_model_does_between_its_ends(leading: bool, scale: float) -> None:
     """Lagging, leading, and an output that falls."""
-    meaning = GridUnknowns(6, -1.0, 3.0, leading, "negative", scale)
+    meaning = GridUnknowns(6, -1.0, 3.0, leading, "negative", scale, centre=7.0)
     x = np.random.default_rng(1).uniform(size=meaning.count)
     x[1:7] += 20.0  # slacks that keep a leading model from falling
     model = meaning.model(x)
     u = np.interp(np.linspace(0, 2, 4001), [0, 1, 2], [-1.0, 3.0, -1.0])
     y = np.asarray(model.simulate(None, u))
     up, down = y[:2001], y[:1999:-1]
-    found = dict(zip(SUMS, meaning.scale * meaning.totals @ x, strict=True))
+    z = in_units(meaning, x)
+    found = dict(zip(SUMS, meaning.totals @ z, strict=True))
     assert found["output.middle"] == pytest.approx((up[-1] + up[0]) / 2, abs=1e-9)
     assert found["output.rise"] == pytest.approx(up[-1] - up[0], abs=1e-9)
     # 2,000 steps; the loop is closed at both ends.
     assert found["loop.width"] == pytest.approx(np.abs(np.mean((down - up)[1:])), rel=1e-4)
-    offset, rise, mass = meaning.scale * meaning.shares @ x
-    assert offset == pytest.approx(x[0] * meaning.scale)
+    offset, rise, mass = meaning.shares @ z
+    assert offset == pytest.approx(7.0 + x[0] * meaning.scale)
     assert found["output.rise"] == pytest.approx(rise + (-2 if leading else 2) * mass)
 
 
