@@ -13,6 +13,9 @@ from ._units import FORCES, LENGTHS
 MANY = 8
 """Samples at a limit that are too many for a peak."""
 
+FURTHER = 2
+"""Times the way of the input over which the output stays as it is elsewhere, as behind a backlash."""
+
 
 class Clipped(NamedTuple):
     """A series stuck at its largest or smallest value: which, where, and that value."""
@@ -43,7 +46,8 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
     """Where input or output is stuck at a limit while the other one moves.
 
     Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
-    2 % of its range; the input where, in one run of rows, the output goes 2 % of its range beyond
+    2 % of its range, and twice as far as where the output stays as it is elsewhere, in steps of an encoder
+    or behind a backlash; the input where, in one run of rows, the output goes 2 % of its range beyond
     both ends and comes back: in a hold it creeps one way. Zero and the value of the first row are
     the rest, not a limit.
     """
@@ -54,7 +58,8 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
             if limit in (0.0, x[0]) or len(rows) < max(MANY, 0.01 * len(x)):
                 continue
             if role == "output":
-                stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u)
+                at, elsewhere = _ways_at_rest(record, limit)
+                stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u) and at > FURTHER * elsewhere
             else:
                 least = max(0.02 * np.nanmax(y) - 0.02 * np.nanmin(y), 8 * noise_level(y))
                 stuck = max(_bulge(y[run]) for run in _runs(record, rows)) > least
@@ -124,6 +129,16 @@ def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
     """Rows in pieces that follow each other in one sequence."""
     cut = (np.diff(rows) > 1) | np.isin(rows[1:], record.starts)
     return np.split(rows, np.flatnonzero(cut) + 1)
+
+
+def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
+    """How far the input moves at most while the output stays at `limit`, and while it stays elsewhere."""
+    u, y = record.input, record.output
+    first = np.flatnonzero(np.append(True, np.diff(y) != 0))
+    first = np.union1d(first, record.starts)
+    way = np.maximum.reduceat(u, first) - np.minimum.reduceat(u, first)
+    at = y[first] == limit
+    return float(way[at].max(initial=0.0)), float(way[~at].max(initial=0.0))
 
 
 def _bulge(y: np.ndarray) -> float:

@@ -44,8 +44,8 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
         if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
             low, high = (duration(x, record.time_unit) for x in (steps.min(), steps.max()))
-            said = f"dt {low} to {high}; resample, or use a continuous model."
-            found.append(warning("jittered-time", said))
+            said = f"The clock is uneven (dt {low} to {high}): models take it as it is, oscillators need"
+            found.append(warning("jittered-time", f"{said} an even one (Record.resample)."))
     if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
         way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
         said = (

@@ -17,7 +17,8 @@ MASSES = {"g": "gf", "kg": "kgf", "mg": "mgf", "lb": "lbf", "grams": "gf", "gram
 """Units of mass that rigs write for a force, and the weight that is meant."""
 LENGTHS = ("mm", "um", "cm", "m", "inch", "in")
 _SPELLING = {
-    "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Nm": "N*m", "Nmm": "N*mm",
+    "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Ω": "ohm",
+    "kOhm": "kohm", "kΩ": "kohm", "MOhm": "Mohm", "MΩ": "Mohm", "Nm": "N*m", "Nmm": "N*mm",
     "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",
     "uNm": "uN*m", "µNm": "uN*m", "Pas": "Pa*s", "mPas": "mPa*s", "in-lb": "lbf*in", "lb-in": "lbf*in",
     "ft-lb": "lbf*ft", "lb-ft": "lbf*ft",

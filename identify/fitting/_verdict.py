@@ -28,6 +28,9 @@ TIMES = 2.0
 SHARE = 0.1
 """Of the held-out rows: so many beyond the trained range are named."""
 
+HARMLESS = ("jittered-time",)
+"""Codes of warnings about the data that no model suffers from: steps in time are taken as they are."""
+
 LEFT = 0.5
 """Part of the width of the loops that a fit may leave and still pass."""
 
@@ -55,9 +58,9 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     error of the difference; more than half of the loops' width left in the residuals; nothing held out;
     held-out rows with more than twice the rms error of the training rows; a tenth of them beyond the
     trained inputs, or beyond the trained rates or times with twice the error; a time constant that the
-    record cannot show; a warning about the data. For constants also: parameters without a standard error,
-    a second minimum, no noise model that explains the residuals. To compensate: a compensator that was not
-    tried.
+    record cannot show; a warning about the data, but for an uneven clock. For constants also: parameters
+    without a standard error, a second minimum, no noise model that explains the residuals. To compensate: a
+    compensator that was not tried.
 
     Ratios are of like with like: rms with rms in the output's unit, for holds in per cent of the reading.
     """
@@ -71,7 +74,9 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     _loops(fit, found)
     _held_out(fit, found)
     _parameters(fit, found)
-    found.cautions.extend([*unseen_time_constants(fit.model, fit.train), *map(Note.of, warnings)])
+    found.cautions.extend(unseen_time_constants(fit.model, fit.train))
+    for note in map(Note.of, warnings):
+        (found.facts if note.code in HARMLESS else found.cautions).append(note)
     _noise(fit, found)
     if fit.purpose == "compensate":
         text = "The compensator was not tried. hysid.fit, hysid fit and hysid qualify try it."
@@ -132,7 +137,8 @@ def _compare(fit: FitResult, found: Reasons) -> None:
         found.cautions.insert(0, Note("baseline-better", f"{text} {apart}."))
         return
     text = f"The best baseline on {where}, {best.name}, has {quantity(other, unit, 3)} rms,"
-    text += f" {'more' if worse.value < 0 else 'less'} by {apart}."
+    more = f" {'more' if worse.value < 0 else 'less'} by {apart}."
+    text += more if abs(worse.value) > least else " as the fit has."
     found.facts.append(Note("best-baseline", text))
 
 

@@ -30,6 +30,7 @@ PAIRS: dict[tuple[str, str], float] = {
     ("temperature", "moment"): 0.9,
     ("field", "resistance"): 0.9,
     ("temperature", "resistance"): 0.8,
+    **{("temperature", moved): 0.8 for moved in ("strain", "displacement", "angle", "force")},
     ("voltage", "displacement"): 0.9,  # a piezo actuator
     ("voltage", "strain"): 0.9,
     ("current", "displacement"): 0.8,

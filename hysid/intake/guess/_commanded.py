@@ -4,13 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from ._column_pairs import held
+from ._column_pairs import held, rank_correlation
 
 HELD = 0.7
 """Above this share of rows at two levels a column is held constant."""
 STRAIGHT, BENT = 0.005, 0.02
 """Deviation from straight lines over time, relative to the range: below the first a drive keeps a constant
 rate, above the second a column does not."""
+NEAR, ALIKE = 0.01, 0.9
+"""A column is held within so much of its range, and is not if it still has this rank correlation there."""
 LONG = 0.2
 """The share of its range that a column goes between two reversals where that counts."""
 LEVELS, STANDS = 3, 0.6
@@ -20,16 +22,23 @@ LEVELS, STANDS = 3, 0.6
 def commanded(x: np.ndarray, other: np.ndarray, t: np.ndarray | None) -> str:
     """How the rig drove x (n,) and not the other column (n,), in words; "" where that does not show.
 
-    `t` (n,): the clock, without which no rate shows.
+    `t` (n,): the clock; without one rows are taken as evenly spaced in time.
     """
-    if held(x) > HELD > held(other):
+    if held(x) > HELD > held(other) and not _follows(x, other):
         return "is held constant"
     if _stands(x) > STANDS and _stands(other) < 0.5 * STANDS:
         return "goes in steps"
-    if t is None:
-        return ""
-    ours, theirs = _bend(x, t), _bend(other, t)
-    return "moves at a constant rate" if ours < STRAIGHT and theirs > BENT else ""
+    rows = np.arange(len(x)) if t is None else t
+    ours, theirs = _bend(x, rows), _bend(other, rows)
+    if ours < STRAIGHT and theirs > BENT:
+        return "moves at a constant rate" if t is not None else "moves evenly from row to row"
+    return ""
+
+
+def _follows(x: np.ndarray, other: np.ndarray) -> bool:
+    """Whether x follows the other column where it seems to be held: its range is that of a few rows."""
+    near = np.abs(x - np.median(x)) <= NEAR * np.ptp(x)
+    return abs(rank_correlation(x[near], other[near])) > ALIKE
 
 
 def _stands(x: np.ndarray) -> float:

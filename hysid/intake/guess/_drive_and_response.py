@@ -30,6 +30,8 @@ MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""
 FAINT = 0.4
 """Below this score a pair is rejected if another pair scores almost as high."""
+FOLLOWS = 0.5
+"""Rank correlation from which on a column that is no reading by its name follows another."""
 MOST = 40_000
 """Rows that are looked at."""
 ALIKE = 0.99
@@ -301,11 +303,19 @@ def _step(
         value, sure = 1.0, "likely"
         why["step"] = f"a {output.kind.name} is the response to a unit step"
     else:
+        moving = [c.name for c in every.values() if np.nanmax(c.x) > np.nanmin(c.x)]
+        others = [repr(name) for name in moving if name not in (output.name, time)]
+        said = f"Only {output.name!r} changes over time; the constant input is not known."
+        both = "or a file with both columns."
+        if others:
+            said = f"{output.name!r} changes over time, and nothing says which column drives it: "
+            said += f"{', '.join(others[:20])}."
+            both = "or name both columns (--input COL --output COL)."
         raise InputError(
             "cannot-decide",
-            f"Only {output.name!r} changes over time; the constant input is not known.",
+            said,
             place=table.path,
-            fix="Give the constant input (hysid init FILE --step VALUE), or a file with both columns.",
+            fix=f"Give the constant input (hysid init FILE --step VALUE), {both}",
         )
     options = {"step": value} | ({"input_unit": unit} if unit else {})
     return Choice(None, output, sure, why, options, [])

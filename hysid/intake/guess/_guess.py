@@ -13,12 +13,12 @@ from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of
 from .._selection_options import HELD_OUT, OF_READING
-from ._column_pairs import Column, columns_of, held
-from ._drive_and_response import Choice, choose
+from ._column_pairs import Column, columns_of, held, rank_correlation
+from ._drive_and_response import FOLLOWS, Choice, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
 from ._number_format import HEAD, reading
-from ._quantities import OSCILLATION, words_of
+from ._quantities import OSCILLATION, kind_of, words_of
 from ._remedies import settle
 from ._sequence_columns import (
     RUNS,
@@ -117,11 +117,19 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     _sequences(sequences, given, out)
     still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}
     measured = _measured(table, columns, sequences, {*still, time or ""}, given)
+    constant = [columns[n] for n in still]
     try:
-        choice = choose(table, measured, [columns[n] for n in still], time, out.selection, given)
-    except NothingDrivenError as nothing:
-        out.no_roles = str(nothing)
-        return out
+        choice = choose(table, measured, constant, time, out.selection, given)
+    except (InputError, NothingDrivenError) as nothing:
+        # A ratio, an area or a temperature is no reading beside one; alone with its input it is.
+        both = _with_aside(columns, sequences, {*still, time or ""})
+        if not given and len(measured) < 2 and len(both) == 2:
+            choice = choose(table, both, constant, time, out.selection, given)
+        elif isinstance(nothing, NothingDrivenError):
+            out.no_roles = str(nothing)
+            return out
+        else:
+            raise
     _columns(choice, given, out)
     _clocks(columns, choice, time, given, out)
     selection, notes = settle(table, out.selection)
@@ -270,6 +278,21 @@ def _measured(
     return found
 
 
+def _with_aside(
+    columns: Mapping[str, Column], sequences: Sequences, not_these: set[str]
+) -> list[Column]:
+    """The columns that change, whatever their names say, where they are two that follow each other."""
+    found = [
+        column for name, column in columns.items()
+        if name not in not_these and name not in sequences.labels
+        and column.kind.name not in ("time", "index", "label", OSCILLATION)
+        and not counts_rows(column.x)
+    ]  # fmt: skip
+    if len(found) != 2 or abs(rank_correlation(found[0].x, found[1].x)) < FOLLOWS:
+        return []
+    return [c._replace(kind=kind_of(c.name, c.unit, aside=False)) for c in found]
+
+
 def _columns(choice: Choice, given: Mapping[str, Any], out: Guess) -> None:
     for role in ("input", "output"):
         column: Column | None = getattr(choice, role)
@@ -323,6 +346,13 @@ def _hold(table: Table, out: Guess) -> None:
     if not all(_goes_and_stays(record) for record in records):
         return
     out.selection["hold"] = True
+    try:
+        selection_of(out.selection).records(table)
+    except InputError as error:
+        if error.code != "no-hold":
+            raise
+        del out.selection["hold"]  # small beside its range, the input moves on
+        return
     why = "the input moves one way and stays there, so the hold shows creep or relaxation"
     if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
         del out.selection["group"]

@@ -26,8 +26,8 @@ WORDS: dict[str, str] = {
     "deplacement desplazamiento deslocamento spostamento przemieszczenie posuv draha extensometer "
     "elongation length height lvdt z verlaengerung allongement estensione extensao "
     "uzama verplaatsing alongamento",
-    "strain": "strain dehnung stretch stauchung e eps epsilon deformation odksztalcenie deformacion "
-    "deformacao deformazione druckdehnung zugdehnung rek drift gamma",
+    "strain": "strain swelling dehnung stretch stauchung e eps epsilon deformation odksztalcenie "
+    "deformacion deformacao deformazione druckdehnung zugdehnung rek drift gamma",
     "voltage": "voltage volt volts vout spannung u uout bridge",
     "current": "current strom courant corriente i",
     "resistance": "resistance widerstand r ohm res",
@@ -94,6 +94,7 @@ PHRASES: tuple[tuple[str, str], ...] = (
                    r"|剪切速率|せん断速度|^GP\b|γ̇|gamma ?dot"),
     (OSCILLATION, r"storage|loss modul|stockage|module de perte|speichermodul|verlustmodul|tan ?\(?delta|"
                   r"\((elastic|viscous|complex) component\)|^\|?[EG](\*|'|\")"),
+    ("acidity", r"^pH\b"),
     ("aside", r"normal stress|contrainte normale|normalspannung|phase angle|raw phase"),
     ("stress", r"应力|応力|응력"),
     ("strain", r"应变|ひずみ|변형률|деформаци"),
@@ -156,8 +157,11 @@ def unit_of(header: str, in_row: str | None) -> str:
     return named_unit(header, None, in_row) or "1"
 
 
-def kind_of(header: str, unit: str) -> Kind:
-    """What a column measures, "unknown" where neither word nor unit says."""
+def kind_of(header: str, unit: str, aside: bool = True) -> Kind:
+    """What a column measures, "unknown" where neither word nor unit says.
+
+    `aside`: whether words such as area, ratio and rate make it something about a quantity.
+    """
     said = words_of(header)
     if "_" in header and said and header.rpartition("_")[2] == unit:
         said = said[:-1] or said  # force_N: the unit is no word
@@ -178,7 +182,7 @@ def kind_of(header: str, unit: str) -> Kind:
     if HEAT & set(said) and by_unit in ("temperature", ""):
         return Kind("aside" if ASIDE & set(said) else "temperature", 0.8, commanded)
     spread = "sigma" in said and by_unit != "stress" and len(set(said) - {"true", "eng"}) > 1
-    if (spread or (ASIDE | HEAT) & set(said)) and not CLOCKS & set(said):
+    if aside and (spread or (ASIDE | HEAT) & set(said)) and not CLOCKS & set(said):
         return Kind("aside", 0.8, commanded)
     part = 0.5 if AMPLITUDES & set(said) else 1.0
     if by_unit and by_unit in by_word:

@@ -287,7 +287,7 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
     [
         (
             column(T, [f"{k + 0.4 * (k % 3):g}" for k in range(len(ROWS))]),
-            ("dt 200 ms to 1.4 s; resample, or use a continuous model.",),
+            ("The clock is uneven (dt 200 ms to 1.4 s)",),
         ),
         (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
         (SWAPPED, ("Loops create energy (-", "N mm a cycle", "columns swapped", "exchange --input")),

@@ -227,6 +227,40 @@ def test_one_loop_holds_nothing_out():
     assert hold_out(table, options, ("cycle", "7"))[0] == {}
 
 
+WAY = np.interp(np.arange(240), np.arange(0, 241, 40), [0, 5, 0, 3, 0, 4, 0])
+BENT = WAY + np.convolve(WAY, np.exp(-np.arange(20) / 6))[: len(WAY)] / 6
+
+
+@pytest.mark.parametrize(
+    ("header", "y", "pair"),
+    [
+        # An area and a temperature are no readings beside one; alone with what they follow they are.
+        ("t [s],voltage [kV],area strain [%]", BENT, ("voltage [kV]", "area strain [%]")),
+        ("t_s,T_degC,strain_pct", BENT, ("T_degC", "strain_pct")),
+        ("time (s),pH,swelling ratio", BENT, ("pH", "swelling ratio")),
+        ("t (s),T (degC),heater on", (BENT.mean() < BENT) * 1.0, ("T (degC)", "heater on")),
+        # Most of its readings lie within a hundredth of its range, and still it is not held.
+        ("t,F (N),R (kOhm)", 500 / (1 + 30 * BENT), ("F (N)", "R (kOhm)")),
+        ("drift (mm),load (kN)", BENT, ("drift (mm)", "load (kN)")),
+    ],
+)
+def test_two_columns_that_follow_each_other_are_input_and_output(header, y, pair):
+    t = [] if "load" in header else [np.arange(len(WAY)) * 0.1]
+    rows = [",".join(f"{v:.6g}" for v in row) for row in zip(*t, WAY, y, strict=True)]
+    found = guessed("\n".join([header, *rows]) + "\n")
+    assert columns(found)[1:] == pair
+    assert "hold" not in found["selection"]
+    assert "output_unit" not in found["selection"]
+
+
+def test_several_columns_that_change_are_named_where_none_is_an_input():
+    rows = [f"{k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(60)]
+    said = run("init", put("\n".join(["time (s),force (N),humidity (%)", *rows])))
+    refused(
+        said, "nothing says which column drives it", "'humidity (%)'", "--input COL --output COL"
+    )
+
+
 def test_creep_has_a_step():
     t = np.geomspace(0.01, 100, 60)
     strain = 0.1 + 0.05 * (1 - np.exp(-t))
