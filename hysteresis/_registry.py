@@ -154,6 +154,11 @@ def model_names() -> tuple[str, ...]:
     return (*ours, *(p.name for p in _entry_points() if p.name.casefold() not in known))
 
 
+def known_models() -> tuple[Registered, ...]:
+    """Every registered model, whether a fit can start from its name or not."""
+    return tuple(_BY_NAME.values())
+
+
 def find_model(name: str) -> Registered | None:
     """The model of this name, whatever its case; its distribution is imported. None where there is none.
 

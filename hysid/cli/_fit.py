@@ -23,7 +23,8 @@ from ._selection import takes_selection
 MODELS = (
     "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "Butterfly", "FoamCurve",
     "BoucWen", "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
-    "GeneralizedMaxwell", "DuhemOperator", "Oscillator",
+    "GeneralizedMaxwell", "DuhemOperator", "GaussianPreisach", "TwoGaussianPreisach",
+    "LorentzianPreisach", "LogNormalPreisach", "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
 

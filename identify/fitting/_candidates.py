@@ -3,8 +3,10 @@
 from typing import Any, NamedTuple
 
 from hysteresis import AbstractModel, InputError, Preisach, Record, model_names
-from hysteresis._registry import find_model, registered, similar
+from hysteresis._registry import OURS, find_model, registered, similar
 from hysteresis.preisach import AbstractGridDensity
+
+from ._parametric_preisach import SHAPES
 
 COMPOSITION = "Composition"
 """Not a model but a search for one: curves, relays and relaxations, as many as the record shows."""
@@ -28,6 +30,39 @@ ALSO = {"duhem": "DuhemOperator"}
 SEARCHES = (SURFACE, COMPOSITION, BUTTERFLY)
 """Names that are no models: a way to find one."""
 
+PART, CURVE, WHOLE, MOVING, INSIDE, MASSES = (
+    "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
+    "it is a curve without memory, whose knots or degree nothing names.",
+    "it is made of other models, and the name does not say which.",
+    "it stands around a Preisach model that is fitted first.",
+    "it acts on a moving mass, and is fitted with it.",
+    "several masses need as many measured motions.",
+)
+"""Why a name alone cannot be fitted."""
+
+INSTEAD = {
+    **dict.fromkeys(
+        ("ModulatedStops", "NonlinearMaxwell", "Softening", "VelocityFriction", "CyclicDrift", "TimeDrift"),
+        (PART, COMPOSITION, ""),
+    ),
+    "Clip": (PART, COMPOSITION, ""),
+    **dict.fromkeys(
+        ("MonotoneCurve", "MonotoneSpline", "PolynomialCurve"),
+        (CURVE, COMPOSITION, ", which begins with a rising curve"),
+    ),
+    **dict.fromkeys(("Sum", "Series", "Scaled"), (WHOLE, COMPOSITION, "")),
+    "Conditioned": (WHOLE, COMPOSITION, ", and name the column of the condition"),
+    **dict.fromkeys(
+        ("MovingPreisach", "OutputDependentPreisach"),
+        (MOVING, "GaussianPreisach", ", and put it inside"),
+    ),
+    "BoucWenForce": (INSIDE, "Oscillator(BoucWen)", ""),
+    "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),
+    "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),
+    "CoupledOscillators": (MASSES, OSCILLATOR, " to the motion of one mode"),
+}  # fmt: skip
+"""Models of ours without a name in `fit`: why, what to fit instead, and what to add to it."""
+
 Asked = str | AbstractModel | type[AbstractModel]
 """Names with or without commas between, a class, or a model to start from; "auto" is several."""
 
@@ -35,18 +70,21 @@ Asked = str | AbstractModel | type[AbstractModel]
 class Candidate(NamedTuple):
     """A model to fit: its name in the result, its class, and the model to start from, if one was given.
 
-    The class is None for the `SEARCHES`.
+    The class is None for the `SEARCHES`; `shape` is the name of a Preisach density of few parameters.
     """
 
     name: str
     kind: type[AbstractModel] | None
     template: AbstractModel | None = None
+    shape: str | None = None
 
     @property
     def has_weights(self) -> bool:
         """Whether it is fitted as weights, linear in the output, not as few parameters."""
         if self.kind is None:
             return True
+        if self.shape is not None:
+            return False
         density = getattr(self.template, "density", None)
         return self.kind is Preisach and (
             self.template is None or isinstance(density, AbstractGridDensity)
@@ -81,7 +119,7 @@ def candidates(model: Any) -> tuple[Candidate, ...]:
 
 def names() -> tuple[str, ...]:
     """Every name that `fit` takes but auto, the candidates of auto first."""
-    return (*AUTO, *(name for name in model_names() if name not in AUTO), OSCILLATOR)
+    return (*AUTO, *(name for name in model_names() if name not in AUTO), *SHAPES, OSCILLATOR)
 
 
 def _named(name: str) -> list[Candidate]:
@@ -90,6 +128,9 @@ def _named(name: str) -> list[Candidate]:
     for search in SEARCHES:
         if name.casefold() == search.casefold():
             return [Candidate(search, None)]
+    for shape in SHAPES:
+        if name.casefold() == shape.casefold():
+            return [Candidate(shape, Preisach, None, shape)]
     known = find_model(name) or find_model(ALSO.get(name.casefold(), name))
     if known is None:
         meant = similar(name, names())
@@ -99,6 +140,16 @@ def _named(name: str) -> list[Candidate]:
             fix=f"did you mean {meant}?"
             if meant
             else "name one or several of them with commas between, or auto.",
+        )
+    if not known.can_start and known.name in INSTEAD and known.kind.__module__.startswith(OURS):
+        cause, instead, added = INSTEAD[known.name]
+        if cause not in (INSIDE, MASSES):
+            added += f". In Python a fit also starts from a model: identify.fit(record, {known.name}(...))"
+        raise InputError(
+            "no-start-values",
+            f"a fit of {known.name} does not start from its name.",
+            cause=cause,
+            fix=f"fit {instead}{added}.",
         )
     if not (known.can_start or known.kind is Preisach):
         raise InputError(

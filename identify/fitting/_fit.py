@@ -23,6 +23,7 @@ from ._candidates import BUTTERFLY, SURFACE, Asked, Candidate, candidates
 from ._linear import fit_composition, fit_grid, state_of
 from ._oscillator import fit_oscillator, oscillator_asked
 from ._parametric import LeastSquares, explained, least_squares
+from ._parametric_preisach import starts_of_shape
 from ._reversal_curves import consists_of_curves, fit_surface
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
@@ -282,25 +283,31 @@ def _fitted(
         return [_Trial(fit) for fit in path]
     if candidate.has_weights:
         return [_Trial(fit_grid(name, template, data, options.initial, options.seed))]
-    suggested = candidate.suggested(data.record if template else data.rising)
-    start = template or suggested
-    assert start is not None  # a class without a model can start, or is not a candidate
+    if candidate.shape is not None:
+        # A grid's weights tell more than random starts about them.
+        others, tries = starts_of_shape(candidate.shape, data, options.initial), 1
+        start, others = others[0], others[1:]
+    else:
+        suggested = candidate.suggested(data.record if template else data.rising)
+        start, tries = template or suggested, options.starts
+        assert start is not None  # a class without a model can start, or is not a candidate
+        # What the record suggests is one more start, but where the user said something of the start.
+        others = (suggested,) if template and suggested and not options.parameters else ()
     parameters = options.parameters
     if data.falls and template is None:
         # Its class may only rise: the fit is that of the output's negative.
-        start = Scaled(start, -1.0)
+        start, *others = (Scaled(one, -1.0) for one in (start, *others))
         parameters = {"factor": {"fixed": -1.0}, "offset": {"fixed": 0.0}, **parameters}
     start, settings = with_settings(start, parameters)
+    others = [with_settings(one, parameters)[0] for one in others]
     bounds = transform_for(start, data.record, settings)
     if not bounds.names:
         raise InputError(
             "nothing-free", f"every parameter of {name} is fixed or tied, so nothing is to fit."
         )
-    # The search starts from what the record suggests too, but where the user said something of the start.
-    other = suggested if template and not options.parameters else None
-    first = bounds.points_of(start, other)
+    first = bounds.points_of(start, *others)
     check_rows(data.record, len(bounds.names))
-    search = least_squares(name, start, data, bounds, settings, first, options.starts, options.seed)
+    search = least_squares(name, start, data, bounds, settings, first, tries, options.seed)
     # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
     return [_Trial(explained(search, options.noise if only else None), search)]
 

@@ -129,13 +129,12 @@ class Transform(NamedTuple):
         return self.insert(template, self.to_values(z))
 
     def points_of(
-        self, model: eqx.Module, other: eqx.Module | None
+        self, model: eqx.Module, *others: eqx.Module | None
     ) -> Float[np.ndarray, "points parameters"]:
-        """The free vector of a model, and that of another one if the same parameters move in it."""
-        points = [self.to_free(model)]
-        if other is not None and transform(other, 1.0).names == self.names:
-            points.append(self.to_free(other))
-        return np.stack(points)
+        """The free vectors of a model, and of those others in which the same parameters move."""
+        there = [other for other in others if other is not None]
+        alike = [other for other in there if transform(other, 1.0).names == self.names]
+        return np.stack([self.to_free(one) for one in (model, *alike)])
 
     def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
         """The free parameters of a model."""

@@ -15,11 +15,14 @@ import pytest
 
 import hysteresis
 from hysteresis import InputError, Record, model_names, register
-from hysteresis._registry import class_of, find_model, registered
+from hysteresis._registry import OURS, class_of, find_model, known_models, registered
 from hysteresis._serialisation import described, rebuilt
 from identify import fit, fit_many, load, save
-from identify.fitting._candidates import AUTO, candidates, names
+from identify.fitting._candidates import AUTO, INSTEAD, OSCILLATOR, candidates, names
+from identify.fitting._oscillator import oscillator_asked
 from tests.other_models import Gain, Line, Preisach, Unregistered, Weighted
+
+OUR_MODELS = [one for one in known_models() if one.kind.__module__.startswith(OURS)]
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 2}
 
@@ -67,6 +70,19 @@ def test_what_cannot_be_fitted_is_refused(model: Any, code: str, words: str):
         candidates(model)
     assert error.value.code == code
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize("name", [one.name for one in OUR_MODELS])
+def test_every_model_of_ours_has_a_name_or_says_what_to_fit(name: str):
+    if name not in INSTEAD:
+        assert name == OSCILLATOR or candidates(name)[0].name == name
+        return
+    with pytest.raises(InputError) as error:
+        candidates(name)
+    assert error.value.code == "no-start-values"
+    instead = INSTEAD[name][1]
+    assert f"fit {instead}" in error.value.fix
+    assert oscillator_asked(instead) == instead or instead in names()
 
 
 def test_a_class_named_as_ours_is_theirs():
