@@ -8,10 +8,9 @@ import ast
 import sys
 from collections.abc import Callable
 from dataclasses import is_dataclass
-from functools import partial
+from functools import partial, wraps
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import cache_from_source
-from types import FunctionType
 from typing import Any, TypeVar, get_args
 from unittest.mock import patch
 
@@ -19,6 +18,8 @@ from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray, jaxtyped
 
 NAME = "_checked_call"
+CHECKED = 32
+"""Calls of a function in a process that are checked: all of them would be a sixth of the tests' time."""
 # PEP 484's tower: an int is a float. Callers know a wrong type as Python's own error.
 _types = beartype(conf=BeartypeConf(is_pep484_tower=True, violation_type=TypeError))
 
@@ -39,21 +40,27 @@ def _names_shapes(annotation: Any) -> bool:
 
 
 def checked(thing: Any) -> Any:
-    """A function, property or dataclass, whose calls are checked."""
+    """A function, or a class of data, whose first calls are checked."""
     if isinstance(thing, type):
         # Of an `__init__` that is written out this was done when it was defined.
         if is_dataclass(thing) and not hasattr(thing.__init__, NAME):
             thing.__init__ = checked(thing.__init__)
         return thing
-    if isinstance(thing, FunctionType) and not any(
-        map(_names_shapes, thing.__annotations__.values())
-    ):
-        found = _types(thing)
-    else:
-        found = jaxtyped(thing, typechecker=_types)
-    if isinstance(found, FunctionType):
-        setattr(found, NAME, True)
-    return found
+    calls, checking = 0, None
+
+    @wraps(thing)
+    def call(*args: Any, **options: Any) -> Any:
+        nonlocal calls, checking
+        calls += 1
+        if calls > CHECKED:
+            return thing(*args, **options)
+        if checking is None:  # most functions are not called in a process: made when it is needed
+            shapes = any(map(_names_shapes, thing.__annotations__.values()))
+            checking = jaxtyped(thing, typechecker=_types) if shapes else _types(thing)
+        return checking(*args, **options)
+
+    setattr(call, NAME, True)
+    return call
 
 
 class _Decorated(ast.NodeTransformer):

@@ -1,9 +1,9 @@
 """The models every law is tested on, and the input histories that drive them: one table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +38,7 @@ from hysteresis.preisach import GridDensity
 from tests import compositions
 from tests.densities import CELLS as DENSITY_CELLS
 from tests.densities import Make, plain_everett, warped
+from tests.thorough import rest_thorough
 
 Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat", "no-inverse"]
 Known = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -630,6 +631,20 @@ PROBLEMS: tuple[Problem, ...] = (
         _coupled_known,
     ),
 )  # fmt: skip
+
+VARIANTS = frozenset({
+    "sponge", "burgers-lagging-constant", "burgers-leading-linear", "maxwell", "standard-solid",
+    "scaled", "preisach-negative", "preisach-positive", "preisach-sparse", "preisach-signed",
+    "warped-grid", "play-leading-bent", "stops-by-span", "rate-forms",
+    "coupled-oscillators",
+})  # fmt: skip
+"""Problems whose code another one runs too, with other numbers or signs, or in another order."""
+
+
+def variants_thorough(problems: Iterable[Problem]) -> list[Any]:
+    """Problems for `parametrize`: `make test` leaves out the variants."""
+    return rest_thorough(problems, lambda problem: problem.name not in VARIANTS)
+
 
 INVERTIBLE = tuple(problem for problem in PROBLEMS if "no-inverse" not in problem.tags)
 

@@ -192,6 +192,8 @@ class Jobs:
         for line in logged:
             job.hear(line.rstrip("\n"))
         reader.join()
+        printed.close()
+        logged.close()
         status = process.wait()
         with self._lock:
             job.end = time.monotonic()

@@ -54,11 +54,11 @@ def normal_equations_of(
     parts: dict[int, Bool[np.ndarray, " rows"]],
 ) -> dict[int, NormalEquations]:
     """Those of each part of the rows of a dense problem A x = y."""
+    # Of one array and its own transpose NumPy computes half.
     return {
-        part: NormalEquations(
-            A[rows].T @ A[rows], A[rows].T @ y[rows], float(y[rows] @ y[rows]), int(rows.sum())
-        )
+        part: NormalEquations(B.T @ B, B.T @ v, float(v @ v), len(v))
         for part, rows in parts.items()
+        for B, v in [(A[rows], y[rows])]
     }
 
 

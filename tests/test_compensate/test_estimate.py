@@ -22,6 +22,7 @@ from compensate import (
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, weights
+from tests.thorough import rest_thorough
 
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0)
 GRID = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(0))), jnp.full(7, 0.5))
@@ -49,7 +50,7 @@ def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
     return Record.from_arrays(u, y, t, groups, nan="omit")
 
 
-@pytest.mark.parametrize("name", COMPENSATORS)
+@pytest.mark.parametrize("name", rest_thorough(COMPENSATORS, 4))
 @settings(max_examples=8)
 @given(
     seed=st.integers(0, 2**31),

@@ -25,12 +25,13 @@ from tests.problems import (
     histories,
     random_histories,
     tagged,
+    variants_thorough,
     weights,
     without,
 )
 
 seeds = st.integers(0, 2**32 - 1)
-every = pytest.mark.parametrize("problem", INVERTIBLE, ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(INVERTIBLE), ids=lambda p: p.name)
 HISTORIES = 25
 """One number of them everywhere, so that a model's programs are compiled once."""
 
@@ -138,11 +139,9 @@ def test_drawn_histories_with_ties_and_plateaus(problem: Problem, seed: int, dat
 
 @pytest.mark.parametrize(
     "problem",
-    [
-        p
-        for p in INVERTIBLE
-        if "grid" not in p.tags or p.name in ("preisach-negative", "preisach-leading")
-    ],
+    variants_thorough(
+        p for p in INVERTIBLE if "grid" not in p.tags or p.name == "preisach-leading"
+    ),
     ids=lambda p: p.name,
 )
 def test_nan_holds_the_last_value_and_the_next_sample_is_right(problem: Problem):

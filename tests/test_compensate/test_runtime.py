@@ -28,13 +28,13 @@ from hysteresis import (
 )  # fmt: skip
 from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
-from tests.problems import INVERTIBLE, Problem, random_histories, weights
+from tests.problems import INVERTIBLE, Problem, random_histories, variants_thorough, weights
 
 ROOT = Path(__file__).parents[2]
 ROWS = 200
 """As many as the golden pair has, so that exports compile no other program."""
 EXPORTED = INVERTIBLE
-every = pytest.mark.parametrize("problem", EXPORTED, ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(EXPORTED), ids=lambda p: p.name)
 DEPTH, GOLDEN = 128, 200
 
 

@@ -11,6 +11,7 @@ from compensate.runtime import load
 from hysteresis import Burgers
 from tests.c_harness import COMPILERS, Compiled
 from tests.test_compensate.test_runtime import DEPTH, EXPORTED, Problem, run
+from tests.thorough import rest_thorough
 
 HUGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200)
 CLOCKS = (np.nan, np.inf, -np.inf, 1e308, 1e150, -1.0, 0.0, 1e12)
@@ -24,7 +25,7 @@ def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:
     return random.choice(HUGE, rows), random.choice(CLOCKS, rows)
 
 
-@pytest.mark.parametrize("problem", EXPORTED[::3], ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", rest_thorough(EXPORTED[::3], 6), ids=lambda p: p.name)
 def test_python_is_finite_whatever_it_is_fed(problem: Problem, tmp_path: Path):
     done = run(problem)
     export_runtime(done.model, tmp_path / "it.json", done.y, times=done.t, depth=DEPTH)

@@ -1,6 +1,9 @@
 """Units and trained inputs that models carry."""
 
+import itertools
+
 import numpy as np
+import pint
 import pytest
 
 import identify
@@ -17,6 +20,7 @@ from hysteresis import (
     extended,
     with_units,
 )
+from hysteresis._quantities import _USUAL
 from hysteresis._serialisation import described, rebuilt
 
 SENSOR = LinearSponge(0.5, 0.2, units=("kgf", "V"), trained=(0.0, 2.0))  # V behind kgf
@@ -34,6 +38,15 @@ SENSOR = LinearSponge(0.5, 0.2, units=("kgf", "V"), trained=(0.0, 2.0))  # V beh
 def test_conversions_are_those_of_the_standards(unit: str, wanted: str, factor: float):
     assert conversion(unit, wanted) == pytest.approx(factor, rel=1e-13)
     assert conversion(wanted, unit) == pytest.approx(1 / factor, rel=1e-13)
+
+
+def test_what_is_known_of_usual_units_is_what_pint_says():
+    registry = pint.get_application_registry()
+    for unit, wanted in itertools.product(_USUAL, repeat=2):
+        known, said = conversion(unit, wanted), registry.Quantity(1.0, unit)
+        assert (known is not None) == said.is_compatible_with(wanted)
+        if known is not None:
+            assert known == pytest.approx(said.to(wanted).magnitude, rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def test_a_model_with_rates_is_inverted_at_its_times():
     assert np.abs(again - y).max() <= 1e-13 * np.ptp(y)
 
 
+@pytest.mark.thorough
 def test_a_density_that_vanishes_is_flat_where_it_does():
     """Without a reversible part: every output comes back, on a way up the input where it is OK."""
     model = Preisach(GaussianDensity(LOW, HIGH, 1.0, 0.3, 0.05, 0.5, 0.05))

@@ -68,9 +68,10 @@ def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
 
 
 @pytest.mark.parametrize(
-    "problem", [p for p in PROBLEMS if p.name in ("positive", "sponge", "burgers", "leading")],
+    "problem",
+    [p for p in PROBLEMS if p.name in ("sponge", "burgers-leading-constant", "preisach-up")],
     ids=lambda p: p.name,
-)  # fmt: skip
+)
 @settings(max_examples=10)
 @given(data=st.data())
 def test_a_dead_band_of_no_width_is_the_inner_inverse(problem: Any, data: st.DataObject):

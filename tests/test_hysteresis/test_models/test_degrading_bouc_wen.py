@@ -141,6 +141,7 @@ def test_wear_softens_and_weakens():
     assert drop[1] < 0.8 * drop[0]
 
 
+@pytest.mark.thorough
 def test_no_way_is_too_long_and_gradients_stay_finite():
     u = jnp.array([0.0, 0.0, 40.0, 1e8, 1e8, -1e8, -79.9999, 3.0, 3.0, 0.0])
     gradient = eqx.filter_jit(jax.grad(lambda point: point[0].simulate(None, point[1]).sum()))
@@ -164,6 +165,7 @@ def test_inverse_of_any_shape():
         assert np.abs(again - y).max() <= 1e-12 * np.ptp(y)
 
 
+@pytest.mark.thorough
 def test_inverse_has_the_slope_of_the_inverse_function():
     """dx/dy of one step is 1 / (dy/dx), by an implicit derivative."""
     model = DegradingBoucWen(BoucWen(2.0, 0.2, 0.5, 1.5, 0.3), 0.1, 0.1, SLIP)

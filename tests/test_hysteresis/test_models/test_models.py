@@ -12,9 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import AbstractModel, Preisach, parameters
-from tests.problems import PROBLEMS, SAMPLES, Problem, clock, histories, tagged
+from tests.problems import (
+    PROBLEMS,
+    SAMPLES,
+    Problem,
+    clock,
+    histories,
+    tagged,
+    variants_thorough,
+)
 
-every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(PROBLEMS), ids=lambda p: p.name)
 seeds = st.integers(0, 2**32 - 1)
 CUT = SAMPLES // 2
 """Both parts are of one length: their steps are compiled once."""
@@ -49,7 +57,7 @@ def draw(problem: Problem, data: st.DataObject) -> tuple[AbstractModel, np.ndarr
     return problem.model(seed), clock(seed), u
 
 
-@every
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
 @settings(max_examples=15)
 @given(data=st.data())
 def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):

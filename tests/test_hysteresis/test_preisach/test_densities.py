@@ -30,6 +30,7 @@ from hysteresis.preisach import (
 )
 from tests.densities import CELLS, DENSITIES, KINDS, Coercive, plain_everett, warped
 from tests.problems import HIGH, LOW, SAMPLES, histories
+from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize("name", DENSITIES)
 seeds = st.integers(0, 2**32 - 1)
@@ -153,7 +154,7 @@ def product(density: Coercive, h: float, m: float) -> float:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("ratio", [0.25, 4.0])
+@pytest.mark.parametrize("ratio", rest_thorough([0.25, 4.0], 1))
 def test_integrated_over_the_triangle(kind: type[Coercive], ratio: float):
     """To 1e-10 of the mass, whether coercivity or bias is the wider one, up to a ratio of four."""
     bias_width = 0.12 / math.sqrt(ratio)

@@ -41,6 +41,7 @@ def test_a_parameter_that_is_not_free_has_no_profile() -> None:
         profile(fitted, "threshold")
 
 
+@pytest.mark.thorough
 def test_optimum_and_interval_are_those_of_other_programs() -> None:
     """Of a Burgers element; `benchmarks.identification` asks for more."""
     found = agreement(burgers(), most=1)

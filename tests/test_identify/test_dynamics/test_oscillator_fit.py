@@ -96,6 +96,7 @@ def test_a_short_record_without_a_period_gets_its_state_too():
     assert fit.noise.sigma == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_a_posterior_agrees_with_the_standard_errors_and_resumes(tmp_path):
     """Also where the initial state is free, whose information is decades from that on a stiffness."""
     options = {"ensembles": 2, "walkers": 20}
@@ -165,6 +166,7 @@ def test_a_record_without_noise_is_explained():
     assert [p.value for p in fit.parameters] == pytest.approx(TRUTH, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_wrong_class_is_said_to_be_wrong():
     other = recorded(*training(1, "iwan", 3, samples=SAMPLES))
     fit = identify.fit(other, "Oscillator(BoucWen)", starts=12)

@@ -12,7 +12,7 @@ from hysteresis import Burgers, Record, StandardLinearSolid
 from identify import fit
 from identify.parameters._transform import transform_for
 from identify.parametric._multistart import longer, prepared_longer, refine, thinned_rows
-from tests.problems import SAMPLES, Problem, clock, tagged
+from tests.problems import SAMPLES, Problem, clock, tagged, variants_thorough
 from tests.thorough import rest_thorough
 
 compiled: list[str] = []
@@ -21,7 +21,7 @@ jax.monitoring.register_event_duration_secs_listener(
 )
 
 
-@pytest.mark.parametrize("problem", tagged("rates"), ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", variants_thorough(tagged("rates")), ids=lambda p: p.name)
 def test_rows_behind_change_nothing_before(problem: Problem):
     model, t = problem.model(), clock(0)
     u = np.random.default_rng(0).uniform(problem.low, problem.high, SAMPLES)

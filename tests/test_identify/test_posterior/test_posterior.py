@@ -234,6 +234,7 @@ def grid_posterior(grid_fit):
     return sample(grid_fit, steps=20, seed=0)
 
 
+@pytest.mark.thorough
 def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_posterior) -> None:
     model = grid_posterior.model
     assert isinstance(model, Preisach)
