@@ -133,7 +133,8 @@ def _cells(document: dict[str, Any]) -> list[list[str]]:
     table = [header]
     for row in document["rows"]:
         cells = [row["what"], row["where"], _printed(row), _tolerance(row)]
-        cells.append(_with_error(row["reproduced"], row["sd"]))
+        fewer = "" if row["count"] == document["rigs"] else f" (of {row['count']})"
+        cells.append(_with_error(row["reproduced"], row["sd"]) + fewer)
         if with_ours:
             cells.append("" if row["ours"] is None else _with_error(row["ours"], row["ours_sd"]))
         cells += ["" if row["unit"] == "1" else row["unit"], _yes(row["within"])]
@@ -148,10 +149,14 @@ def _printed(row: dict[str, Any]) -> str:
 
 
 def _tolerance(row: dict[str, Any]) -> str:
-    if row["published"] is None or row["at_most"]:
+    if row["tolerance"] is None or row["at_most"]:
         return ""
     low, high = row["tolerance"]
-    return f"{low:.4g} to {high:.4g}" + (f" (n = {row['repeats']})" if row["repeats"] else "")
+    if row["repeats"]:
+        return f"{low:.4g} to {high:.4g} (n = {row['repeats']})"
+    # As many decimals as half of the last printed digit has.
+    decimals = max(0, math.ceil(-math.log10(row["half_digit"]))) if row["half_digit"] else 0
+    return f"{low:.{decimals}f} to {high:.{decimals}f}"
 
 
 def _with_error(mean: float, sd: float) -> str:

@@ -30,6 +30,7 @@ class Published(NamedTuple):
     - `repeats`: the number counts successes in so many of the paper's own trials.
     - `percent`: it is the percentage of them.
     - `at_most`: the paper says no more than that it is not exceeded.
+    - `judged`: whether the virtual rig can be within or outside; a time on another computer is neither.
     """
 
     key: str
@@ -44,6 +45,7 @@ class Published(NamedTuple):
     repeats: int = 0
     percent: bool = False
     at_most: bool = False
+    judged: bool = True
 
     def tolerance(self) -> tuple[float, float] | None:
         """What the paper's own repeats, or else its printed digits, leave open.
@@ -51,7 +53,7 @@ class Published(NamedTuple):
         Of a count it is Clopper and Pearson's interval of the chance, times the trials. The spread of
         the virtual rigs is not in it, so a worse rig does not pass more easily.
         """
-        if self.value is None:
+        if self.value is None or not self.judged:
             return None
         if self.at_most:
             return -np.inf, self.value + self.half_digit

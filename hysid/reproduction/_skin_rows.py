@@ -72,7 +72,7 @@ PUBLISHED = (
               _skin(lambda skin: skin.timeless.trained.train[-1]), PREDICTED, CREEP),
     Published("training", "(A) training", SECTION_A, "s", 331.0, 0.5,
               _skin(lambda skin: skin.timeless.trained.seconds), PREDICTED,
-              "Another computer: this row says nothing about the sensor.", at_most=True),
+              "Another computer: this row says nothing about the sensor.", judged=False),
     Published("loops", "(A) force of four loops", "fig 6, no number", "N", None, 0.0,
               _skin(lambda skin: skin.rms(skin.by_timeless)), UNPRINTED, CURVE),
     *(Published(f"right_{place}", f"(B) presses of {place} found, of 20", SECTION_B, "1", float(n), 0.0,
@@ -161,7 +161,7 @@ def findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[s
         ),
         finding(
             "All 16 peaks are detected, some of them early and some late (IV D).",
-            f"{missed} of {missed + len(late)} peaks are missed. Those found are from "
+            f"Missed: {missed} of {missed + len(late)} peaks. Those found are from "
             f"{-1e3 * late.min():.0f} ms early to {1e3 * late.max():.0f} ms late, "
             f"{1e3 * late.mean():.0f} ms late in the mean.",
             not missed and late.min() < 0 < late.max(),
