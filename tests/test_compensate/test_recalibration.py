@@ -31,6 +31,7 @@ from hysteresis import (
 )
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
+from tests.thorough import rest_thorough
 
 BOUNDED = jax.jit(bounded)
 ROWS = 40
@@ -60,7 +61,7 @@ MODELS = {
                       Burgers(2.0, 400.0, 4.0, 20.0)),
 }  # fmt: skip
 every = pytest.mark.parametrize("name", MODELS)
-several = pytest.mark.parametrize("name", ["falling", "with rates"])
+several = pytest.mark.parametrize("name", rest_thorough(["falling", "with rates"], 1))
 
 
 class Run(NamedTuple):

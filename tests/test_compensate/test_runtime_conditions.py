@@ -11,6 +11,7 @@ from compensate.runtime import load
 from hysteresis import Conditioned, InputError
 from tests.c_harness import COMPILERS, Compiled
 from tests.test_compensate.test_inverses.test_conditioned import model, walk
+from tests.thorough import rest_thorough
 
 ROWS = 40
 
@@ -27,7 +28,9 @@ def readings(one: Conditioned) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return u, y, c
 
 
-@pytest.mark.parametrize(("sign", "axis"), [(1.0, "logarithmic"), (-1.0, "reciprocal")])
+@pytest.mark.parametrize(
+    ("sign", "axis"), rest_thorough([(1.0, "logarithmic"), (-1.0, "reciprocal")], 1)
+)
 def test_python_and_c_are_the_same(sign: float, axis: str, tmp_path: Path):
     one = conditioned(sign, axis)
     u, y, c = readings(one)

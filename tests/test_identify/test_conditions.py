@@ -90,6 +90,7 @@ def test_a_saved_fit_predicts_the_same(found, tmp_path):
     assert again.train.digest() == found.train.digest()
 
 
+@pytest.mark.thorough
 def test_draws_of_the_posterior_surround_the_fit(found):
     posterior = identify.sample(found, steps=30)
     assert condition_of(posterior.model) is not None

@@ -14,6 +14,7 @@ import identify
 from hysteresis import Burgers, InputError, LinearSponge, Note, Record
 from identify.batch import _fit_many as _many
 from identify.batch._executor import Unit, done_by
+from tests.thorough import rest_thorough
 
 SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
 SPONGE = LinearSponge(0.3, 0.0)
@@ -63,7 +64,7 @@ def same(one: identify.FitResult, other: identify.FitResult, tolerance: float) -
     assert np.isnan(one.score)
 
 
-@pytest.mark.parametrize("model", [SPONGE, "LinearSponge"])
+@pytest.mark.parametrize("model", rest_thorough([SPONGE, "LinearSponge"], 1))
 def test_a_line_is_fitted_as_by_itself(model):
     records = [sponge(seed) for seed in range(5)]
     # One with rows that do not count, one of another length.

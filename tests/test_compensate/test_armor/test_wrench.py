@@ -33,6 +33,7 @@ from hysteresis import (
     Units,
     with_units,
 )
+from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55)
 PLAYS = with_units(
@@ -166,7 +167,9 @@ EXPORTED = {
 }
 
 
-@pytest.mark.parametrize(("cover", "model", "wrist"), EXPORTED.values(), ids=EXPORTED)
+@pytest.mark.parametrize(
+    ("cover", "model", "wrist"), rest_thorough(EXPORTED.values(), 4), ids=EXPORTED
+)
 def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path: Path):
     """A stream of anything: contacts, slips over edges, releases, bad readings."""
     solver = ContactSolver(BOX, cover, spin_limit=0.05)

@@ -42,7 +42,7 @@ def stacked(make: Any, draws: int = DRAWS) -> tuple[list[Any], Any]:
     return each, jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
 
 
-both = pytest.mark.parametrize("make", [grid, burgers, sponge])
+both = pytest.mark.parametrize("make", rest_thorough([grid, burgers, sponge], 2))
 t = 0.1 * np.arange(SAMPLES)
 
 

@@ -13,6 +13,7 @@ from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompens
 from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, PROBLEMS, SAMPLES, clock, histories, random_histories, without
+from tests.thorough import rest_thorough
 
 CELLS = 12
 SPAN = HIGH - LOW
@@ -23,7 +24,9 @@ GRID = Preisach(
     0.3,
 )
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0, 0.1)
-both = pytest.mark.parametrize("model", [GRID, BURGERS], ids=["preisach", "burgers"])
+both = pytest.mark.parametrize(
+    "model", rest_thorough([GRID, BURGERS], 1), ids=["preisach", "burgers"]
+)
 
 
 def walk(step: float, samples: int, seed: int) -> np.ndarray:
@@ -94,7 +97,7 @@ def test_a_dead_band_lags_by_its_width_over_the_slope():
 
 
 @both
-@pytest.mark.parametrize("step", [0.003, 0.02])
+@pytest.mark.parametrize("step", rest_thorough([0.003, 0.02], 1))
 def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: float):
     """On walks with just these statistics: 90 % bands hold 85 to 95 %."""
     u = walk(step * SPAN, 3000, 1)

@@ -51,6 +51,7 @@ def serious(page: Any) -> list[tuple[str, str]]:
     ]
 
 
+@pytest.mark.thorough
 def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
     faults: list[str] = []
     with serving([tmp_path]) as ready:

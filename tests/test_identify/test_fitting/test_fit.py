@@ -11,6 +11,7 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, load, save
 from identify.internal import read_document, sealed, to_json
+from tests.thorough import rest_thorough
 
 
 def creep_record(
@@ -27,7 +28,7 @@ def creep_record(
     return Record.from_arrays(u, y, t, **units), truth  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("leading", [False, True])
+@pytest.mark.parametrize("leading", rest_thorough([False, True], 1))
 def test_burgers_is_recovered_from_a_decade_away(leading: bool) -> None:
     record, truth = creep_record(leading=leading)
     far = Burgers(20.0, 6.0, 10.0, 0.5, 1.0, leading=leading)
