@@ -9,6 +9,7 @@
 # make package    a wheel and an sdist in build/, tried on the oldest and newest Python found, its types checked
 # make targets    which judges of `hysid export --to` are here: simulators, importers, compilers
 # make minimum    some tests with the lowest versions that pyproject.toml allows
+# make bench   installs what benchmarks compare with and fuzz with, which `make test` does not need
 # make clean   everything git does not hold, the environment included
 
 PYTHON ?= python3
@@ -18,7 +19,7 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test thorough pages lint docs datasets picture package targets minimum clean
+.PHONY: demo test thorough pages lint docs datasets picture package targets minimum bench clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
@@ -62,6 +63,13 @@ targets: $(READY)
 
 minimum:
 	.ci/packaging minimum
+
+bench: $(READY)
+	@if command -v uv >/dev/null 2>&1; then \
+		set -ex; uv pip install --python $(BIN)/python --editable '.[dev,bench,fuzz]'; \
+	else \
+		set -ex; $(BIN)/python -m pip install --quiet --editable '.[dev,bench,fuzz]'; \
+	fi
 
 # Again only when pyproject.toml changes: a second run needs no network.
 $(READY): pyproject.toml

@@ -1,15 +1,20 @@
 """What bad input does: to the command line, to damaged files, to a running compensator; what a kill leaves.
 
 python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--seed K]
+                                [--python PATH]
 
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
+guided (bytes of tables, runtime files, fits and configurations that atheris makes, guided by coverage),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
-units, with other threads, made again), load (rows, columns, groups, steps in C, threads, processes), disk
-(a full one), kills (at random moments), chains (of killed samplers, resumed). `--count`: of cases of
-`tables` and `documents`, 10,000 by default; `--seed`: other cases, so that 200,000 are tried by several
-processes.
+units, moved far off, made again), interpreters (outputs and fits with two threads, and by another Python),
+load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments),
+chains (of killed samplers, resumed).
+
+`--count`: of cases of `tables`, `documents` and `guided`, 10,000 each by default; `--seed`: other cases, so
+that 200,000 are tried by several processes. `--python`: the other Python, of an environment that has hysid
+and hypothesis; without it one is made below build/ where another Python is found.
 """
 
 import sys
@@ -30,7 +35,9 @@ from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
 from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
+from ._ruggedness import coverage_guided as _coverage_guided
 from ._ruggedness import documents as _documents
+from ._ruggedness import interpreters as _interpreters
 from ._ruggedness import kills as _kills
 from ._ruggedness import load as _load
 from ._ruggedness import numbers as _numbers
@@ -285,7 +292,7 @@ def disk(quick: bool) -> list[Row]:
 
 
 def numbers(quick: bool) -> list[Row]:
-    """Fits of a record in other units, with other threads, and made again."""
+    """Fits of a record in other units, moved far off, and made again."""
     if quick:
         return [noted("numbers in other units", 0, reason="takes a minute: run without --quick")]
     with elsewhere():
@@ -322,17 +329,27 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    numbers = {"--count": 0, "--seed": 0}
-    for name in numbers:
+    own = {"--count": "0", "--seed": "0", "--python": ""}
+    for name in own:
         if name in given:
             at = given.index(name)
-            numbers[name], given = int(given[at + 1]), [*given[:at], *given[at + 2 :]]
-    count, first = numbers.values()
+            own[name], given = given[at + 1], [*given[:at], *given[at + 2 :]]
+    count, first = int(own["--count"]), int(own["--seed"])
 
     def of(part: Callable[[int, int], list[Row]]) -> Callable[[bool], list[Row]]:
         return lambda quick: part(count or (QUICKLY if quick else FUZZED), first)
 
-    parts = PARTS | {"tables": of(tables), "documents": of(documents)}
+    def interpreters(quick: bool) -> list[Row]:
+        if quick:
+            return [noted("other interpreters", 0, reason="takes minutes: run without --quick")]
+        return _interpreters.rows(own["--python"])
+
+    parts = PARTS | {
+        "tables": of(tables),
+        "documents": of(documents),
+        "guided": of(_coverage_guided.rows),
+        "interpreters": interpreters,
+    }
     run_parts("benchmarks.ruggedness", __doc__, parts, given)
 
 

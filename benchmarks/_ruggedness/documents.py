@@ -90,8 +90,8 @@ def changed(document: Any, case: Edits) -> Any:
     return document
 
 
-def runtime_files() -> Callable[[Edits], str]:
-    """Compensators of every exportable model: `load` gives `FileError` or something that runs."""
+def exported() -> list[Any]:
+    """Files of compensators of a quarter of the exportable models, as documents."""
     documents, file = [], Path("it.json")
     for problem in EXPORTED[::4]:
         t = np.linspace(0, 1, 40)
@@ -99,6 +99,12 @@ def runtime_files() -> Callable[[Edits], str]:
         y = np.asarray(problem.model().simulate(t, u))
         export_runtime(problem.model(), file, y, times=t)
         documents.append(json.loads(file.read_text()))
+    return documents
+
+
+def runtime_files() -> Callable[[Edits], str]:
+    """Compensators of exportable models: `load` gives `FileError` or something that runs."""
+    documents, file = exported(), Path("it.json")
 
     def tried(case: Edits) -> str:
         document = changed(documents[case.which % len(documents)], case)
@@ -115,7 +121,7 @@ def runtime_files() -> Callable[[Edits], str]:
     return tried
 
 
-def _small_fit() -> Path:
+def small_fit() -> Path:
     """The folder of a fit of a record of a few rows."""
     put(text(sponge(4.0)))
     words = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
@@ -148,7 +154,7 @@ def _put_damaged(folder: Path, document: Any, whole: dict[str, bytes], case: Edi
 
 def fits() -> Callable[[Edits], str]:
     """fit.json of a small fit and the arrays beside it, loaded; one in ten predicts its file."""
-    folder = _small_fit()
+    folder = small_fit()
     names = ("data.npz", "fit.npz", "model.npz")
     whole = {name: (folder / name).read_bytes() for name in names}
     document = json.loads((folder / "fit.json").read_text())
@@ -177,7 +183,7 @@ def fits() -> Callable[[Edits], str]:
 
 def posteriors() -> Callable[[Edits], str]:
     """posterior.json, with damaged posterior.nc and posterior_models.npz beside it."""
-    folder = _small_fit()
+    folder = small_fit()
     fit = identify.load(folder)
     identify.save_posterior(identify.sample(fit, steps=40, ensembles=2), folder)
     names = ("posterior.nc", "posterior_models.npz")

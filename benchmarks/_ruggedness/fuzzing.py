@@ -106,6 +106,19 @@ def fuzz(
 
     `first`: the seed of the first cases. Others are other cases.
     """
+    with judging(run) as (each, tally):
+        for begin in range(0, count, AT_ONCE):
+            tried = settings(
+                max_examples=min(AT_ONCE, count - begin), deadline=None, database=None,
+                phases=[Phase.generate], suppress_health_check=SLOW,
+            )(given(cases)(each))  # fmt: skip
+            seed(1_000_000 * first + begin)(tried)()
+    return tally
+
+
+@contextlib.contextmanager
+def judging(run: Callable[[Any], str]) -> Iterator[tuple[Callable[[Any], None], Tally]]:
+    """What runs and judges one case, and how all of them ended; the current folder is watched."""
     tally = Tally()
     if not _watch:
         _watch.append(_Watch())
@@ -159,21 +172,21 @@ def fuzz(
         elif _watch[0].home is not None and time.process_time() - looked[1] > STUCK:
             raise _Stuck
 
+    def unraisable(about: Any) -> None:
+        """What the end of an object raises is printed with its traceback, and nothing catches it."""
+        _watch[0].seen.append(f"unraisable {about.exc_value!r:.200}")
+
+    heard, sys.unraisablehook = sys.unraisablehook, unraisable
     here, before = Path.cwd().resolve(), signal.signal(signal.SIGPROF, stuck)
     signal.setitimer(signal.ITIMER_PROF, 5.0, 5.0)
     try:
-        for begin in range(0, count, AT_ONCE):
-            tried = settings(
-                max_examples=min(AT_ONCE, count - begin), deadline=None, database=None,
-                phases=[Phase.generate], suppress_health_check=SLOW,
-            )(given(cases)(each))  # fmt: skip
-            seed(1_000_000 * first + begin)(tried)()
+        yield each, tally
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
+        sys.unraisablehook = heard
     if os.listdir("..") != [INSIDE]:
         tally.failures.append(f"left outside: {os.listdir('..')}")
-    return tally
 
 
 def _memory() -> int:

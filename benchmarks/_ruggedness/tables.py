@@ -228,7 +228,9 @@ def checked(case: Case) -> str:
     """`hysid check` of a case, which writes nothing."""
     file = Path(f"run.{case.ending}")
     file.write_bytes(case.content)
-    ended = told(run("check", file, *case.words))
-    assert [p.name for p in Path().iterdir()] == [file.name], "a file was written"
-    file.unlink()
+    try:
+        ended = told(run("check", file, *case.words))
+        assert [p.name for p in Path().iterdir()] == [file.name], "a file was written"
+    finally:
+        file.unlink()
     return ended

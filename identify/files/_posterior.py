@@ -126,7 +126,8 @@ def load_posterior(folder: str | Path) -> Posterior | None:
         >>> identify.load_posterior(folder).names
         ('K', 'b', 'sigma')
     """
-    import h5netcdf
+    # netCDF is HDF5. Of a damaged file h5netcdf leaves an object whose end prints a traceback.
+    import h5py
 
     folder = Path(folder)
     if not (folder / "posterior.json").is_file():
@@ -147,8 +148,8 @@ def load_posterior(folder: str | Path) -> Posterior | None:
             fix="sample again: hysid sample DIR.",
         )
     with damage_told("the posterior", folder, "sample again: hysid sample DIR."):
-        with h5netcdf.File(places["posterior.nc"], "r") as file:
-            group = file["posterior"]
+        with h5py.File(places["posterior.nc"], "r") as file:
+            group: Any = file["posterior"]
             columns = [_read(group[name], places["posterior.nc"]) for name in document["names"]]
             draws = np.stack(columns, -1)
         arrays = load_arrays(places["posterior_models.npz"])
