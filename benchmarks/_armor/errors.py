@@ -6,6 +6,7 @@ of the same sponge that are pressed for the first time.
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -44,6 +45,8 @@ class Errors(NamedTuple):
     mixed_held: float
     lost: int
     """presses whose surface was not found"""
+    mixed_unknown: float
+    """of the 76 points, what unevenness of cover and hand does to d: no presses elsewhere tell it"""
 
 
 def error_rows(quick: bool) -> list[Row]:
@@ -66,6 +69,7 @@ def _of_kind(kind: str, make: Callable[..., ArmorRig], count: int) -> list[Row]:
     ellipsoids = f"covariance: 90 % ellipsoids that hold the contact ({count} {kind}), %"
     return [
         judged(f"{ratio} ({count} {kind})", mean.mixed / mean.mixed_line, 0.3),
+        noted("    the least ratio: unevenness alone", mean.mixed_unknown / mean.mixed_line),
         noted("    mean error of d, mm", mean.mixed, sd.mixed),
         judged(f"{body} ({count} {kind})", mean.body, 3.5),
         noted("    deviation from rig to rig, mm", sd.body),
@@ -98,7 +102,15 @@ def of_rig(rig: ArmorRig) -> Errors:
             int(np.sum(np.asarray(c.contact.surface)[:, -1] != presses.surface))
             for c, presses in ((of_body, body), (of_mixed, mixed))
         ),
+        mixed_unknown=float(unevenness(rig, mixed)[counted].mean()),
     )
+
+
+def unevenness(rig: ArmorRig, presses: ArmorPresses) -> Float[np.ndarray, "presses samples"]:
+    """How far d is from that of the same rig with an even cover and hand, mm."""
+    even = replace(rig, scatter_mm=0.0, uneven=0.0)
+    same = even.press(presses.touched, presses.surface, presses.force, session=6)
+    return 1e3 * np.abs(presses.displacement - same.displacement)
 
 
 def off(found: UncertainContact, presses: ArmorPresses) -> Float[np.ndarray, "presses samples 3"]:

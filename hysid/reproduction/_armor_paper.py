@@ -140,5 +140,9 @@ def _draw(rigs: list[Rig], asked: Asked) -> dict[str, str]:
 
 
 PAPER = Paper(
-    "Tsuji et al. (2014) on virtual rigs", 60, 6, "a second each, by ours some more", carry_out
+    "Tsuji et al. (2014) on virtual rigs",
+    60,
+    6,
+    "seconds each, by our methods some twenty",
+    carry_out,
 )

@@ -17,7 +17,7 @@ from ._armor import (
 )
 from ._published import PREDICTED, TUNED, Published, finding
 
-STAGE = "A finite-difference foam, one block for all rigs, read with 0.05 mm of noise by no hand."
+STAGE = "A finite-difference foam, one block for all rigs, read by a stage with 0.05 mm of noise."
 SHEET = "The sheet around the probe is stiffer than a block, by one factor for these three numbers."
 BODY = "The sensor's ratings, gauges and mounting are assumed: the paper prints 1 % of its ratings alone."
 
