@@ -35,6 +35,9 @@ SHARE = 0.5
 LONG = 0.5
 """Ways shorter than this part of the longest one may lie on one side of the valley."""
 
+FOLD = 0.3
+"""State up to which rows next to the fold count as little as there."""
+
 DEGREE = 4
 """Of the polynomial that folds the state again: nearly even, with sides that may differ."""
 
@@ -77,7 +80,10 @@ def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
             fix="fit --model auto.",
         )
     open_loops = replace(record, output=state.state, output_unit="1", output_name="state")
-    choice = path_of(open_loops, parts, orientations(open_loops), initial)[-1]
+    # An error of the output is so many times that of the state: next to the fold the output says little.
+    weights = np.maximum(np.abs(state.state), FOLD)
+    weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
+    choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
     linear = fitted([choice])[0]
     blocks = held_out(choice, record.output)
     inner = linear.outputs(record)

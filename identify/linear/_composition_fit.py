@@ -37,6 +37,8 @@ from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
 from ._unknown_vectors import relative
 
+Samples = Float[np.ndarray, " samples"]
+
 STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 """Prior strengths tried, the strongest first."""
 
@@ -71,16 +73,27 @@ def fit_compositions(
 
 
 def path_of(
-    record: Record, parts: Parts, leadings: tuple[bool, ...], initial: Initial
+    record: Record,
+    parts: Parts,
+    leadings: tuple[bool, ...],
+    initial: Initial,
+    weights: Samples | None = None,
 ) -> "list[Tried]":
-    """The choices of `fit_compositions`, one for each of its fits."""
+    """The choices of `fit_compositions`, one for each of its fits.
+
+    `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
+    """
     parts = parts.merged
     whole = unknowns_for(record, parts, initial)
     memory = memory_of(whole.memory(), record, fitted_rows(parts))
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
         free, *floored = (
-            _path(Problem(record, parts, whole._replace(leading=leading, floor=floor), memory))
+            _path(
+                Problem(
+                    record, parts, whole._replace(leading=leading, floor=floor), memory, weights
+                )
+            )
             for floor in floors
         )
         # Friction, too, keeps an output on a level for long.
@@ -133,6 +146,7 @@ class Problem:
 
     - `whole`: all unknowns there are. `memory`: at `rows`; other orientations and floors have the same.
     - `inside`: unknowns that were not zero when last solved for, where the next solution begins.
+    - `weights`: of every row's error; None where all count alike.
     """
 
     def __init__(
@@ -141,7 +155,9 @@ class Problem:
         parts: Parts,
         whole: CompositionUnknowns,
         memory: Memory | None = None,
+        weights: Samples | None = None,
     ) -> None:
+        self.weights = weights
         self.record, self.parts, self.rows = record, parts, fitted_rows(parts)
         if memory is None:
             memory = memory_of(whole.memory(), record, self.rows)
@@ -152,7 +168,11 @@ class Problem:
         self.A = whole.columns(memory)
         self.taut = self._taut(self.y)
         of_part = {p: (self.label == p) & self.taut for p in parts.all}
-        self.normal = normal_equations_of(self.A, self.y, of_part)
+        if weights is None:
+            self.normal = normal_equations_of(self.A, self.y, of_part)
+        else:
+            w = weights[self.rows]
+            self.normal = normal_equations_of(self.A * w[:, None], self.y * w, of_part)
         self.inside = np.ones(whole.count, bool)
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
@@ -169,7 +189,8 @@ class Problem:
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
         half = (even + increments / max(increments.sum(), 1e-12)) / 2
         first = tuple(((meaning.high - meaning.low) * half / half.sum()).tolist())
-        return Problem(self.record, self.parts, meaning.of(*some)._replace(first=first))
+        mapped = meaning.of(*some)._replace(first=first)
+        return Problem(self.record, self.parts, mapped, weights=self.weights)
 
     def total(self, which: tuple[int, ...]) -> NormalEquations:
         """The normal equations over `which`, of all unknowns."""
@@ -215,7 +236,8 @@ class Problem:
         def error(x: np.ndarray, which: tuple[int, ...]) -> np.ndarray:
             test, used = np.isin(self.label, which), x != 0
             outputs = self.A[np.ix_(test, columns[used])] @ x[used]
-            return np.maximum(outputs, self.floor) - self.y[test]
+            error = np.maximum(outputs, self.floor) - self.y[test]
+            return error if self.weights is None else error * self.weights[self.rows][test]
 
         blocks = held_out_errors(
             folds or self.parts.folds, lambda train: self.solution(train, some, strength), error
@@ -242,8 +264,9 @@ class Problem:
             if not len(taut):
                 continue
             memory, y = (memory.at(taut), y[taut]) if len(taut) < len(here) else (memory, y)
+            w = None if self.weights is None else self.weights[here[taut]]
             parts = [
-                _averaged(meaning.columns(some), y[place], together)
+                _averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
                 for place, some in memory.cut(at_once)
             ]
             # Of averages all of a block make one product, because H is larger than they are.
@@ -280,6 +303,10 @@ class Problem:
 Tried: TypeAlias = Choice[Problem]
 
 Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
+
+
+def _weighted(A: np.ndarray, y: np.ndarray, weights: Samples | None, place: slice) -> Equations:
+    return (A, y) if weights is None else (A * weights[place, None], y * weights[place])
 
 
 def _averaged(A: np.ndarray, y: np.ndarray, together: int) -> Equations:

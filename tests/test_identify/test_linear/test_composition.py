@@ -10,9 +10,15 @@ import pytest
 from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import FitResult, fit, load, sample, save
-from identify.linear import _composition_memory
+from identify.linear import _composition_fit, _composition_memory
 from identify.linear._composition import PARTS, CompositionUnknowns
-from identify.linear._composition_fit import fit_compositions, relaxation_times, slack
+from identify.linear._composition_fit import (
+    Problem,
+    fit_compositions,
+    relaxation_times,
+    slack,
+    unknowns_for,
+)
 from identify.linear._composition_memory import memory_of
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
@@ -219,3 +225,22 @@ def test_a_line_needs_no_parts():
     y = y + 0.01 * np.random.default_rng(0).normal(size=len(y))
     found = fit(Record.from_arrays(u, y, t), "Composition", test_tail=0.3)
     assert found.name == "curve"
+
+
+def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch):
+    """H and b over all rows are sums of w^2 a a' and w^2 a y, and held-out errors are times w."""
+    data = record(noise=0.01)
+    w, cut = np.linspace(0.5, 1.5, len(data)), parts(data)
+    whole = unknowns_for(data, cut, "negative", ("curve", "Maxwell"))
+    problem, plain = (Problem(data, cut, whole, weights=each) for each in (w, None))
+    squares = w[problem.rows] ** 2
+    want = (problem.A * squares[:, None]).T @ problem.A
+    np.testing.assert_allclose(problem.total(cut.all).H, want, rtol=1e-9, atol=1e-9)
+    tried = problem.tried(whole.parts, 1e-4).blocks
+    assert not np.allclose(tried, plain.tried(whole.parts, 1e-4).blocks, rtol=0.01)
+    monkeypatch.setattr(
+        _composition_fit, "ROWS", 300
+    )  # chosen on a third of the rows, fitted to all
+    final = Problem(data, cut, whole, weights=w).final(whole.parts)
+    np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)
