@@ -16,6 +16,7 @@ import numpy as np
 from .._measure import Row, judged, noted
 
 ROOT = Path(__file__).parents[2]
+TOOLS = ("hypothesis", "pytest")
 SAME_VERSIONS = ("jax", "jaxlib", "numpy", "scipy", "equinox", "optimistix")
 MODELS = ("LinearSponge", "Burgers", "Preisach", "Composition")
 ONE = {
@@ -33,8 +34,8 @@ Numbers = dict[str, np.ndarray]
 def rows(python: str = "") -> list[Row]:
     """This interpreter with two threads, and another Python, beside this one with one thread.
 
-    `python`: an interpreter that has what hysid needs, and hypothesis. Without one an environment is made
-    below build/ of the newest other Python from 3.11 on that is found.
+    `python`: an interpreter that has what hysid needs, hypothesis and pytest. Without one an environment is
+    made below build/ of the newest other Python from 3.11 on that is found.
     """
     here = _computed_by(sys.executable, ONE)
     found = _compared("two threads", here, _computed_by(sys.executable, TWO))
@@ -63,7 +64,7 @@ def _computed_by(python: str, own: dict[str, str]) -> Numbers:
         )  # fmt: skip
         if run.returncode:
             said = run.stderr.strip().splitlines()[-1:]
-            how = f"{python} -m pip install --editable {ROOT} hypothesis"
+            how = f"{python} -m pip install --editable {ROOT} {' '.join(TOOLS)}"
             raise MissingInterpreterError(f"{python} fails with {' '.join(said)}; {how}")
         with np.load(file) as arrays:
             return {name: arrays[name] for name in arrays.files}
@@ -90,18 +91,8 @@ def _made(python: str, place: Path) -> str:
         print(f"filling {place} ...", file=sys.stderr, flush=True)
         # With other versions of JAX or NumPy numbers are others, whatever the Python.
         same = [f"{name}=={version(name)}" for name in SAME_VERSIONS]
-        install = [
-            made,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--editable",
-            str(ROOT),
-            "hypothesis",
-            *same,
-        ]
-        for command in ([python, "-m", "venv", str(place)], install):
+        install = [made, "-m", "pip", "install", "--quiet", "--editable", str(ROOT)]
+        for command in ([python, "-m", "venv", str(place)], [*install, *TOOLS, *same]):
             run = subprocess.run(command, capture_output=True, text=True, check=False)
             if run.returncode:
                 shutil.rmtree(place, ignore_errors=True)
