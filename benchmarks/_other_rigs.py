@@ -239,11 +239,77 @@ def capacitance(t: Samples, u: Samples) -> Samples:
     return 1 / (0.3 + polarisation(t, u) ** 2)
 
 
+def encoder(t: Samples, u: Samples) -> Samples:
+    """Counts of an encoder behind a backlash."""
+    angle, found = u[0], []
+    for motor in u:
+        angle = np.clip(angle, motor - 0.07, motor + 0.07)
+        found.append(np.round(45 * angle))
+    return np.array(found)
+
+
+def velostat(t: Samples, u: Samples) -> Samples:
+    """Resistance of a carbon-filled foil under pressure, whose contacts creep closer."""
+    times, share = np.array([0.2, 2.0, 20.0]), np.array([0.03, 0.08, 0.1])
+    crept, found = np.zeros(3), []
+    for pressure in 60 * u:
+        crept += -np.expm1(-STEP / times) * (pressure - crept)
+        found.append(0.6 + 12 / (1 + 0.5 * pressure + share @ crept))
+    return np.array(found)
+
+
+def stretched_conductor(t: Samples, u: Samples) -> Samples:
+    """Resistance of a carbon-filled rubber band: speed of either sign opens cracks that close slowly."""
+    cracks, rest, found, before = 0.0, 0.0, [], u[0]
+    for strain in u:
+        cracks += STEP / 0.6 * (abs(strain - before) / STEP - cracks)
+        rest += STEP / 3 * (strain - rest)
+        before = strain
+        found.append(3.6 * strain + 3.6 * strain**2 + 3.75 * cracks - 1.8 * rest)
+    return np.array(found)
+
+
+def elastomer_actuator(t: Samples, u: Samples) -> Samples:
+    """Strain of a dielectric elastomer over its voltage: a squared field, and creep over decades."""
+    times = np.geomspace(0.06, 40, 9)
+    crept, found = np.zeros(9), []
+    for field in 5.5 * u:
+        pressure = field**2 * (1 + 0.01 * field**2)
+        crept += -np.expm1(-STEP / times) * (pressure - crept)
+        found.append(0.35 * pressure + 0.09 * crept.sum())
+    return np.array(found)
+
+
+def memory_wire(t: Samples, u: Samples) -> Samples:
+    """Strain of a shape-memory wire over temperature: grains that change at their own temperatures."""
+    rng = np.random.default_rng(3)
+    at, half = rng.normal(0.6, 0.07, 150), np.abs(rng.normal(0.1, 0.03, 150))
+    martensite, found = np.ones(150), []
+    for heat in u:
+        martensite[heat > at + half] = 0.0
+        martensite[heat < at - half] = 1.0
+        found.append(4.2 * martensite.mean() + 0.14 * heat)
+    return np.array(found)
+
+
+def cell_voltage(t: Samples, u: Samples) -> Samples:
+    """Voltage of a battery cell over its state of charge, with one state of hysteresis and diffusion."""
+    state, slow, found, before = -1.0, 0.0, [], u[0]
+    for charge in u:
+        current, before = (charge - before) / STEP, charge
+        state += abs(current) * STEP * 12 * (np.sign(current) - state)
+        slow += STEP / 0.2 * (0.02 * current - slow)
+        steep = -0.08 * np.exp(-20 * charge) + 0.05 * np.tanh((charge - 0.55) / 0.06)
+        found.append(0.35 * charge + steep + 0.018 * state + 0.01 * current + slow)
+    return np.array(found)
+
+
 AMPLITUDES = (1.0, 0.6, 0.9, 0.45, 0.75, 1.0, 0.85, 0.55)
 BOTH = tuple((-a, a) for a in AMPLITUDES)
 ONE = tuple((0.0, a) for a in AMPLITUDES)
 LARGE = tuple((-a, a) for a in (1.0, 0.95, 1.0, 0.9, 0.98, 1.0, 0.93, 0.97))
 GROWING = tuple((-a, a) for a in (0.2, 0.3, 0.3, 0.45, 0.45, 0.6, 0.6, 0.6))
+CHARGES = ((0.1, 0.95), (0.3, 0.8), (0.2, 0.9), (0.5, 0.7), (0.1, 0.6), (0.4, 0.95), (0.25, 0.75))
 RIGS = {
     "magnetostriction": Rig(magnetostriction, BOTH),
     "piezo strain": Rig(piezo_strain, BOTH, rows=(120, 200)),
@@ -258,6 +324,12 @@ RIGS = {
     "nailed joint": Rig(wood_joint, GROWING),
     "slide with bristles": Rig(bristles, BOTH, rows=(120, 60, 200)),
     "sticking valve": Rig(sticking_valve, ONE),
+    "encoder behind a backlash": Rig(encoder, BOTH, rows=(120, 80, 200)),
+    "velostat": Rig(velostat, ONE, rows=(120, 70, 200)),
+    "stretched conductor": Rig(stretched_conductor, ONE, rows=(100, 60, 180)),
+    "elastomer actuator": Rig(elastomer_actuator, ONE, rows=(150, 80, 300)),
+    "shape-memory wire": Rig(memory_wire, ONE, rows=(160, 120, 90)),
+    "battery cell": Rig(cell_voltage, CHARGES, rows=(160, 80)),
 }
 
 
