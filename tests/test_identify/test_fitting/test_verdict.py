@@ -259,21 +259,29 @@ def test_a_hold_is_judged_by_its_reading():
     assert ratio == pytest.approx(3.0 / train.relative_percent, rel=0.06)
 
 
-def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult):
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult, share: float):
+    """A line through a line, and one with half of its errors."""
     best = min(line.baselines, key=lambda one: one.judged[0])
     test, ours = best.metrics["test"], line.metrics["test"]
     assert test is not None
     assert ours is not None
     assert best.test_blocks is not None
     _, error = errors(line)
-    blocks = np.array([np.mean(block**2) for block in np.array_split(error, 10)])
+    blocks = share**2 * np.array([np.mean(block**2) for block in np.array_split(error, 10)])
+    halved = ours._replace(rmse=share * ours.rmse)
+    verdict = judge(replace(line, test_blocks=blocks, metrics={**line.metrics, "test": halved}))
     difference = root_difference(best.test_blocks, blocks)
     assert difference is not None
-    theirs, *apart = numbers(line.verdict, "best-baseline")
+    theirs, *apart = numbers(verdict, "best-baseline")
     assert theirs == pytest.approx(test.rmse, rel=0.006)
+    said = verdict.reasons[verdict.codes.index("best-baseline")]
+    if share == 1:
+        assert abs(difference.value) < 1e-9 * test.rmse
+        assert said.endswith(" rms, as the fit has.")
+        return
     assert apart == pytest.approx((abs(difference.value), difference.error), rel=0.06)
-    said = line.verdict.reasons[line.verdict.codes.index("best-baseline")]
-    assert (" rms, more by " in said) == (test.rmse > ours.rmse)
+    assert (" rms, more by " in said) == (test.rmse > halved.rmse)
 
 
 def test_faster_rows_and_longer_holds_are_counted_and_scored_beside_the_rows_inside(
