@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float
+import scipy.special
+from jaxtyping import Bool, Float, Int
 from threadpoolctl import threadpool_limits
 
 from ..linear._linear_fit import LinearFit
@@ -25,6 +26,8 @@ MOST = 100
 FIRM = 1e4
 """How much firmer the projection holds a sum than the data do."""
 
+CHANCE = 0.01
+"""A sum is not held where it contradicts the signs of the weights by more than chance does so often."""
 
 KNOWN = 0.01
 """Part of its prior variance that is left of a sum which the data know."""
@@ -49,7 +52,8 @@ def sample_weights(
 
     The unknowns are integrated out of the likelihood, see `WeightsEvidence`. Given the others they are
     Gaussian. Each draw is projected in its own metric onto the models that can be, with no negative weight
-    and no falling branch, and with the sums of the draw that the data determine.
+    and no falling branch, and with the sums of the draw that the data determine, unless the signs of the
+    weights contradict them: no model that can be would then be near the data.
 
     Source: Everink, Dong, Andersen, Bayesian inference with projected densities, SIAM/ASA J. Uncertainty
     Quantification 11 (2023).
@@ -139,22 +143,63 @@ class _Given:
         before = (along**2).sum(1) / strength
         narrow = np.isin(_bare(design.names), SUMS) & (variance < KNOWN * before)
         self.determined: Bool[np.ndarray, " sums"] = (of_prior <= 0.5 * variance) | narrow
-        held = design.totals[self.determined]
-        self._held = FIRM * (held.T / np.maximum(variance[self.determined], 1e-300)) @ held
+        firmly = FIRM / np.maximum(variance, 1e-300)
+        self._held = self._holding(self.determined, firmly, place)
+
+    def _holding(
+        self,
+        determined: Bool[np.ndarray, " sums"],
+        firmly: Float[np.ndarray, " sums"],
+        place: Float[np.ndarray, " 3"],
+    ) -> Float[np.ndarray, "unknowns unknowns"]:
+        """What holds sums in a projection: those that the signs do not contradict, alone and together.
+
+        With z the unknowns' Gaussian mean, H / sigma^2 its precision and x its projection, holding k sums
+        may raise N (x - z)'H (x - z) / sigma^2 by a quantile of chi-squared with k degrees of freedom.
+        """
+        H, z = self._under(place), self.U @ self._mean(place)
+        per_noise = self._sums.rows / np.exp(2 * place[0])
+
+        def held(which: Int[np.ndarray, " some"]) -> Float[np.ndarray, "unknowns unknowns"]:
+            rows = self.design.totals[which]
+            return (rows.T * firmly[which]) @ rows
+
+        def distance(holding: Float[np.ndarray, "unknowns unknowns"]) -> float:
+            away = self.linear.meaning.minimum(H + holding, (H + holding) @ z, z > 0) - z
+            return float(per_noise * away @ H @ away)
+
+        free = distance(np.zeros_like(H))
+
+        def agrees(which: Int[np.ndarray, " some"]) -> bool:
+            most = scipy.special.chdtri(len(which), CHANCE)
+            return distance(held(which)) - free <= most
+
+        some = np.array([k for k in np.flatnonzero(determined) if agrees(np.array([k]))], int)
+        return held(some) if len(some) and agrees(some) else np.zeros_like(H)
 
     def drawn(
         self, point: Float[np.ndarray, " 3"], random: np.random.Generator
     ) -> Float[np.ndarray, " unknowns"]:
         """One draw, projected."""
-        factor, strength, right = self._normal(point)
         noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
+        H, x = self._under(point) + self._held, self.U @ self._mean(point, noise)
+        return self.linear.meaning.minimum(H, H @ x, x > 0)
+
+    def _under(self, point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "unknowns unknowns"]:
+        """The precision of all unknowns given noise and strength, times the noise's variance over N."""
+        H = self._sums.under(float(np.tanh(point[1] / 2))) / self._sums.rows
+        return H + float(np.exp(point[2])) * self.design.basis.prior
+
+    def _mean(
+        self, point: Float[np.ndarray, " 3"], noise: Float[np.ndarray, " directions"] | float = 0.0
+    ) -> Float[np.ndarray, " directions"]:
+        """Where the unknowns' Gaussian is centred, moved by white `noise` of the root of its precision."""
+        factor, strength, right = self._normal(point)
+        noise = np.broadcast_to(noise, len(self.U))
         w = noise / np.sqrt(strength)
         centre = scipy.linalg.solve_triangular(factor, right, lower=True)
         w[: self.known] = scipy.linalg.solve_triangular(factor.T, centre + noise[: self.known])
-        H = self._sums.under(float(np.tanh(point[1] / 2))) / self._sums.rows
-        H += strength * self.design.basis.prior + self._held
-        x = self.U @ w
-        return self.linear.meaning.minimum(H, H @ x, x > 0)
+        return w
 
     def _normal(
         self, point: Float[np.ndarray, " 3"]
