@@ -11,15 +11,17 @@ from compensate import invert
 from hysteresis import LinearSponge, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import FitResult, fit, load, sample, save
 from identify.linear import _composition_fit, _composition_memory
-from identify.linear._composition import PARTS, CompositionUnknowns
+from identify.linear._composition import CURVE, PARTS, CompositionUnknowns
 from identify.linear._composition_fit import (
     Problem,
+    _best,
     fit_compositions,
     relaxation_times,
     slack,
     unknowns_for,
 )
 from identify.linear._composition_memory import memory_of
+from identify.linear._cross_validation import Choice
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
 from identify.records._run_model import predict
@@ -244,3 +246,29 @@ def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch
     final = Problem(data, cut, whole, weights=w).final(whole.parts)
     np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("least", "found", "tried"),
+    [(1e-3, 1e-3, 3), (1e-4, 1e-4, 4), (1e-5, 1e-5, 5), (1e-9, 1e-6, 5)],
+)
+def test_weaker_priors_are_tried_while_the_weakest_is_the_best(
+    least: float, found: float, tried: int
+):
+    """Held-out errors fall down to the strength `least` and grow beyond it; 1e-6 is the last."""
+    strengths: list[float] = []
+    data = record()
+
+    class Held(Problem):
+        def __init__(self, first: tuple[float, ...] = ()):
+            self.whole = unknowns_for(data, parts(data), "negative", (CURVE,))._replace(first=first)
+
+        def tried(self, some: tuple[str, ...], strength: float, folds: tuple = ()) -> Choice:
+            strengths.append(strength)
+            decades = np.log10(strength / least)
+            return Choice(self, strength, np.array([1.0, 1.1]) * (1 + decades**2), some)
+
+    chosen = _best(Held(), (CURVE,))
+    assert chosen.strength == pytest.approx(found)
+    assert len(strengths) == tried
+    assert _best(Held((1.0,)), (CURVE,)).strength == pytest.approx(max(found, 1e-4))
