@@ -30,13 +30,14 @@ ALSO = {"duhem": "DuhemOperator"}
 SEARCHES = (SURFACE, COMPOSITION, BUTTERFLY)
 """Names that are no models: a way to find one."""
 
-PART, CURVE, WHOLE, MOVING, INSIDE, MASSES = (
+PART, CURVE, WHOLE, MOVING, INSIDE, MASSES, TRAINED = (
     "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
     "it is a curve without memory, whose knots or degree nothing names.",
     "it is made of other models, and the name does not say which.",
     "it stands around a Preisach model that is fitted first.",
     "it acts on a moving mass, and is fitted with it.",
     "several masses need as many measured motions.",
+    "it is trained on records of a soft sensor (hysid microchannel train).",
 )
 """Why a name alone cannot be fitted."""
 
@@ -59,6 +60,7 @@ INSTEAD = {
     "BoucWenForce": (INSIDE, "Oscillator(BoucWen)", ""),
     "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),
     "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),
+    **dict.fromkeys(("EverettNetwork", "StaircaseNetwork", "BackwardsModel"), (TRAINED, COMPOSITION, "")),
     "CoupledOscillators": (MASSES, OSCILLATOR, " to the motion of one mode"),
 }  # fmt: skip
 """Models of ours without a name in `fit`: why, what to fit instead, and what to add to it."""

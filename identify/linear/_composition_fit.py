@@ -379,7 +379,7 @@ def _better(before: Tried, after: Tried, least: float = LEAST_GAIN) -> bool:
 
 def _best(problem: Problem, some: tuple[str, ...]) -> Tried:
     """The strongest prior that is as good as the best; where it is the weakest tried, weaker ones too."""
-    # Not behind a mapped input: its curve has seen the held-out rows (quadrupole 8.0, or 16.8 per cent).
+    # Not behind a mapped input, whose curve has seen the held-out rows.
     choices = [problem.tried(some, strength) for strength in STRENGTHS_OF_PRIOR]
     last = STRENGTHS_OF_PRIOR[-1] if problem.whole.first else WEAKEST
     while (found := simplest(choices)) is choices[-1] and found.strength > 2 * last:

@@ -11,7 +11,7 @@ eigenvalues d_j and the projections c_j of A'V^-1 y, so that
     log p = -[ N log sigma^2 + log det V + sum log(1 + d_j / (N strength))
                + (y'V^-1 y - sum c_j^2 / (d_j + N strength)) / sigma^2 + log(N strength / sigma^2) ] / 2,
 
-which is interpolated in atanh phi.
+which is interpolated in atanh phi, what is in the last round brackets over sigma^2 by its logarithm.
 
 Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992); Rasmussen, Williams, Gaussian Processes
 for Machine Learning (2006), section 5.4.
@@ -34,6 +34,9 @@ PRIOR_VARIANCE = (float(DECADES**2), float(np.pi**2 / 3), float(DECADES**2))
 
 USUAL = 1e-3
 """Median of the prior of the strength."""
+
+STRENGTHS = (1e-9, 1e2)
+"""Least and greatest strength that the readings are asked about."""
 
 LOST = 1e-8
 """Eigenvalue, over the rows, below which the data say nothing along a direction."""
@@ -102,10 +105,16 @@ class WeightsEvidence:
         v = z / 2
         first = np.clip(np.searchsorted(self.nodes, v) - 2, 0, len(self.nodes) - 4)
         at = first[:, None] + np.arange(4)
+        known = self._values[at], self._squares[at], self._yy[at], self._log_det[at]
+        # Readings without noise want no prior: beyond these strengths its own prior alone decides.
+        limited = np.clip(log_strength, *np.log(STRENGTHS))
+        spread, left, log_det = self._parts(known, limited[:, None])
+        shares = _lagrange(self.nodes[at], v)
+        # What is left keeps its sign by its logarithm.
+        left, flat = np.exp((shares * np.log(left)).sum(1)), (shares * (spread + log_det)).sum(1)
         with np.errstate(all="ignore"):
-            found = self._likelihood(at, log_sigma[:, None], log_strength[:, None])
-            shares = _lagrange(self.nodes[at], v)
-            value = (shares * found).sum(1) + _log_prior(points)
+            likelihood = 2 * (self.sums.rows - 1) * log_sigma + flat + left * np.exp(-2 * log_sigma)
+            value = -0.5 * likelihood + _log_prior(points)
         inside = (v > ENDS[0]) & (v < ENDS[1]) & np.isfinite(value)
         return np.where(inside, value, -np.inf)
 
@@ -125,16 +134,6 @@ class WeightsEvidence:
         along = vectors.T @ whole[:-1, -1]
         return np.maximum(values, 0.0), along**2, whole[-1, -1], self.sums.log_determinant(phi)
 
-    def _likelihood(
-        self, at: np.ndarray, log_sigma: np.ndarray, log_strength: np.ndarray
-    ) -> np.ndarray:
-        known = self._values[at], self._squares[at], self._yy[at], self._log_det[at]
-        spread, left, log_det = self._parts(known, log_strength)
-        rows = self.sums.rows
-        return -0.5 * (
-            2 * (rows - 1) * log_sigma + log_det + spread + left * np.exp(-2 * log_sigma)
-        )
-
     def _parts(
         self, known: tuple[np.ndarray, ...], log_strength: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -148,7 +147,7 @@ class WeightsEvidence:
 
     def _likeliest(self, v: float) -> tuple[float, float, float]:
         """-log p at atanh phi = v, and log sigma and log strength there, where it is least."""
-        tried = np.linspace(np.log(1e-9), np.log(1e2), 200)
+        tried = np.linspace(*np.log(STRENGTHS), 200)
         known = tuple(np.asarray(x)[None] for x in self._at(v))
         spread, left, log_det = self._parts(known, tried)
         rows = self.sums.rows - 1
