@@ -147,7 +147,7 @@ class WeightsEvidence:
 
     def _likeliest(self, v: float) -> tuple[float, float, float]:
         """-log p at atanh phi = v, and log sigma and log strength there, where it is least."""
-        tried = np.linspace(*np.log(STRENGTHS), 200)
+        tried = np.log(np.geomspace(*STRENGTHS, 200))
         known = tuple(np.asarray(x)[None] for x in self._at(v))
         spread, left, log_det = self._parts(known, tried)
         rows = self.sums.rows - 1
