@@ -90,6 +90,6 @@ def forget_compiled():
     65,530 memory maps, of which a program takes several."""
     yield
     maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_bytes().count(b"\n") > 52_000:
+    if maps.exists() and maps.read_bytes().count(b"\n") > 40_000:
         jax.clear_caches()
     gc.freeze()
