@@ -189,6 +189,8 @@ def test_smoothed_weights_are_those_of_arviz() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a rewrite to come
         import arviz
+    if not hasattr(arviz, "psislw"):
+        pytest.skip("arviz 1 has no psislw: it takes an older one to compare with")
     random = np.random.default_rng(0)
     terms = -np.linspace(0.1, 3, 40) * random.chisquare(1, (1000, 40))
     weights, k = smoothed(-terms)
