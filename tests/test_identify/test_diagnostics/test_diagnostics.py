@@ -144,13 +144,8 @@ def test_what_a_line_is_without_a_cycle_is_the_line_through_the_others() -> None
     assert found.said[0].startswith("Without the first cycle, K moves by")
 
 
-class InSeries(AbstractModel[Any, Any]):
-    """Two springs in series, u = (1 / E1 + 1 / E2) F, and a dashpot that nothing moves."""
-
-    E1: Scalar = parameter(unit="input / output", bounds=(0.0, float("inf")))
-    E2: Scalar = parameter(unit="input / output", bounds=(0.0, float("inf")))
-    c2: Scalar = parameter(unit="input * time / output", bounds=(0.0, float("inf")))
-    at_all: bool = eqx.field(default=True, static=True)
+class WithoutMemory(AbstractModel[Any, Any]):
+    """The output is a function of the present input."""
 
     def init(self, t0: Any = None, u0: Any = None) -> Any:
         return ()
@@ -160,6 +155,15 @@ class InSeries(AbstractModel[Any, Any]):
 
     def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
         return jnp.asarray(u)
+
+
+class InSeries(WithoutMemory):
+    """Two springs in series, u = (1 / E1 + 1 / E2) F, and a dashpot that nothing moves."""
+
+    E1: Scalar = parameter(unit="input / output", bounds=(0.0, float("inf")))
+    E2: Scalar = parameter(unit="input / output", bounds=(0.0, float("inf")))
+    c2: Scalar = parameter(unit="input * time / output", bounds=(0.0, float("inf")))
+    at_all: bool = eqx.field(default=True, static=True)
 
     def evaluate(self, prepared: Any) -> Any:
         return (1 / self.E1 + 1 / self.E2 + 0.0 * self.c2) * prepared
@@ -199,19 +203,10 @@ def test_a_parameter_without_effect_is_a_reason(in_series: FitResult) -> None:
     ]
 
 
-class Squared(AbstractModel[Any, Any]):
+class Squared(WithoutMemory):
     """y = c^2 u: either sign of c fits as well."""
 
     c: Scalar = parameter(unit="1")
-
-    def init(self, t0: Any = None, u0: Any = None) -> Any:
-        return ()
-
-    def step(self, state: Any, t: Any, u: Any) -> Any:
-        return (), self.evaluate(u)
-
-    def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
-        return jnp.asarray(u)
 
     def evaluate(self, prepared: Any) -> Any:
         return self.c**2 * prepared
