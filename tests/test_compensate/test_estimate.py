@@ -50,7 +50,7 @@ def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
     return Record.from_arrays(u, y, t, groups, nan="omit")
 
 
-@pytest.mark.parametrize("name", rest_thorough(COMPENSATORS, 4))
+@pytest.mark.parametrize("name", rest_thorough(COMPENSATORS, 2))
 @settings(max_examples=8)
 @given(
     seed=st.integers(0, 2**31),

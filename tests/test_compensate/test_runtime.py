@@ -29,6 +29,7 @@ from hysteresis import (
 from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import INVERTIBLE, Problem, random_histories, variants_thorough, weights
+from tests.thorough import rest_thorough
 
 ROOT = Path(__file__).parents[2]
 ROWS = 200
@@ -102,7 +103,7 @@ def test_readings_at_the_end_of_a_flat_place_do_not_damage_a_file(tmp_path: Path
 
 
 @every
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("real", rest_thorough(["float", "double"], 1))
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 def test_c_is_the_same(problem: Problem, real: str, tmp_path: Path):
     """Double: to 1e-9 of the range, statuses too. Float: the model gives the readings back to 1e-4; in u it

@@ -22,6 +22,7 @@ from tests.c_harness import STRICT
 from tests.judges import JUDGES
 from tests.problems import random_histories
 from tests.targets import ORIGIN, case, grid, with_gaps
+from tests.thorough import rest_thorough
 
 ROOT = Path(__file__).parents[2]
 
@@ -363,7 +364,9 @@ int main(int, char **argv)
 
 
 @JUDGES["g++"].needed
-@pytest.mark.parametrize(("name", "kind"), [("relays", "scalar"), ("creep", "wrench")])
+@pytest.mark.parametrize(
+    ("name", "kind"), rest_thorough([("creep", "wrench"), ("relays", "scalar")], 1)
+)
 def test_ros_plugins_give_the_estimates_of_the_header(name: str, kind: str, tmp_path: Path):
     """Beside stubs of ROS, with parameters by axis, stamps and the reset service."""
     one = case(name)

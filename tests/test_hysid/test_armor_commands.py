@@ -87,6 +87,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     assert Path(view(out)["file"]).is_file()
 
 
+@pytest.mark.thorough
 def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.MonkeyPatch):
     random = np.random.default_rng(5)
     matrix = np.eye(6) + 0.02 * random.normal(size=(6, 6)) * np.kron(

@@ -163,6 +163,7 @@ def test_an_edge_has_alternatives_with_probabilities_and_air_has_none():
     assert uncertain.alternatives(np.zeros(6)) == []
 
 
+@pytest.mark.thorough
 def test_presses_are_chosen_where_they_tell_the_most():
     at, surface = places(30, 4)
     force = np.tile([6.0, 15.0, 8.0], (30, 1))

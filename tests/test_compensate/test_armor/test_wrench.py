@@ -168,7 +168,7 @@ EXPORTED = {
 
 
 @pytest.mark.parametrize(
-    ("cover", "model", "wrist"), rest_thorough(EXPORTED.values(), 4), ids=EXPORTED
+    ("cover", "model", "wrist"), rest_thorough(EXPORTED.values(), 2), ids=EXPORTED
 )
 def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path: Path):
     """A stream of anything: contacts, slips over edges, releases, bad readings."""

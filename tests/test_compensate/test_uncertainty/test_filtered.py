@@ -72,7 +72,9 @@ def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
 
 @pytest.mark.parametrize(
     "problem",
-    [p for p in PROBLEMS if p.name in ("sponge", "burgers-leading-constant", "preisach-up")],
+    rest_thorough(
+        [p for p in PROBLEMS if p.name in ("sponge", "burgers-leading-constant", "preisach-up")], 2
+    ),
     ids=lambda p: p.name,
 )
 @settings(max_examples=10)
@@ -110,7 +112,7 @@ def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: 
     assert 0.85 <= np.mean((low <= u) & (u <= high)) <= 0.95
 
 
-@pytest.mark.parametrize("kind", ["dead band", "filtered", "by time"])
+@pytest.mark.parametrize("kind", rest_thorough(["by time", "filtered", "dead band"], 1))
 @both
 def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel, kind: str):
     compensator = wrapped(kind, model)

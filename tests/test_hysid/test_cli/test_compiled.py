@@ -11,6 +11,7 @@ import pytest
 from hysid import _compile_cache as _compiled
 from hysid._compile_cache import keep_compiled, keep_compiled_by_python
 from tests.test_hysid.command import ENVIRONMENT
+from tests.thorough import rest_thorough
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
 OURS = {key: value for key, value in ENVIRONMENT.items() if not key.startswith("JAX_")}
@@ -36,7 +37,7 @@ keep_compiled_by_python()
 """
 
 
-@pytest.mark.parametrize("begin", [COMMAND, PROGRAM])
+@pytest.mark.parametrize("begin", rest_thorough([COMMAND, PROGRAM], 1))
 def test_the_second_process_compiles_nothing(begin: str, tmp_path: Path):
     code = f"""{begin}
 hits = []

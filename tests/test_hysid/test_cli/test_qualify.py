@@ -112,6 +112,7 @@ def test_each_is_qualified_by_its_own_fit(folder):
     assert worse.code == 2
 
 
+@pytest.mark.thorough
 def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
     monkeypatch.setattr(_qualify_job, "DRAWS", 5)
     drawn = run("sample", folder / "fit", "--steps", 20, "--ensembles", 2, "--json")

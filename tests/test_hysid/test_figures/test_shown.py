@@ -133,6 +133,7 @@ def test_masked_rows_are_drawn_apart():
     assert [line.get_label() for line in figure.axes[0].lines] == ["excluded", "used"]
 
 
+@pytest.mark.thorough
 def test_hysid_changes_nothing():
     """A record shows itself in the same way before and after names of hysid are used."""
     code = (

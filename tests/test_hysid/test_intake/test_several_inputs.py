@@ -74,6 +74,7 @@ def test_no_output_tells_several_inputs_apart(folder, fitted):
     assert "[not-invertible]" in refused.err
 
 
+@pytest.mark.thorough
 def test_a_report_shows_each_curve(folder, fitted):
     page = Path(run("report", folder / "out", "--json").json()["file"]).read_text("utf-8")
     for words in ("Curves of 2 channels", "far", "2 inputs cannot be recovered from one output"):

@@ -127,6 +127,7 @@ def test_it_says_what_a_rig_engineer_asks(preisach: Path, page: Page):
     assert json.loads((preisach / "fit.json").read_text())["data"]["sha256"] in page.text
 
 
+@pytest.mark.thorough
 def test_without_a_test_part_and_with_a_posterior(line: Path):
     page = Page(write_report(line))
     assert page.headings() == HEADINGS

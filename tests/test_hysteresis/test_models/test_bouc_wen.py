@@ -30,7 +30,7 @@ def with_shape(n: float, ratio: float) -> BoucWen:
     return BoucWen(2.0, 0.2, 0.5, n, ratio, 0.1)
 
 
-@pytest.mark.parametrize("ratio", [-0.5, 0.0, 0.3, 1.0])
+@pytest.mark.parametrize("ratio", rest_thorough([-0.5, 0.3, 0.0, 1.0], 2))
 @pytest.mark.parametrize("n", rest_thorough([1.5, 1.0, 3.0], 1))
 def test_against_a_stiff_solver(n: float, ratio: float):
     """The equation as it stands in the literature, along a path with minor loops."""

@@ -47,7 +47,7 @@ def path(turns: tuple[float, ...], longest: float) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("n", "ratio", "slip"),
-    rest_thorough([(1.5, 0.9, None), (1.0, -0.5, SLIP), (3.0, 0.0, SLIP), (1.0, -0.5, None)], 2),
+    rest_thorough([(1.0, -0.5, SLIP), (1.5, 0.9, None), (3.0, 0.0, SLIP), (1.0, -0.5, None)], 1),
 )
 def test_against_a_stiff_solver(n: float, ratio: float, slip: Pinching | None):
     """The equations as they stand in the literature, in z and its own energy."""

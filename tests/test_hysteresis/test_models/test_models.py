@@ -21,8 +21,17 @@ from tests.problems import (
     tagged,
     variants_thorough,
 )
+from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize("problem", variants_thorough(PROBLEMS), ids=lambda p: p.name)
+KINDS = (
+    "sponge-threshold", "preisach-up", "burgers-leading-constant", "play-rates-bent", "series", "moving",
+    "bouc-wen",
+)  # fmt: skip
+"""One problem of each way to keep a state: for what is done around a model and not by it."""
+kinds = pytest.mark.parametrize(
+    "problem", rest_thorough(PROBLEMS, lambda problem: problem.name in KINDS), ids=lambda p: p.name
+)
 seeds = st.integers(0, 2**32 - 1)
 CUT = SAMPLES // 2
 """Both parts are of one length: their steps are compiled once."""
@@ -77,7 +86,7 @@ def test_a_record_may_be_cut_and_the_state_carried(problem: Problem, data: st.Da
     close(batch(model, t[CUT:], u[CUT:], state), whole[CUT:], model)
 
 
-@every
+@kinds
 @settings(max_examples=10)
 @given(data=st.data())
 def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject):
@@ -92,7 +101,7 @@ def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject)
     close(every[last], model.stream(after, u[rest])[1][:-1], model)
 
 
-@every
+@kinds
 def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
     model, rng = problem.model(), np.random.default_rng(0)
     u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
@@ -113,7 +122,7 @@ def test_a_state_and_short_sequences_prepared_on_the_host_give_the_same(problem:
     close(got, batch(model, t, u, state, starts), model)
 
 
-@every
+@kinds
 def test_vmap_over_parameters_and_inputs(problem: Problem):
     rng, t = np.random.default_rng(1), clock(1)
     models = [problem.model(seed) for seed in range(3)]

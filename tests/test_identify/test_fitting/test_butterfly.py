@@ -11,6 +11,7 @@ from hysteresis import InputError, Record
 from identify import FitResult, FoldedState, fit, load, sample, save
 from identify.fitting._butterfly import folding, unfolded
 from identify.results._detail import folded
+from tests.thorough import rest_thorough
 
 
 def tanh_of_play(u: np.ndarray) -> np.ndarray:
@@ -61,7 +62,7 @@ def test_the_curve_is_that_of_the_model():
     )
 
 
-@pytest.fixture(scope="module", params=["magnetostriction", "piezo strain"])
+@pytest.fixture(scope="module", params=rest_thorough(["magnetostriction", "piezo strain"], 1))
 def found(request: pytest.FixtureRequest) -> FitResult:
     """At amplitudes of which some were trained and some not."""
     rig = RIGS[request.param]
@@ -76,6 +77,7 @@ def test_a_rig_is_predicted_better_than_by_the_best_baseline(found: FitResult):
     assert found.verdict.level != "FAIL"
 
 
+@pytest.mark.thorough
 def test_the_model_gives_what_the_fit_predicts(found: FitResult):
     """Columns in NumPy and the model in JAX: both to rounding."""
     record = found.train

@@ -231,6 +231,7 @@ def test_a_saved_fit_names_its_distribution(plugged: Path, tmp_path: Path):
     assert "acme_loops.AcmeSlope" in done.stdout, done.stderr
 
 
+@pytest.mark.thorough
 def test_many_fits_over_processes_keep_such_models(tmp_path: Path):
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         good = fit_many(

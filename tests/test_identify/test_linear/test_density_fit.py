@@ -162,6 +162,7 @@ def test_the_minimum_of_many_draws_is_feasible() -> None:
         assert x[1:].min() >= 0
 
 
+@pytest.mark.thorough
 def test_a_parametric_density_is_fitted_and_has_a_posterior() -> None:
     """Few parameters: least squares from a start well away from the truth, and what samplers draw from."""
     truth = Preisach(GaussianDensity(0.0, 1.0, 2.0, 0.15, 0.05, 0.5, 0.1, order=8))

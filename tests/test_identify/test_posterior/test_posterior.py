@@ -255,6 +255,7 @@ def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_p
     assert reachable.mean() > 0.5
 
 
+@pytest.mark.thorough
 def test_predictive_band_covers_the_held_out_cycle(grid_fit, grid_posterior) -> None:
     """90 % of the fifth cycle, which no fit has seen, within the 90 % band: 20 readings."""
     record, model = grid_fit.test, grid_posterior.model
