@@ -79,8 +79,13 @@ def longest_of(record: Record) -> float | None:
     if record.time is None:
         return None
     used = record.mask & np.isfinite(record.output)
-    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    rows = longest_sequence(record, used)
     return longest_step(record.time[rows][used[rows]])
+
+
+def longest_sequence(record: Record, used: np.ndarray) -> slice:
+    """The rows of the sequence of which most are used: others may be held out as a whole."""
+    return max((rows for _, rows in record.sequences()), key=lambda rows: int(used[rows].sum()))
 
 
 def _coverage(band: CalibratedCompensator, record: Record) -> float:

@@ -21,7 +21,7 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
-from .._invert import error_of
+from .._invert import error_of, longest_sequence
 
 
 def export(
@@ -52,7 +52,7 @@ def export(
         )
     record = fitted.train
     error = error_of(fitted).around(invert(fitted.model))
-    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
     program = Program(
         fitted.model,

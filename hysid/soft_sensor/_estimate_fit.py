@@ -14,6 +14,7 @@ from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
 from hysteresis import InputError, Record, conversion, with_condition
 from hysteresis._atomic_file import atomic_file, open_csv
 
+from .._invert import longest_sequence
 from ..intake._folders import folders_of
 from ..operations._columns import for_new_file, selection_of_fit
 
@@ -130,7 +131,7 @@ def _exported(fitted: identify.FitResult, held_out: Record, inverse: bool, file:
     truth = (held_out.input if inverse else held_out.output)[known]
     off = newtons * float(np.sqrt(np.mean((value[known] - truth) ** 2)))
     used = record.mask & np.isfinite(readings)
-    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    rows = longest_sequence(record, used)
     estimator = ForceEstimator(
         model, jnp.asarray(off), newtons * float(forces[used].max()),
         float(readings[used].min()), float(readings[used].max()),

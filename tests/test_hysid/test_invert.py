@@ -1,10 +1,14 @@
 """`hysid.invert` of a fit: its estimates have the band that holds, and say how often it held."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import hysid
 from compensate import Status
+from hysid._invert import longest_of
+from hysid.operations._export import export
 from hysteresis import Record, Units
 from identify import FitResult
 
@@ -44,3 +48,16 @@ def test_guards_are_those_that_are_asked_for(fit: FitResult):
 def test_without_test_rows_no_coverage_is_claimed():
     alone = hysid.fit(RECORD, "LinearSponge", noise="gaussian")
     assert np.isnan(hysid.invert(alone).coverage)
+
+
+def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
+    """Its clock is not that of the rows that were trained, and its readings are no golden ones."""
+    t, run = 0.01 * np.arange(600.0), np.repeat(["a", "b"], [200, 400])
+    record = Record.from_arrays(U, Y, np.where(run == "a", t, 50 * t), groups=run, input_unit="N")
+    train, test = record.split_rows(run == "b")
+    found = hysid.fit(train, "LinearSponge", noise="gaussian", test=test)
+    assert longest_of(found.train) == pytest.approx(1000 * np.ptp(t[:200]))
+    hysid.invert(found).simulate(t[:200], Y[:200])
+    hysid.save(found, tmp_path / "fit")
+    written = export(tmp_path / "fit", {"runtime": tmp_path / "inverse.json"})
+    assert Path(written["files"]["runtime"]).is_file()
