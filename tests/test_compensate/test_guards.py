@@ -39,6 +39,7 @@ from hysteresis import (
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
 from tests.problems import PROBLEMS, random_histories, weights
+from tests.thorough import rest_thorough
 
 MODES = ("limit", "nan", "free")
 ROWS = 120
@@ -64,13 +65,16 @@ def history(model: AbstractModel, seed: int = 3) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize(
     ("name", "beyond"),
-    [
-        *(("relays", mode) for mode in MODES),
-        ("creep", "limit"),
-        ("sum", "nan"),
-        ("curve", "limit"),
-        ("plays", "free"),
-    ],
+    rest_thorough(
+        [
+            *(("relays", mode) for mode in MODES),
+            ("creep", "limit"),
+            ("curve", "limit"),
+            ("sum", "nan"),
+            ("plays", "free"),
+        ],
+        5,
+    ),
 )
 def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     """Values and statuses, for inputs and readings that leave the range, from an unknown start."""

@@ -118,6 +118,7 @@ def test_the_models_drawn_keep_their_signs_and_the_sums(grid_fit) -> None:
     assert 0.03 < sums["sigma"].mean() < 0.08  # of 0.05, from 80 rows
 
 
+@pytest.mark.thorough
 def test_draws_stay_near_the_data_where_signs_and_sums_disagree() -> None:
     """A sponge that relaxes for longer than it was measured: without signs its sums would be others."""
     file = Path(__file__).parents[3] / "datasets" / "sponge-50mm-mixed-cycles.csv"
