@@ -103,7 +103,7 @@ def path_of(
         paths += [free, *(path for path in floored if _better(free[-1], path[-1]))]
     path = min(paths, key=lambda path: path[-1].blocks.mean())
     if len(path) > 1:  # a curve behind a curve is a curve
-        mapped = _best(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
+        mapped = best_prior(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
         if _better(path[-1], mapped):
             path.append(mapped)
     return path
@@ -331,22 +331,22 @@ def _path(problem: Problem) -> list[Tried]:
 
     Parts that joined before it may have stood for what drifts, so they are chosen anew beside it.
     """
-    path = _grown([_best(problem, (CURVE,))])
+    path = _grown([best_prior(problem, (CURVE,))])
     drifts = [part for part in DRIFTS if part in problem.whole.parts]
     if not drifts:
         return path
-    drifting = simplest([_best(problem, (*path[-1].parts, part)) for part in drifts])
+    drifting = simplest([best_prior(problem, (*path[-1].parts, part)) for part in drifts])
     if not _better(path[-1], drifting, DRIFT_GAIN):
         return path
-    again = _grown([path[0], _best(problem, (CURVE, drifting.parts[-1]))])
+    again = _grown([path[0], best_prior(problem, (CURVE, drifting.parts[-1]))])
     return again if _better(drifting, again[-1]) else [*path, drifting]
 
 
 def _grown(path: list[Tried]) -> list[Tried]:
     """A path with further parts, one by one, each with the best of a few prior strengths.
 
-    The parts that gained most before are tried first. A part's gain hardly grows as others join, so one
-    that gained less than half of the best so far is not tried again in this step.
+    The parts that gained most before are tried first. A part's gain seldom grows as others join, so one
+    that gained less than half of the best so far is not tried again in this step, unless it is the last.
     """
     problem = path[-1].problem
     there = {*path[-1].parts, *DRIFTS}
@@ -354,14 +354,21 @@ def _grown(path: list[Tried]) -> list[Tried]:
     while gains:
         before = path[-1]
         found: list[Tried] = []
-        for part in sorted(gains, key=lambda part: -gains[part]):
+        order = sorted(gains, key=lambda part: -gains[part])
+        for part in order:
             if found and 2 * gains[part] < _gain(before, best_of(found)):
                 break
-            found.append(_best(problem, (*before.parts, part)))
+            found.append(best_prior(problem, (*before.parts, part)))
             gains[part] = _gain(before, found[-1])
         better = best_of(found)
         if not _better(before, better):
-            break
+            rest = [
+                problem.tried((*before.parts, part), before.strength)
+                for part in order[len(found) :]
+            ]
+            if not rest or not _better(before, best_of(rest)):
+                break
+            better = best_prior(problem, best_of(rest).parts)
         path = [*path, better]
         del gains[better.parts[-1]]
     return path
@@ -377,7 +384,7 @@ def _better(before: Tried, after: Tried, least: float = LEAST_GAIN) -> bool:
     return _gain(before, after) >= least and not as_good(before.blocks, after.blocks)
 
 
-def _best(problem: Problem, some: tuple[str, ...]) -> Tried:
+def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:
     """The strongest prior that is as good as the best; where it is the weakest tried, weaker ones too."""
     # Not behind a mapped input, whose curve has seen the held-out rows.
     choices = [problem.tried(some, strength) for strength in STRENGTHS_OF_PRIOR]

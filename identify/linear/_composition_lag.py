@@ -13,12 +13,15 @@ from ..records._clocks import least_at, shifted
 from ..records._folds import Parts
 from ..records._folds import parts as parts_of
 from ._composition import CURVE, MAXWELL, STRENGTHS, CompositionUnknowns
-from ._composition_fit import Problem, Tried, fitted_rows, path_of, unknowns_for
+from ._composition_fit import Problem, Tried, best_prior, fitted_rows, path_of, unknowns_for
 from ._composition_memory import Memory, memory_of
 from ._cross_validation import ROWS
 
 LAG_ROWS = 10_000
 """Rows that are enough to find a lag with."""
+
+LAG_PARTS = (CURVE, MAXWELL, STRENGTHS)
+"""What a lag is found with: a curve and relaxing branches."""
 
 LAG_PRIOR = 1e-5
 """Prior strength with which a lag is looked for."""
@@ -46,12 +49,20 @@ def fit_lagging(
 
     The lag has to take away a fifth of the squared error, of held-out rows too, and the logarithms of the
     blocks' errors have to fall by more than twice the standard error of that: relaxation looks much like a
-    lag.
+    lag. Parts are chosen anew only where those found without it, and those it was found with, are better
+    with it.
     """
-    found = find_lag(record, path[-1].problem.whole.floor)
+    best = next(choice for choice in reversed(path) if not choice.problem.whole.first)
+    found = find_lag(record, best.problem.whole.floor)
     if found.gain <= WORTH:
         return None
-    moved = shifted(record, found.lag)
+    moved, merged = shifted(record, found.lag), parts.merged
+    whole = unknowns_for(moved, merged, initial)
+    some = tuple(p for p in whole.parts if p in {*best.parts, *LAG_PARTS})
+    whole = whole.of(*some)._replace(leading=found.leading, floor=best.problem.floor)
+    tried = best_prior(Problem(moved, merged, whole), some)
+    if tried.blocks.mean() >= best.blocks.mean():
+        return None
     again = path_of(moved, parts, (found.leading,), initial)
     without, within = path[-1].blocks, again[-1].blocks
     fall = np.log(without / within)
@@ -82,7 +93,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag:
     few, thin = _stretch(record)
     assert few.time is not None
     step = float(np.median(np.diff(few.time)))
-    cut, some = parts_of(_every(few, thin)).merged, (CURVE, MAXWELL, STRENGTHS)
+    cut = parts_of(_every(few, thin)).merged
     rows = fitted_rows(cut)
     seen: dict[float, tuple[Record, CompositionUnknowns, Memory]] = {}
     found = []
@@ -93,12 +104,12 @@ def find_lag(record: Record, floor: float | None = None) -> Lag:
             nonlocal inside
             if lag not in seen:
                 moved = _every(shifted(few, lag), thin)
-                whole = unknowns_for(moved, cut, "negative", some)._replace(floor=floor)
+                whole = unknowns_for(moved, cut, "negative", LAG_PARTS)._replace(floor=floor)
                 seen[lag] = moved, whole, memory_of(whole.memory(), moved, rows)
             moved, whole, memory = seen[lag]
             problem = Problem(moved, cut, whole._replace(leading=leading), memory)
             problem.inside = problem.inside if inside is None else inside
-            residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
+            residuals = problem.A @ problem.solution(cut.all, LAG_PARTS, LAG_PRIOR) - problem.y
             inside = problem.inside
             return float(np.mean(residuals[problem.taut] ** 2))
 

@@ -62,8 +62,8 @@ def test_a_line_is_found_a_million_ranges_from_zero():
     for x, v in ((2e6, 0.0), (0.0, 4e6)):
         record = Record.from_arrays(u + x, y + v)
         line = fit(record, "LinearSponge", starts=2).predict(record) - v
-        # Numbers a million times the range are rounded to 1e-10 of it, and a search that no longer lowers the
-        # squares by 1e-9 of them may end 3e-5 of the noise from their minimum.
+        # Numbers a million times the range are rounded to 1e-10 of it, and a search that no longer lowers
+        # the squares by 1e-9 of them may end 3e-5 of the noise from their minimum.
         np.testing.assert_allclose(line, K * u + b, rtol=0, atol=1e-6)
 
 
