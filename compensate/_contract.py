@@ -104,6 +104,7 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
         return html_of(self)
 
 
+@jax.jit
 def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
     """Which samples are finite, and for each the latest one that is: -1 before the first."""
     valid = jnp.isfinite(y)

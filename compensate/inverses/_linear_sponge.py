@@ -30,8 +30,10 @@ class LinearSpongeCompensator(AbstractCompensator[Array, Estimate]):
         return estimate.value, estimate
 
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: Array | None = None) -> Estimate:
-        y = jnp.asarray(y, float)
-        state = self.init() if state is None else state
+        return self._lines(jnp.asarray(y, float), self.init() if state is None else state)
+
+    @eqx.filter_jit
+    def _lines(self, y: Array, state: Array) -> Estimate:
         estimate, (_, latest) = self._line(y, state), last_valid(y)
         return estimate._replace(value=jnp.where(latest < 0, state, estimate.value[latest]))
 

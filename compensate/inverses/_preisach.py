@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -80,14 +81,15 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
 
     def init(self) -> InverseState:
         past = self.model.init()
+        loops = past.loops._replace(level=self._whole(past.loops.extremum, past.loops.level))
+        return InverseState(loops, past.u, self._whole(past.u, past.y), past.rising, past.u)
 
-        def whole(u: Array, relays: Array) -> Array:
-            cell, fraction = self._grid.locate(u)
-            reversible = self.begin[cell] + fraction * self.increment[cell]
-            return reversible + self.model.orientation * relays
-
-        loops = past.loops._replace(level=whole(past.loops.extremum, past.loops.level))
-        return InverseState(loops, past.u, whole(past.u, past.y), past.rising, past.u)
+    @eqx.filter_jit
+    def _whole(self, u: Array, relays: Array) -> Array:
+        """The output of relays and reversible part."""
+        cell, fraction = self._grid.locate(u)
+        reversible = self.begin[cell] + fraction * self.increment[cell]
+        return reversible + self.model.orientation * relays
 
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: InverseState | None = None

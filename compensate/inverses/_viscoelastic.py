@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete, register
@@ -42,18 +43,15 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: ViscoelasticState | None = None
     ) -> Estimate:
-        y = jnp.asarray(y, float)
+        readings: Array = jnp.asarray(y, float)
         state = self.init() if state is None else state
-        valid, latest = last_valid(y)
+        valid, latest = last_valid(readings)
         if t is not None:
-            # A sample that is not finite repeats the one before it, time included: no step at all.
-            held = jnp.where(latest < 0, jnp.argmax(valid), latest)
-            t, y = jnp.asarray(t, y.dtype)[held], y[held]
+            t, readings = _repeated(jnp.asarray(t, readings.dtype), readings)
             if self.element.against_chain and is_concrete(t):
                 self._check_steps(np.asarray(t))
-        value = self.element.simulate(t, y - self.offset, state)
-        value = jnp.where(latest < 0, self.element.output(state), value[latest])
-        return Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
+        value = self.element.simulate(t, readings - self.offset, state)
+        return _held(value, self.element.output(state), valid, latest)
 
     def _check_steps(self, t: np.ndarray) -> None:
         limit, largest = self.element.largest_stable_step(), float(np.diff(t).max(initial=0.0))
@@ -64,6 +62,23 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
                 cause='with hold="constant" a step must stay short beside the element\'s own times.',
                 fix=f'sample at steps below {limit:.4g}, or use hold="linear".',
             )
+
+
+@jax.jit
+def _repeated(
+    t: Float[Array, " samples"], y: Float[Array, " samples"]
+) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
+    """A sample that is not finite repeats the one before it, time included: no step at all."""
+    valid, latest = last_valid(y)
+    held = jnp.where(latest < 0, jnp.argmax(valid), latest)
+    return t[held], y[held]
+
+
+@jax.jit
+def _held(value: Array, first: Array, valid: Array, latest: Array) -> Estimate:
+    """Values at the latest finite samples, `first` before them."""
+    value = jnp.where(latest < 0, first, value[latest])
+    return Estimate(value, jnp.where(valid, Status.OK, Status.INVALID))
 
 
 @inverse_of.register

@@ -120,6 +120,7 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
         """The same error for another compensator: of the same model, fitted to more."""
         return replace(self, inner=inner)
 
+    @eqx.filter_jit
     def _widened(self, found: Any, rising: Array) -> UncertainEstimate:
         falling_error, rising_error = (jnp.interp(found.value, self.levels, e) for e in self.error)
         error = jnp.where(rising > 0, rising_error, falling_error)

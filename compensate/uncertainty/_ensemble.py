@@ -121,13 +121,18 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: EnsembleState | None = None
     ) -> UncertainEstimate:
-        y = jnp.asarray(y, float)
         state = self.init() if state is None else state
-        valid = jnp.isfinite(reading_of(y, 1)).astype(state.count.dtype)
-        counts = state.count + jnp.cumsum(valid) - valid
-        readings = jnp.swapaxes(jax.vmap(self._readings)(y, counts), 0, 1)
+        readings = self._all_readings(jnp.asarray(y, float), state.count)
         run = eqx.filter_vmap(lambda member, own, reading: member.simulate(t, reading, own))
         return _together(run(self.members, state.members, readings))
+
+    @eqx.filter_jit
+    def _all_readings(
+        self, y: Array, count: Int[Array, ""]
+    ) -> Float[Array, "draws samples *condition"]:
+        valid = jnp.isfinite(reading_of(y, 1)).astype(count.dtype)
+        counts = count + jnp.cumsum(valid) - valid
+        return jnp.swapaxes(jax.vmap(self._readings)(y, counts), 0, 1)
 
     def _readings(self, y: Array, count: Int[Array, ""]) -> Float[Array, "draws *condition"]:
         """A sample without reading uses up no noise; a condition beside it has none."""

@@ -45,7 +45,7 @@ class Estimate(NamedTuple):
     def values(self, z: Float[np.ndarray, "*draws parameters"]) -> np.ndarray:
         """Values of free vectors, in the parameters' units."""
         flat = jnp.asarray(z.reshape(-1, z.shape[-1]))
-        return np.asarray(jax.vmap(self.bounds.to_values)(flat)).reshape(z.shape)
+        return np.asarray(jax.jit(jax.vmap(self.bounds.to_values))(flat)).reshape(z.shape)
 
     def of(self, names: Sequence[str]) -> "Estimate":
         """The marginal estimate of these parameters."""

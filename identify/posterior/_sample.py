@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -322,7 +323,8 @@ def _versions(*names: str) -> str:
 def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: float) -> Posterior:
     """Of a fit: with its prior, and what the draws say of each row."""
     values, free = _prior(aim, seed)
-    found = posterior_of(aim.names, chains, aim.values, jax.vmap(aim.model), free.var(0), begin)
+    models = eqx.filter_jit(lambda points: jax.vmap(aim.model)(points))
+    found = posterior_of(aim.names, chains, aim.values, models, free.var(0), begin)
     rows = per_row(aim, chains.thinned, seed) if isinstance(aim, Target) else None
     return replace(found, prior=values, per_row=rows)
 
@@ -343,7 +345,7 @@ def posterior_of(
 
     def in_units(points: np.ndarray) -> np.ndarray:
         flat = jnp.asarray(points.reshape(-1, points.shape[-1]))
-        return np.asarray(jax.vmap(values)(flat)).reshape(points.shape)
+        return np.asarray(jax.jit(jax.vmap(values))(flat)).reshape(points.shape)
 
     ensembles, _, _, parameters = chains.points.shape
     every, thinned = in_units(chains.points), chains.thinned
