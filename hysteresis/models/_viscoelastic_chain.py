@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import jax
@@ -216,6 +217,7 @@ def _slopes(x: tuple[Array], dx: tuple[Array]) -> Any:
     return (decay, phi, psi), (-decay * dx[0], (psi - phi) * dx[0], (2 * chi - psi) * dx[0])
 
 
+@partial(jax.jit, inline=True)
 def _moments(x: Array) -> tuple[Array, Array, Array, Array]:
     # Below 0.1 chi by its series, 1/3! - x/4! + ...: the first term left out is 0.1^9 / 12! = 2e-18.
     small = x < 0.1
