@@ -10,6 +10,7 @@ from hysteresis.preisach import Initial
 
 from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
 from ..records._orientation import output_falls
+from ..records._speeds import moves_evenly, usual_speed
 from ._composition import (
     AT_ONCE,
     CELLS,
@@ -50,10 +51,6 @@ LEAST_GAIN = 0.05
 
 DRIFT_GAIN = 0.5
 """The same for a drift: it tells of one history, and the next run of a sample may begin anew."""
-
-EVEN = 0.05
-"""Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
-makes two per cent of a speed."""
 
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
@@ -362,10 +359,8 @@ def _grown(path: list[Tried]) -> list[Tried]:
             gains[part] = _gain(before, found[-1])
         better = best_of(found)
         if not _better(before, better):
-            rest = [
-                problem.tried((*before.parts, part), before.strength)
-                for part in order[len(found) :]
-            ]
+            left = order[len(found) :]
+            rest = [problem.tried((*before.parts, part), before.strength) for part in left]
             if not rest or not _better(before, best_of(rest)):
                 break
             better = best_prior(problem, best_of(rest).parts)
@@ -422,28 +417,6 @@ def longest_sequence(record: Record) -> float:
     if record.time is None:
         return 0.0
     return max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
-
-
-def usual_speed(record: Record) -> tuple[float, float]:
-    """The speed of the input that a quarter of the samples exceed, and the sampling step; else 0."""
-    if record.time is None:
-        return 0.0, 0.0
-    dt, du = (
-        np.concatenate([np.diff(x[rows]) for _, rows in record.sequences()])
-        for x in (record.time, record.input)
-    )
-    moved = dt > 0
-    if not moved.any():
-        return 0.0, 0.0
-    speed = float(np.quantile(np.abs(du[moved] / dt[moved]), 0.75))
-    return speed, float(np.median(dt[moved]))
-
-
-def moves_evenly(record: Record, usual: float) -> bool:
-    """Whether the input's differences are its speeds, with no noise or rounding to speak of."""
-    turns = [np.diff(record.input[rows], 2) for _, rows in record.sequences()]
-    bends = np.abs(np.concatenate(turns))
-    return bool(len(bends)) and bool(np.quantile(bends, 0.9) < EVEN * usual)
 
 
 def slack(record: Record) -> tuple[float, ...]:
