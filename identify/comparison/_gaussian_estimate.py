@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -44,8 +42,7 @@ class Estimate(NamedTuple):
 
     def values(self, z: Float[np.ndarray, "*draws parameters"]) -> np.ndarray:
         """Values of free vectors, in the parameters' units."""
-        flat = jnp.asarray(z.reshape(-1, z.shape[-1]))
-        return np.asarray(jax.jit(jax.vmap(self.bounds.to_values))(flat)).reshape(z.shape)
+        return self.bounds.to_values(z)
 
     def of(self, names: Sequence[str]) -> "Estimate":
         """The marginal estimate of these parameters."""

@@ -18,7 +18,9 @@ DECADES = 1e3
 """Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
 
 Model = TypeVar("Model", bound=eqx.Module)
-Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
+Vector = TypeVar(
+    "Vector", Float[np.ndarray, "*draws parameters"], Float[Array, "*draws parameters"]
+)
 """NumPy's arrays, which need no compilation, or JAX's."""
 
 
@@ -59,7 +61,7 @@ class Transform(NamedTuple):
         return np.where(has_low | has_high, bounded, x / self.scale)
 
     def to_values(self, z: Vector) -> Vector:
-        """The parameters of an unconstrained vector."""
+        """The parameters of an unconstrained vector, or of many."""
         xp: Any = np if isinstance(z, np.ndarray) else jnp
         low, high = np.isfinite(self.low), np.isfinite(self.high)
         floor, ceiling = np.where(low, self.low, 0.0), np.where(high, self.high, 1.0)
