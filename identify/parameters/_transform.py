@@ -18,10 +18,13 @@ DECADES = 1e3
 """Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
 
 Model = TypeVar("Model", bound=eqx.Module)
-Vector = TypeVar(
-    "Vector", Float[np.ndarray, "*draws parameters"], Float[Array, "*draws parameters"]
-)
+Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
 """NumPy's arrays, which need no compilation, or JAX's."""
+
+Vectors = TypeVar(
+    "Vectors", Float[np.ndarray, "*draws parameters"], Float[Array, "*draws parameters"]
+)
+"""One vector or an array of them."""
 
 
 class Transform(NamedTuple):
@@ -60,8 +63,8 @@ class Transform(NamedTuple):
         bounded = np.where(has_low & has_high, both, one_sided)
         return np.where(has_low | has_high, bounded, x / self.scale)
 
-    def to_values(self, z: Vector) -> Vector:
-        """The parameters of an unconstrained vector, or of many."""
+    def to_values(self, z: Vectors) -> Vectors:
+        """The parameters of unconstrained vectors."""
         xp: Any = np if isinstance(z, np.ndarray) else jnp
         low, high = np.isfinite(self.low), np.isfinite(self.high)
         floor, ceiling = np.where(low, self.low, 0.0), np.where(high, self.high, 1.0)
