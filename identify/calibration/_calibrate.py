@@ -149,9 +149,9 @@ class Calibration(Generic[System]):
         chains = sample_ensembles(
             density, first, self.point, self.root, seed, steps, MOST_STEPS, Checkpoint(None), tell
         )
-        prior_variance = np.ones(len(self.point))
+        values, prior_variance = jax.jit(jax.vmap(self.prior.values)), np.ones(len(self.point))
         return posterior_of(
-            self.prior.names, chains, self.prior.values, self.prior.many, prior_variance, begin
+            self.prior.names, chains, values, self.prior.many, prior_variance, begin
         )
 
 

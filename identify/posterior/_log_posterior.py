@@ -13,7 +13,7 @@ from ..noise._arithmetic import Rows
 from ..noise._model import NoiseModel, rows_of
 from ..parameters._priors import Prior
 from ..parameters._settings import Setting
-from ..parameters._transform import Transform, Vector, transform, transform_for
+from ..parameters._transform import Transform, Vectors, transform, transform_for
 from ..records._run_model import prepare
 from ..results._detail import Motion, Parametric
 from ..results._fit_result import FitResult
@@ -67,11 +67,11 @@ class Target(eqx.Module):
         z = point[len(self.bounds.names) :]
         return self.noise_bounds.insert(self.noise_template, self.noise_bounds.to_values(z))
 
-    def values(self, point: Vector) -> Vector:
+    def values(self, points: Vectors) -> Vectors:
         """The parameters in their units."""
-        xp: Any = np if isinstance(point, np.ndarray) else jnp
-        z, noise = xp.split(point, [len(self.bounds.names)])
-        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)])
+        xp: Any = np if isinstance(points, np.ndarray) else jnp
+        z, noise = xp.split(points, [len(self.bounds.names)], -1)
+        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)], -1)
 
     def residuals(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
         """predicted - measured; 0 where a row does not count."""

@@ -18,7 +18,7 @@ from ..dynamics._output_error import Family, Setting
 from ..noise._model import NoiseModel
 from ..parameters._priors import Prior
 from ..parameters._settings import Setting as Said
-from ..parameters._transform import DECADES, Transform, Vector, transform, transform_for
+from ..parameters._transform import DECADES, Transform, Vectors, transform, transform_for
 from ..results._detail import Motion
 from ..results._fit_result import FitResult
 from ._log_posterior import NOISE_PRIORS
@@ -71,11 +71,11 @@ class MotionTarget:
         z = point[: len(self.bounds.names)]
         return self.bounds.insert(self.template, self.bounds.to_values(z))
 
-    def values(self, point: Vector) -> Vector:
+    def values(self, points: Vectors) -> Vectors:
         """The parameters in their units; sigma is the noise of one row."""
-        xp: Any = np if isinstance(point, np.ndarray) else jax.numpy
-        z, noise = xp.split(point, [len(self.bounds.names)])
-        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)])
+        xp: Any = np if isinstance(points, np.ndarray) else jax.numpy
+        z, noise = xp.split(points, [len(self.bounds.names)], -1)
+        return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)], -1)
 
     def log_probability(
         self, points: Float[np.ndarray, "points parameters"]

@@ -332,20 +332,20 @@ def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: flo
 def posterior_of(
     names: tuple[str, ...],
     chains: Chains,
-    values: Callable[[Array], Array],
+    values: Callable[[np.ndarray], np.ndarray | Array],
     models: Callable[[Array], Any],
     prior_variance: Float[np.ndarray, " parameters"],
     begin: float,
 ) -> Posterior:
     """Chains in the parameters' units, thinned, with what can be said of each.
 
-    **Arguments:** `values` and `models`: of one point of the free space, and of many; `prior_variance`: of
-    each parameter there; `begin`: when the work began, `time.perf_counter()`.
+    **Arguments:** `values` and `models`: of many points of the free space; `prior_variance`: of each
+    parameter there; `begin`: when the work began, `time.perf_counter()`.
     """
 
     def in_units(points: np.ndarray) -> np.ndarray:
-        flat = jnp.asarray(points.reshape(-1, points.shape[-1]))
-        return np.asarray(jax.jit(jax.vmap(values))(flat)).reshape(points.shape)
+        flat = points.reshape(-1, points.shape[-1])
+        return np.asarray(values(flat)).reshape(points.shape)
 
     ensembles, _, _, parameters = chains.points.shape
     every, thinned = in_units(chains.points), chains.thinned
