@@ -17,7 +17,8 @@ from hysteresis import AbstractModel, InputError, Record
 from hysteresis._note import ProgressNote
 from hysteresis._serialisation import described
 
-from ..fitting._candidates import Asked, Candidate, candidates
+from ..fitting._candidate import Candidate
+from ..fitting._candidates import Asked, candidates
 from ..fitting._fit import fit
 from ..fitting._verdict import USABLE
 from ..parameters._precision import require_double

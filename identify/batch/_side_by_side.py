@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import AbstractModel, InputError, Record, check_identifiable
 
-from ..fitting._candidates import Candidate
+from ..fitting._parametric import ParametricCandidate
 from ..fitting._verdict import judge
 from ..noise._model import NoiseModel, rows_of
 from ..noise._residual_statistics import Noise
@@ -286,7 +286,7 @@ def _begin(problem: Problem) -> np.ndarray:
     template, other = problem.template, None
     if problem.suggests:
         kind = type(template)
-        other = Candidate(kind.__name__, kind, template).suggested(problem.record)
+        other = ParametricCandidate(kind.__name__, kind, template).suggested(problem.record)
     return problem.bounds.points_of(template, other)
 
 

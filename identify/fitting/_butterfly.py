@@ -24,6 +24,8 @@ from ..records._run_model import predict
 from ..results._detail import FoldedState, folded
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
+from ._candidate import Candidate, Options, Trial
+from ._linear import state_of
 from ._training_data import TrainingData
 
 DEEP = 0.1
@@ -62,6 +64,16 @@ class _Way(NamedTuple):
     length: float
     rises: bool
     valley: bool
+
+
+class ButterflyCandidate(Candidate):
+    """A composition behind a fold; `"auto"` tries it where most branches have a valley or a peak."""
+
+    def suits(self, data: TrainingData, purpose: str) -> bool:
+        return data.condition is None and unfolded(data.record) is not None
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        return [Trial(fit_butterfly(self.name, data, state_of(options.initial)))]
 
 
 def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:

@@ -1,12 +1,18 @@
 """Which models a fit tries: names, classes and models to start from, in one list."""
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
-from hysteresis import AbstractModel, InputError, Preisach, Record, model_names
+from hysteresis import AbstractModel, InputError, Preisach, model_names
 from hysteresis._registry import OURS, find_model, registered, similar
 from hysteresis.preisach import AbstractGridDensity
 
+from ._butterfly import ButterflyCandidate
+from ._candidate import Candidate
+from ._linear import CompositionCandidate, GridCandidate
+from ._parametric import ParametricCandidate
 from ._parametric_preisach import SHAPES
+from ._reversal_curves import SurfaceCandidate
 
 COMPOSITION = "Composition"
 """Not a model but a search for one: curves, relays and relaxations, as many as the record shows."""
@@ -27,8 +33,12 @@ OSCILLATOR = "Oscillator"
 ALSO = {"duhem": "DuhemOperator"}
 """Other names of models, unless a distribution announces a model of that name."""
 
-SEARCHES = (SURFACE, COMPOSITION, BUTTERFLY)
-"""Names that are no models: a way to find one."""
+SEARCHES: dict[str, type[Candidate]] = {
+    SURFACE: SurfaceCandidate,
+    COMPOSITION: CompositionCandidate,
+    BUTTERFLY: ButterflyCandidate,
+}
+"""Names that are no models: ways to find one."""
 
 PART, CURVE, WHOLE, MOVING, INSIDE, MASSES, TRAINED = (
     "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
@@ -69,40 +79,6 @@ Asked = str | AbstractModel | type[AbstractModel]
 """Names with or without commas between, a class, or a model to start from; "auto" is several."""
 
 
-class Candidate(NamedTuple):
-    """A model to fit: its name in the result, its class, and the model to start from, if one was given.
-
-    The class is None for the `SEARCHES`; `shape` is the name of a Preisach density of few parameters.
-    """
-
-    name: str
-    kind: type[AbstractModel] | None
-    template: AbstractModel | None = None
-    shape: str | None = None
-
-    @property
-    def has_weights(self) -> bool:
-        """Whether it is fitted as weights, linear in the output, not as few parameters."""
-        if self.kind is None:
-            return True
-        if self.shape is not None:
-            return False
-        density = getattr(self.template, "density", None)
-        return self.kind is Preisach and (
-            self.template is None or isinstance(density, AbstractGridDensity)
-        )
-
-    def suggested(self, record: Record) -> AbstractModel | None:
-        """The model that the record suggests; None where a model is given and its class has no guess.
-
-        Raises `InputError` where neither is known to start from.
-        """
-        known = None if self.kind is None else registered(self.kind)
-        if known is not None and (self.template is None or known.guess is not None):
-            return known.start(record)
-        return None
-
-
 def candidates(model: Any) -> tuple[Candidate, ...]:
     """What `fit` is asked to fit: `Asked`, or several of them.
 
@@ -127,12 +103,12 @@ def names() -> tuple[str, ...]:
 def _named(name: str) -> list[Candidate]:
     if name.casefold() == "auto":
         return [one for name in AUTO for one in _named(name)]
-    for search in SEARCHES:
+    for search, found in SEARCHES.items():
         if name.casefold() == search.casefold():
-            return [Candidate(search, None)]
+            return [found(search)]
     for shape in SHAPES:
         if name.casefold() == shape.casefold():
-            return [Candidate(shape, Preisach, None, shape)]
+            return [ParametricCandidate(shape, Preisach, shape=shape)]
     known = find_model(name) or find_model(ALSO.get(name.casefold(), name))
     if known is None:
         meant = similar(name, names())
@@ -160,7 +136,7 @@ def _named(name: str) -> list[Candidate]:
             cause="it was registered without a guess, and its fields have no defaults.",
             fix=f"give a {known.kind.__name__} to start from, or register it with a guess.",
         )
-    return [Candidate(known.name, known.kind)]
+    return [_of_class(known.name, known.kind, None)]
 
 
 def _given(one: Any) -> Candidate:
@@ -180,7 +156,14 @@ def _given(one: Any) -> Candidate:
             cause="its class is not registered with a guess.",
             fix=f"give a {kind.__name__} to start from, or register({kind.__name__}, guess=...).",
         )
-    return Candidate(kind.__name__ if known is None else known.name, kind, template)
+    return _of_class(kind.__name__ if known is None else known.name, kind, template)
+
+
+def _of_class(name: str, kind: type[AbstractModel], template: AbstractModel | None) -> Candidate:
+    density = getattr(template, "density", None)
+    if kind is Preisach and (template is None or isinstance(density, AbstractGridDensity)):
+        return GridCandidate(name, kind, template)
+    return ParametricCandidate(name, kind, template)
 
 
 def _told_apart(found: list[Candidate]) -> list[Candidate]:
@@ -190,5 +173,5 @@ def _told_apart(found: list[Candidate]) -> list[Candidate]:
     for one in dict.fromkeys(found) if all(c.template is None for c in found) else found:
         seen[one.name] = seen.get(one.name, 0) + 1
         count = seen[one.name]
-        different.append(one if count == 1 else one._replace(name=f"{one.name} ({count})"))
+        different.append(one if count == 1 else replace(one, name=f"{one.name} ({count})"))
     return different

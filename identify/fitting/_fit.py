@@ -1,35 +1,24 @@
 """`fit`: candidates, ranked on held-out parts, the winner refitted on the whole training part."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-from hysteresis import InputError, Preisach, Record, Scaled
+from hysteresis import InputError, Record
 from hysteresis._note import ProgressNote
-from hysteresis.records._excitation import check_rows
 
 from ..noise._reml import kinds
 from ..parameters._precision import require_double
-from ..parameters._settings import with_settings
-from ..parameters._transform import transform_for
 from ..records._folds import as_good
 from ..results._fit_result import FitResult
 from ..results._repeatability import with_repeatability
-from ._butterfly import fit_butterfly, unfolded
-from ._candidates import BUTTERFLY, SURFACE, Asked, Candidate, candidates
-from ._linear import fit_composition, fit_grid, state_of
+from ._candidate import Candidate, Options, Report, Said, Trial
+from ._candidates import Asked, candidates
 from ._oscillator import fit_oscillator, oscillator_asked
-from ._parametric import LeastSquares, explained, least_squares
-from ._parametric_preisach import starts_of_shape
-from ._reversal_curves import consists_of_curves, fit_surface
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
-
-Report = Callable[[str], None]
-Said = Mapping[str, Mapping[str, Any]]
 
 INTERRUPTED = "interrupted"
 """Code of the note on a candidate that Ctrl-C ended."""
@@ -149,19 +138,22 @@ def fit(
         keep_clocks=clocks == "keep",
         say=say,
     )
-    options = _Options(initial, starts, seed, noise, parameters or {})
     left: dict[str, str] = {}
     if model == "auto":
-        asked, left = _with_condition(asked, data)
-        # What such curves show best may have no inverse, because noise makes some of its masses negative.
-        bars = data.falls or data.condition is not None or purpose == "compensate"
-        if bars or not consists_of_curves(data.record):
-            asked = tuple(one for one in asked if one.name != SURFACE)
-        if data.condition is not None or unfolded(data.record) is None:
-            asked = tuple(one for one in asked if one.name != BUTTERFLY)
-    tried, skipped = _tried(asked, data, options, say)
+        suited = tuple(one for one in asked if one.suits(data, purpose))
+        said = (
+            f"its parameters do not depend on {data.condition}; --model {{0}} fits it all the same."
+        )
+        left = {
+            one.name: said.format(one.name)
+            for one in asked
+            if one.kind is not None and one not in suited
+        }
+        asked = suited
+    options = Options(initial, starts, seed, noise, parameters or {}, len(asked) == 1, say)
+    tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried)
-    best = with_repeatability(chosen.with_noise(noise) if len(asked) > 1 else chosen.fit)
+    best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
     baselines = data.baselines()
     fits = [
         replace(one, baselines=baselines, purpose=purpose)
@@ -176,60 +168,22 @@ def fit(
     )
 
 
-def _with_condition(
-    asked: tuple[Candidate, ...], data: TrainingData
-) -> tuple[tuple[Candidate, ...], dict[str, str]]:
-    """The candidates of auto that can depend on the condition, where there is one, and why not others."""
-    if data.condition is None:
-        return asked, {}
-    said = f"its parameters do not depend on {data.condition}; --model {{0}} fits it all the same."
-    left = {one.name: said.format(one.name) for one in asked if one.kind is not None}
-    return tuple(one for one in asked if one.kind is None), left
-
-
-class _Options(NamedTuple):
-    """What the user chose about a fit beside its models, see `fit`."""
-
-    initial: str
-    starts: int
-    seed: int
-    noise: str
-    parameters: Said
-
-
-class _Trial(NamedTuple):
-    """A candidate that was fitted; `search` where it has few parameters, whose noise may be found later."""
-
-    fit: FitResult
-    search: LeastSquares | None = None
-
-    def with_noise(self, noise: str) -> FitResult:
-        """The fit with the noise of its residuals, from the optimum that the search found."""
-        if self.search is None:
-            return self.fit
-        found = self.search.data.tested(explained(self.search, noise))
-        return replace(found, seconds=self.fit.seconds)
-
-
 def _tried(
-    asked: tuple[Candidate, ...], data: TrainingData, options: _Options, say: Report
-) -> tuple[list[_Trial], dict[str, str]]:
+    asked: tuple[Candidate, ...], data: TrainingData, options: Options
+) -> tuple[list[Trial], dict[str, str]]:
     """Every candidate that can be fitted, in the order of `asked`, and why the others cannot.
 
     Raises `InputError` where none can, or where the only one cannot.
     """
-    tried: list[_Trial] = []
+    tried: list[Trial] = []
     skipped: dict[str, str] = {}
-    one_way = any(warning.code == "one-way-input" for warning in data.warnings)
-    only = len(asked) == 1
+    say = options.say
     for done, candidate in enumerate(asked, 1):
         since = time.perf_counter()
         try:
-            if one_way and candidate.kind is Preisach and not only:
-                raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
-            new = _fitted(candidate, data, options, only, say)
+            new = candidate.fitted(data, options)
         except InputError as error:
-            if only:
+            if options.alone:
                 raise
             skipped[candidate.name] = str(error)
             said = f"{candidate.name}: skipped. {error}"
@@ -243,8 +197,8 @@ def _tried(
             say(ProgressNote(INTERRUPTED, f"{candidate.name}: interrupted.", done, len(asked)))
             break
         seconds = time.perf_counter() - since
-        for fit, search in new:
-            tried.append(_Trial(data.tested(replace(fit, seconds=seconds)), search))
+        for fit, explained in new:
+            tried.append(Trial(data.tested(replace(fit, seconds=seconds)), explained))
         last = new[-1].fit
         said = f"{last.name}: held-out {last.score:.3g} %, {seconds:.1f} s"
         say(ProgressNote("candidate", said, done, len(asked)))
@@ -253,7 +207,7 @@ def _tried(
     return tried, skipped
 
 
-def _ranked(tried: list[_Trial]) -> list[_Trial]:
+def _ranked(tried: list[Trial]) -> list[Trial]:
     """The one to take, which is the simplest one as good as the best, then the others, best first."""
     ranked = sorted(tried, key=lambda one: one.fit.score)
     chosen = next(one for one in tried if _as_good(one.fit, ranked[0].fit))
@@ -267,49 +221,6 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
     if simple.blocks is None or best.blocks is None or len(simple.blocks) != len(best.blocks):
         return False
     return as_good(simple.blocks, best.blocks)
-
-
-def _fitted(
-    candidate: Candidate, data: TrainingData, options: _Options, only: bool, say: Report
-) -> list[_Trial]:
-    """The fits of one candidate, several of a composition; `only`: there is no other one."""
-    name, template = candidate.name, candidate.template
-    if candidate.kind is None and name == SURFACE:
-        return [_Trial(fit_surface(name, data))]
-    if candidate.kind is None and name == BUTTERFLY:
-        return [_Trial(fit_butterfly(name, data, state_of(options.initial)))]
-    if candidate.kind is None:
-        path = fit_composition(data, options.initial, options.seed, say)
-        return [_Trial(fit) for fit in path]
-    if candidate.has_weights:
-        return [_Trial(fit_grid(name, template, data, options.initial, options.seed))]
-    if candidate.shape is not None:
-        # A grid's weights tell more than random starts about them.
-        others, tries = starts_of_shape(candidate.shape, data, options.initial), 1
-        start, others = others[0], others[1:]
-    else:
-        suggested = candidate.suggested(data.record if template else data.rising)
-        start, tries = template or suggested, options.starts
-        assert start is not None  # a class without a model can start, or is not a candidate
-        # What the record suggests is one more start, but where the user said something of the start.
-        others = (suggested,) if template and suggested and not options.parameters else ()
-    parameters = options.parameters
-    if data.falls and template is None:
-        # Its class may only rise: the fit is that of the output's negative.
-        start, *others = (Scaled(one, -1.0) for one in (start, *others))
-        parameters = {"factor": {"fixed": -1.0}, "offset": {"fixed": 0.0}, **parameters}
-    start, settings = with_settings(start, parameters)
-    others = [with_settings(one, parameters)[0] for one in others]
-    bounds = transform_for(start, data.record, settings)
-    if not bounds.names:
-        raise InputError(
-            "nothing-free", f"every parameter of {name} is fixed or tied, so nothing is to fit."
-        )
-    first = bounds.points_of(start, *others)
-    check_rows(data.record, len(bounds.names))
-    search = least_squares(name, start, data, bounds, settings, first, tries, options.seed)
-    # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
-    return [_Trial(explained(search, options.noise if only else None), search)]
 
 
 def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, seed: int) -> None:

@@ -1,12 +1,11 @@
 """Fits that are linear in their unknowns: the weights of a grid, and compositions of parts."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hysteresis import AbstractModel, Preisach
+from hysteresis import AbstractModel, InputError, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import AbstractGridDensity
 
@@ -20,10 +19,29 @@ from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ..results._trained_condition import trained_condition
+from ._candidate import Candidate, Options, Report, Trial
 from ._training_data import TrainingData
 
 DRAWS, FEW_DRAWS = 64, 16
 """Draws from which the errors of the totals are estimated; few for compositions on the way to the best."""
+
+
+class GridCandidate(Candidate):
+    """A Preisach model whose density is a weight for each cell of a grid."""
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        if not options.alone and any(note.code == "one-way-input" for note in data.warnings):
+            raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
+        found = fit_grid(self.name, self.template, data, options.initial, options.seed)
+        return [Trial(found)]
+
+
+class CompositionCandidate(Candidate):
+    """Curves, relays and relaxations, as many as the record shows: every step from a curve alone."""
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        path = fit_composition(data, options.initial, options.seed, options.say)
+        return [Trial(fit) for fit in path]
 
 
 def fit_grid(
@@ -45,9 +63,7 @@ def fit_grid(
     return _result(name, linear, GridWeights(linear), data, (note,), seed)
 
 
-def fit_composition(
-    data: TrainingData, initial: str, seed: int, say: Callable[[str], None]
-) -> list[FitResult]:
+def fit_composition(data: TrainingData, initial: str, seed: int, say: Report) -> list[FitResult]:
     """Compositions from a curve alone to the best one; see `fit_compositions`."""
     state = state_of(initial)
     path: tuple[LinearFit, ...]

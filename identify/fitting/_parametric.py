@@ -1,20 +1,23 @@
 """Fitting a model of few parameters: many starts, refinement, held-out score, noise, standard errors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import AbstractModel, InputError
+from hysteresis import AbstractModel, InputError, Scaled
+from hysteresis.records._excitation import check_rows
 
 from ..noise._adequacy import BELIEVED, nothing_speaks_against
 from ..noise._arithmetic import Rows
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import Linearised, kinds
 from ..noise._residual_statistics import Noise
-from ..parameters._settings import Settings
-from ..parameters._transform import Transform
+from ..parameters._settings import Settings, with_settings
+from ..parameters._transform import Transform, transform_for
 from ..parametric._maximum_likelihood import Likeliest, likeliest, linearised, plainest, skewness_at
 from ..parametric._multistart import (
     FEW,
@@ -32,6 +35,8 @@ from ..records._folds import held_out_errors
 from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
+from ._candidate import Candidate, Options, Trial
+from ._parametric_preisach import starts_of_shape
 from ._training_data import TrainingData
 
 THINNED = 1000
@@ -39,6 +44,54 @@ THINNED = 1000
 
 EXACT = 1e-8
 """Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
+
+
+@dataclass(frozen=True)
+class ParametricCandidate(Candidate):
+    """A model of few parameters; `shape` is the name of a Preisach density of few."""
+
+    shape: str | None = None
+
+    has_weights: ClassVar[bool] = False
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        start, others, starts = self._starts(data, options)
+        said = options.parameters
+        if data.falls and self.template is None:
+            # Its class may only rise: the fit is that of the output's negative.
+            start, *others = (Scaled(one, -1.0) for one in (start, *others))
+            said = {"factor": {"fixed": -1.0}, "offset": {"fixed": 0.0}, **said}
+        start, settings = with_settings(start, said)
+        others = [with_settings(one, said)[0] for one in others]
+        bounds = transform_for(start, data.record, settings)
+        if not bounds.names:
+            raise InputError(
+                "nothing-free",
+                f"every parameter of {self.name} is fixed or tied, so nothing is to fit.",
+            )
+        first = bounds.points_of(start, *others)
+        check_rows(data.record, len(bounds.names))
+        search = least_squares(
+            self.name, start, data, bounds, settings, first, starts, options.seed
+        )
+        # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
+        noise = options.noise if options.alone else None
+        return [Trial(explained(search, noise), partial(explained, search))]
+
+    def _starts(
+        self, data: TrainingData, options: Options
+    ) -> tuple[AbstractModel, Sequence[AbstractModel], int]:
+        """The model to start from, other ones, and how many random starts are tried beside them."""
+        if self.shape is not None:
+            # A grid's weights tell more than random starts about them.
+            start, *others = starts_of_shape(self.shape, data, options.initial)
+            return start, others, 1
+        suggested = self.suggested(data.record if self.template else data.rising)
+        start = self.template or suggested
+        assert start is not None  # a class without a model can start, or is not a candidate
+        # What the record suggests is one more start, but where the user said something of the start.
+        more = [suggested] if self.template and suggested and not options.parameters else []
+        return start, more, options.starts
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from ..records._run_model import predict
 from ..results._detail import ReversalCurves
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
+from ._candidate import Candidate, Options, Trial
 from ._training_data import TrainingData
 
 FEWEST = 10
@@ -24,6 +25,19 @@ SHARE = 0.4
 
 APART = 0.05
 """Reversals closer than this part of their mean distance are taken for one, measured twice."""
+
+
+class SurfaceCandidate(Candidate):
+    """The Everett function of first-order reversal curves; `"auto"` tries it where a record consists of
+    them."""
+
+    def suits(self, data: TrainingData, purpose: str) -> bool:
+        # What such curves show best may have no inverse, because noise makes some of its masses negative.
+        bars = data.falls or data.condition is not None or purpose == "compensate"
+        return not bars and consists_of_curves(data.record)
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        return [Trial(fit_surface(self.name, data))]
 
 
 def consists_of_curves(record: Record) -> bool:
