@@ -69,6 +69,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         - `u`: inputs, shape `(samples,)`; `(samples, 2)` for a model that takes a condition too.
         - `state`: where an earlier record ended; None for the virgin state.
         - `starts`: first samples of the independent sequences in `u`: each begins in `state`.
+
+        Raises `InputError` `no-time` where the rate matters and `t` is None.
         """
 
     @abc.abstractmethod
@@ -114,7 +116,10 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     ) -> tuple[State, Float[Array, " samples"]]:
         """`step` over all samples: (state after the last one, outputs). Slower than `simulate`."""
         u = jnp.asarray(u)
-        t = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, u.dtype)
+        if t is None:
+            self.prepare(None, u)  # raises where the rate matters
+            t = jnp.zeros(len(u), u.dtype)
+        t = jnp.asarray(t, u.dtype)
         state = self.init() if state is None else state
         return _scan(self, state, t, u)
 

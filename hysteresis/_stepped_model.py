@@ -40,7 +40,12 @@ class AbstractSteppedModel(AbstractModel[State, SteppedInput]):
         leaves = jax.tree.leaves(before)
         dtype = jnp.result_type(*leaves) if leaves else float
         u = jnp.asarray(u, dtype)
-        t = None if t is None else jnp.asarray(t, dtype)
+        if t is None:
+            jax.eval_shape(
+                self.step, before, None, jnp.zeros(u.shape[1:])
+            )  # raises where the rate matters
+        else:
+            t = jnp.asarray(t, dtype)
         return SteppedInput(t, u, is_start(len(u), starts) > 0, before)
 
     def evaluate(self, prepared: SteppedInput) -> Float[Array, " samples"]:

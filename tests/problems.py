@@ -646,6 +646,18 @@ def variants_thorough(problems: Iterable[Problem]) -> list[Any]:
     return rest_thorough(problems, lambda problem: problem.name not in VARIANTS)
 
 
+KINDS = frozenset({
+    "sponge-threshold", "preisach-up", "burgers-leading-constant", "play-rates-bent", "series", "moving",
+    "bouc-wen",
+})  # fmt: skip
+"""One problem of each way to keep a state."""
+
+
+def kinds_often(problems: Iterable[Problem]) -> list[Any]:
+    """Problems for `parametrize` of what is done around a model and not by it: one of each kind often."""
+    return rest_thorough(problems, lambda problem: problem.name in KINDS)
+
+
 INVERTIBLE = tuple(problem for problem in PROBLEMS if "no-inverse" not in problem.tags)
 
 TAGS: tuple[Tag, ...] = get_args(Tag)

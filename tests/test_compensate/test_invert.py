@@ -23,6 +23,7 @@ from tests.problems import (
     Problem,
     clock,
     histories,
+    kinds_often,
     random_histories,
     tagged,
     variants_thorough,
@@ -139,9 +140,7 @@ def test_drawn_histories_with_ties_and_plateaus(problem: Problem, seed: int, dat
 
 @pytest.mark.parametrize(
     "problem",
-    variants_thorough(
-        p for p in INVERTIBLE if "grid" not in p.tags or p.name == "preisach-leading"
-    ),
+    kinds_often(p for p in INVERTIBLE if "grid" not in p.tags or p.name == "preisach-up"),
     ids=lambda p: p.name,
 )
 def test_nan_holds_the_last_value_and_the_next_sample_is_right(problem: Problem):

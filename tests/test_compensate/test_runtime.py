@@ -28,7 +28,14 @@ from hysteresis import (
 )  # fmt: skip
 from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
-from tests.problems import INVERTIBLE, Problem, random_histories, variants_thorough, weights
+from tests.problems import (
+    INVERTIBLE,
+    Problem,
+    kinds_often,
+    random_histories,
+    variants_thorough,
+    weights,
+)
 from tests.thorough import rest_thorough
 
 ROOT = Path(__file__).parents[2]
@@ -127,7 +134,7 @@ def test_c_is_the_same(problem: Problem, real: str, tmp_path: Path):
         assert f"State: {it.size} bytes" in it.text
 
 
-@every
+@pytest.mark.parametrize("problem", kinds_often(EXPORTED), ids=lambda p: p.name)
 def test_bad_samples_leave_no_trace(problem: Problem, tmp_path: Path):
     """NaN and infinities: the estimates of the others are those of a record without them."""
     done = run(problem)

@@ -11,27 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, Preisach, parameters
+from hysteresis import AbstractModel, InputError, Preisach, parameters
+from hysteresis._stepped_model import SteppedInput
 from tests.problems import (
     PROBLEMS,
     SAMPLES,
     Problem,
     clock,
     histories,
+    kinds_often,
     tagged,
     variants_thorough,
 )
-from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize("problem", variants_thorough(PROBLEMS), ids=lambda p: p.name)
-KINDS = (
-    "sponge-threshold", "preisach-up", "burgers-leading-constant", "play-rates-bent", "series", "moving",
-    "bouc-wen",
-)  # fmt: skip
-"""One problem of each way to keep a state: for what is done around a model and not by it."""
-kinds = pytest.mark.parametrize(
-    "problem", rest_thorough(PROBLEMS, lambda problem: problem.name in KINDS), ids=lambda p: p.name
-)
+kinds = pytest.mark.parametrize("problem", kinds_often(PROBLEMS), ids=lambda p: p.name)
 seeds = st.integers(0, 2**32 - 1)
 CUT = SAMPLES // 2
 """Both parts are of one length: their steps are compiled once."""
@@ -66,7 +60,7 @@ def draw(problem: Problem, data: st.DataObject) -> tuple[AbstractModel, np.ndarr
     return problem.model(seed), clock(seed), u
 
 
-@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+@every
 @settings(max_examples=15)
 @given(data=st.data())
 def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
@@ -74,7 +68,7 @@ def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
     close(batch(model, t, u), model.stream(t, u)[1], model)
 
 
-@every
+@kinds
 @settings(max_examples=10)
 @given(data=st.data())
 def test_a_record_may_be_cut_and_the_state_carried(problem: Problem, data: st.DataObject):
@@ -205,5 +199,11 @@ def test_models_are_frozen(problem: Problem):
 def test_time_is_needed_where_the_rate_matters_and_nowhere_else(problem: Problem):
     model, t = problem.model(), clock(0)
     u = np.linspace(problem.low, problem.high, SAMPLES)
-    if "rates" not in problem.tags:
+    if "rates" in problem.tags:
+        for run in (model.prepare, model.stream):
+            with pytest.raises(InputError, match="no-time"):
+                run(None, u)
+    elif isinstance(model.prepare(None, u), SteppedInput):  # it holds the times
         np.testing.assert_array_equal(batch(model, None, u), batch(model, t, u))
+    else:
+        assert eqx.tree_equal(model.prepare(None, u), model.prepare(t, u))

@@ -19,6 +19,7 @@ def test_a_bump_is_no_frame():
     assert nearest_bumps() > LEAST
 
 
+@pytest.mark.thorough
 def test_a_class_that_contains_a_rig_would_be_found():
     """A sensor with plays at the very widths from which a fit of plays starts."""
     record = RIGS["sensor"]()
