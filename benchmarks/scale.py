@@ -251,28 +251,30 @@ def in_blocks(rows: int) -> list[Row]:
 def batches(files: int) -> list[Row]:
     """`hysid batch` over Dask: growth by a second worker, a worker that dies, memory by number of files."""
     t, u, clean = sliders(over_dask.ROWS)
-    taken, small = {}, {}
+    taken, lines = {}, {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        # Lines are fitted fast, so that there can be many: only the number of files differs.
-        for what, count in (("few", 12), ("files", files), ("many", 4 * files)):
+        for what, count in (("few", 12), ("part", -(-files // 4)), ("files", files)):
             over_dask.write_files(folder / what, (t, u, clean), count)
         for workers in (1, 2):
             print(f"batch, {files} files, workers: {workers} ...", file=sys.stderr, flush=True)
             with over_dask.cluster(workers) as started:
 
                 def fitted(
-                    of: str, model: str = "Preisach", killed: bool = False, started: Any = started
+                    of: str, model: str = "Preisach", started: Any = started, **options: Any
                 ) -> over_dask.Batch:
                     out = folder / f"{of}-{model}-{len(list(folder.iterdir()))}"
-                    return over_dask.batch(started, folder / of / "*.csv", model, out, killed)
+                    return over_dask.batch(started, folder / of / "*.csv", model, out, **options)
 
                 fitted("few")  # every worker has then loaded what it needs
                 taken[workers] = fitted("files")
                 if workers == 2:
-                    small = {of: fitted(of, "LinearSponge") for of in ("files", "many")}
+                    # Lines with white noise are fitted fast: only the number of files differs.
+                    lines = {
+                        of: fitted(of, "LinearSponge", noise="gaussian") for of in ("part", "files")
+                    }
                     left = fitted("few", killed=True).fitted / 12
-    more = 1e3 * (small["many"].memory - small["files"].memory) / (3 * files)
+    more = 1e3 * (lines["files"].memory - lines["part"].memory) / (files - -(-files // 4))
     what = f"batch over Dask, {files:,} files of {over_dask.ROWS:,} rows"
     return [
         judged(

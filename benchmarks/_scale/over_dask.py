@@ -28,6 +28,7 @@ time = "time"
 
 [fit]
 model = "{model}"
+noise = "{noise}"
 """
 
 
@@ -64,10 +65,12 @@ def cluster(workers: int) -> Iterator[Any]:
         yield started
 
 
-def batch(started: Any, pattern: Path, model: str, out: Path, killed: bool = False) -> Batch:
+def batch(
+    started: Any, pattern: Path, model: str, out: Path, noise: str = "auto", killed: bool = False
+) -> Batch:
     """The command over a cluster; `killed`: one worker is, after the first fit."""
     config = out.with_suffix(".toml")
-    config.write_text(CONFIG.format(model=model))
+    config.write_text(CONFIG.format(model=model, noise=noise))
     words = ("-m", "hysid", "batch", str(pattern), "--config", str(config), "--out", str(out))
     words = (*words, "--scheduler", started.scheduler_address, "--json")
     begin = time.perf_counter()

@@ -275,7 +275,9 @@ def detail_of(document: Mapping[str, Any], arrays: Arrays, model: AbstractModel)
 
 
 def _linear_arrays(linear: LinearFit) -> dict[str, Any]:
-    found = {"at": linear.unknowns, "H": linear.H, "b": linear.b, "blocks": linear.blocks}
+    # One half of a symmetric matrix: most of the file.
+    lower = np.tril(linear.H)
+    found = {"at": linear.unknowns, "H": lower, "b": linear.b, "blocks": linear.blocks}
     if linear.sums is None:
         return found
     return found | {"sums": linear.sums, "determined": linear.determined}
@@ -285,6 +287,7 @@ def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
     # What only the fit itself needs, the prior's strength, is not kept.
     rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
     own = (arrays[name] for name in ("at", "H", "b", "blocks"))
-    unknowns, H, b, blocks = own
+    unknowns, lower, b, blocks = own
+    H = np.tril(lower) + np.tril(lower, -1).T
     sums, determined = arrays.get("sums"), arrays.get("determined")
     return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, sums=sums, determined=determined)

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Iterable
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 FIT = ("hysid", "jax", "equinox", "optimistix", "emcee", "numpy")
@@ -13,6 +14,7 @@ def versions(packages: Iterable[str] = FIT) -> dict[str, str]:
     return {"python": platform.python_version()} | {name: _version(name) for name in packages}
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return version(package)
