@@ -304,9 +304,31 @@ def cell_voltage(t: Samples, u: Samples) -> Samples:
     return np.array(found)
 
 
+def leaking_charge(t: Samples, u: Samples) -> Samples:
+    """Voltage of a piezoelectric force sensor, zeroed under its preload, whose amplifier's charge leaks."""
+    y = np.zeros(len(u))
+    for k in range(1, len(u)):
+        y[k] = y[k - 1] * np.exp(-STEP / 1.5) + (u[k] - u[k - 1]) * (1 + 0.2 * u[k])
+    return y
+
+
+def magnetorheological_damper(t: Samples, u: Samples) -> Samples:
+    """Force of a damper over its stroke: Bouc-Wen, viscous, a spring (Spencer and others, 1997)."""
+    v, z, steps = np.gradient(u, STEP), 0.0, 8
+    y = np.empty(len(u))
+    for k in range(len(u)):
+        for _ in range(steps):
+            z += STEP / steps * (30 * v[k] - 20 * abs(v[k]) * abs(z) * z - 10 * v[k] * z * z)
+        y[k] = 0.6 * z + 0.15 * v[k] + 0.2 * u[k]
+    return y
+
+
 AMPLITUDES = (1.0, 0.6, 0.9, 0.45, 0.75, 1.0, 0.85, 0.55)
 BOTH = tuple((-a, a) for a in AMPLITUDES)
 ONE = tuple((0.0, a) for a in AMPLITUDES)
+FROM_HALF = ((0.5, 1.0), *((0.5 - a / 2, 0.5 + a / 2) for a in AMPLITUDES[1:]))
+"""From the middle of the range, where the sample has rested."""
+FROM_ZERO = ((0.0, 1.0), *BOTH[1:])
 LARGE = tuple((-a, a) for a in (1.0, 0.95, 1.0, 0.9, 0.98, 1.0, 0.93, 0.97))
 GROWING = tuple((-a, a) for a in (0.2, 0.3, 0.3, 0.45, 0.45, 0.6, 0.6, 0.6))
 CHARGES = ((0.1, 0.95), (0.3, 0.8), (0.2, 0.9), (0.5, 0.7), (0.1, 0.6), (0.4, 0.95), (0.25, 0.75))
@@ -329,6 +351,8 @@ RIGS = {
     "stretched conductor": Rig(stretched_conductor, ONE, rows=(100, 60, 180)),
     "elastomer actuator": Rig(elastomer_actuator, ONE, rows=(150, 80, 300)),
     "shape-memory wire": Rig(memory_wire, ONE, rows=(160, 120, 90)),
+    "leaking charge": Rig(leaking_charge, FROM_HALF, rows=(120, 80, 200)),
+    "magnetorheological damper": Rig(magnetorheological_damper, FROM_ZERO, rows=(160, 100)),
     "battery cell": Rig(cell_voltage, CHARGES, rows=(160, 80)),
 }
 

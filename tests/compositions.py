@@ -38,7 +38,9 @@ def nonlinear_maxwell(rng: np.random.Generator, leading: bool = True) -> Nonline
     springs = rng.uniform(0.1, 1.0, (3, CELLS))
     if not leading:
         strengths = 0.01 * np.stack([strengths, rng.uniform(0.9, 1.1) * strengths])
-    return NonlinearMaxwell(LOW, HIGH, TIMES, springs, strengths, leading=leading)
+    return NonlinearMaxwell(
+        LOW, HIGH, TIMES, springs, strengths, leading=leading, rest=0.3 * LOW + 0.7 * HIGH
+    )
 
 
 def softening(rng: np.random.Generator, leading: bool = True) -> Softening:

@@ -49,8 +49,8 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     tau_k. The spring g_k rises. A strength c_k >= 0 is the weight of a branch at a level of the input. If
     all springs are straight lines, this is the generalised Maxwell model. Springs and strengths are
     piecewise linear between n + 1 even nodes of [low, high]. Beyond, springs continue straight and
-    strengths keep their last value. The input rests at `low` before the first sample, so a first sample
-    elsewhere is a jump.
+    strengths keep their last value. Before the first sample the input has rested at `rest`, so a first
+    sample elsewhere is a jump.
 
     **Arguments:**
 
@@ -68,6 +68,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
           y = offset + sum_k g_k(u) - Q_k[g_k(u)] - c_k(u) Q_k[v]:
 
       each g_k is approached in the time tau_k (creep, force -> displacement).
+    - `rest`: where the input is before the first sample, and every branch is relaxed; None for `low`.
 
     Steps are exact where g_k(u) is linear in time between samples. With `increments` alone, y rises with
     u.
@@ -101,6 +102,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     leading: bool = eqx.field(default=True, static=True, kw_only=True)
+    rest: float | None = eqx.field(default=None, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
         if not self.low < self.high:
@@ -138,7 +140,8 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     def init(self, t0: Any = None, u0: Any = None) -> BranchState:
         none = jnp.zeros_like(jnp.asarray(self.times))
         t = jnp.asarray(jnp.nan if t0 is None else t0, none.dtype)
-        return BranchState(t, jnp.full_like(t, self.low), none, none)
+        rest = self.low if self.rest is None else self.rest
+        return BranchState(t, jnp.full_like(t, rest), none, none)
 
     def step(self, state: BranchState, t: Any, u: Any) -> tuple[BranchState, Float[Array, ""]]:
         t, u = jnp.asarray(t, state.t.dtype), jnp.asarray(u, state.u.dtype)

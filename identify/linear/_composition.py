@@ -104,7 +104,8 @@ class CompositionUnknowns(NamedTuple):
     - `floor`: the output, or its negative where it falls, is never below it (slack); None for no limit.
     - `centre`: a mean of the output, from which the offset is counted.
     - `first`: increments of a curve that the input passes first, from `low` to `high` as well; () for none.
-    - `rest`: where the input of the stops is before the first sample.
+    - `rest`: where the input is before the first sample, for the stops. `relaxed`: for the branches, too,
+      which otherwise have rested at `low`, and are stretched at once.
     - `unseen`: the shortest path before a fitted row, in ranges of the input: before it nothing drifts.
     - `duration`: of the longest sequence, 0 without time.
     - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time. `smoothing`: of the
@@ -121,6 +122,7 @@ class CompositionUnknowns(NamedTuple):
     floor: float | None = None
     first: tuple[float, ...] = ()
     rest: float = 0.0
+    relaxed: bool = False
     speed: float = 0.0
     step: float = 0.0
     unseen: float = 0.0
@@ -213,7 +215,7 @@ class CompositionUnknowns(NamedTuple):
         span = self.high - self.low
         return MemoryLayout(
             self.low, self.high, self.first, self.times if relaxing else (),
-            CELLS[MAXWELL] if MAXWELL in self.parts else 1,
+            CELLS[MAXWELL] if MAXWELL in self.parts else 1, (self._relaxed - self.low) / span,
             tuple(THRESHOLDS.tolist()) if stopped else (), (self.rest - self.low) / span,
             CELLS[RELAYS] if RELAYS in self.parts else 0, self.initial,
             self.smoothing * self.step if FRICTION in self.parts else 0.0,
@@ -287,7 +289,9 @@ class CompositionUnknowns(NamedTuple):
                 own = {field: values[part].reshape(*senses, len(self.times), -1)}
                 times = np.asarray(self.times)
                 parts.append(
-                    NonlinearMaxwell(self.low, self.high, times, **own, leading=self.leading)
+                    NonlinearMaxwell(
+                        self.low, self.high, times, **own, leading=self.leading, rest=self._relaxed
+                    )
                 )
         if SOFTENING in values:
             weights = upper_triangular(CELLS[SOFTENING], values[SOFTENING])
@@ -349,6 +353,13 @@ class CompositionUnknowns(NamedTuple):
     @property
     def _first(self) -> MonotoneCurve:
         return MonotoneCurve.even(self.low, self.high, np.asarray(self.first), self.low)
+
+    @property
+    def _relaxed(self) -> float:
+        """Where the branches are relaxed before the first sample, behind the curve the input passes."""
+        if not self.relaxed:
+            return self.low
+        return float(self._first.simulate(None, [self.rest])[0]) if self.first else self.rest
 
     @property
     def total_names(self) -> tuple[str, ...]:

@@ -84,7 +84,7 @@ def path_of(
     `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
     """
     parts = parts.merged
-    whole = unknowns_for(record, parts, initial)
+    whole = _begun(unknowns_for(record, parts, initial), record, parts, leadings, weights)
     memory = memory_of(whole.memory(), record, fitted_rows(parts))
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
@@ -104,6 +104,29 @@ def path_of(
         if _better(path[-1], mapped):
             path.append(mapped)
     return path
+
+
+def _begun(
+    whole: CompositionUnknowns,
+    record: Record,
+    parts: Parts,
+    leadings: tuple[bool, ...],
+    weights: Samples | None,
+) -> CompositionUnknowns:
+    """With the branches relaxed where the record starts, or at its lowest input and stretched at once from
+    there: whichever all parts together predict held-out rows better with."""
+    if not whole.times or whole.rest - whole.low <= SLACK * (whole.high - whole.low):
+        return whole
+    some = tuple(p for p in whole.parts if p not in DRIFTS)
+    tried = [
+        Problem(
+            record, parts, whole.of(*some)._replace(leading=leading, relaxed=relaxed), None, weights
+        ).tried(some, STRENGTHS_OF_PRIOR[0])
+        for relaxed in (True, False)
+        for leading in leadings
+    ]
+    best = min(tried, key=lambda one: one.blocks.mean())
+    return whole._replace(relaxed=best.problem.whole.relaxed)
 
 
 def fitted(path: "list[Tried]") -> tuple[LinearFit[CompositionUnknowns], ...]:

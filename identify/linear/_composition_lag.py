@@ -57,7 +57,7 @@ def fit_lagging(
     if found.gain <= WORTH:
         return None
     moved, merged = shifted(record, found.lag), parts.merged
-    whole = unknowns_for(moved, merged, initial)
+    whole = unknowns_for(moved, merged, initial)._replace(relaxed=best.problem.whole.relaxed)
     some = tuple(p for p in whole.parts if p in {*best.parts, *LAG_PARTS})
     whole = whole.of(*some)._replace(leading=found.leading, floor=best.problem.floor)
     tried = best_prior(Problem(moved, merged, whole), some)

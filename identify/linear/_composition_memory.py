@@ -29,7 +29,8 @@ class MemoryLayout(NamedTuple):
     """Which memories there are; lengths in parts of the input's range [low, high].
 
     - `first`: increments of a curve that the input passes first, () for none.
-    - `cells` of springs that relax with the `times`; no times for none.
+    - `cells` of springs that relax with the `times`, and are relaxed at `relaxed` before the first
+      sample; no times for none.
     - `thresholds` of the stops, which begin at `rest`; none for no stops.
     - `relays`: cells of their grid, 0 for none; `initial`: their first state.
     - `smoothing` of the velocity, a time; 0 for none.
@@ -40,6 +41,7 @@ class MemoryLayout(NamedTuple):
     first: tuple[float, ...]
     times: tuple[float, ...]
     cells: int
+    relaxed: float
     thresholds: tuple[float, ...]
     rest: float
     relays: int
@@ -166,7 +168,7 @@ def _advanced(
             sums[first[0] :] -= sums[np.maximum.accumulate(begun)][first[0] :]
     springs = rises(v, layout.cells)
     moved = np.diff(springs, axis=0, prepend=rises(np.array([state.v]), layout.cells))
-    moved[first] = springs[first]
+    moved[first] = springs[first] - rises(np.array([layout.relaxed]), layout.cells)
     left = _relaxed(np.array(layout.times), dt, moved, first, state.left)
     r = np.array(layout.thresholds)
     low, high = v[:, None] - r, v[:, None] + r

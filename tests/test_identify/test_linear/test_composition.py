@@ -67,13 +67,15 @@ FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
 """Increments of a curve from 0 to 1 that the input may pass first."""
 
 
-@pytest.mark.parametrize(("leading", "first"), [(False, ()), (True, FIRST)])
-def test_columns_times_unknowns_are_the_model(leading: bool, first: tuple[float, ...]):
+@pytest.mark.parametrize(("leading", "first", "relaxed"), [(False, (), False), (True, FIRST, True)])
+def test_columns_times_unknowns_are_the_model(
+    leading: bool, first: tuple[float, ...], relaxed: bool
+):
     t, u = walk()
     data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
-        rest=0.2, speed=0.3, step=0.1, duration=7.0, centre=3.0,
+        rest=0.2, relaxed=relaxed, speed=0.3, step=0.1, duration=7.0, centre=3.0,
     )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
@@ -114,6 +116,23 @@ def test_relaxing_branches_are_found_and_predict_other_histories():
     predicted = found.predict(other)
     # Half a per cent of the range: the times are those of a grid, and the springs' nodes are others.
     assert np.sqrt(np.mean((predicted - other.output) ** 2)) < 0.005 * np.ptp(other.output)
+
+
+@pytest.mark.parametrize("rest", [0.6, 0.0])
+def test_branches_begin_where_they_are_relaxed(rest: float):
+    """A record that starts in the middle of its range: after a rest there, or stretched at once."""
+    curve, relaxing = branches().parts
+    relaxing = replace(relaxing, rest=rest)
+    t, u = walk(1)
+    u[: SAMPLES // 8] = np.linspace(0.6, u[SAMPLES // 8], SAMPLES // 8)
+    y = np.asarray(Sum([curve, relaxing]).simulate(t, u))
+    noisy = y + 0.003 * np.random.default_rng(0).normal(size=len(y))
+    data = Record.from_arrays(u, noisy, t)
+    best = fit_compositions(data, parts(data), (True,))[-1]
+    assert best.meaning.relaxed == (rest == 0.6)
+    first = slice(0, SAMPLES // 8)
+    # Stretched at once, the branches relax by 1.6; the times of the fit are those of a grid.
+    np.testing.assert_allclose(predict(best.model, data)[first], y[first], rtol=0, atol=0.06)
 
 
 @pytest.fixture(scope="module")
