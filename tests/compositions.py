@@ -201,9 +201,11 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
     assert isinstance(model, NonlinearMaxwell)
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))
-    g = np.array([np.interp(u, nodes, row) for row in springs])
-    after_a_rise = np.asarray(model.strengths).reshape(-1, 3, CELLS + 1)[0]
-    c = np.array([np.interp(u, nodes, row) for row in after_a_rise])
-    c = c * (u - model.low) / (model.high - model.low)
+    rest = model.low if model.rest is None else model.rest
+    g, relaxed = (np.array([np.interp(x, nodes, row) for row in springs]) for x in (u, rest))
+    # The strengths after a rise, or after a fall where there are two senses.
+    strengths = np.asarray(model.strengths).reshape(-1, 3, CELLS + 1)[0 if u > rest else -1]
+    c = np.array([np.interp(u, nodes, row) for row in strengths])
+    moved = g - relaxed + c * (u - rest) / (model.high - model.low)
     left = np.exp(-t[:, None] / TIMES)
-    return (left * (g + c) if model.leading else g - left * (g + c)).sum(1)
+    return (left * moved if model.leading else g - left * moved).sum(1)

@@ -198,9 +198,8 @@ class CompositionUnknowns(NamedTuple):
             else:
                 each = np.eye(size)
             if part in (PLACE_STOPS, SPAN_STOPS):
-                kind = np.arange(size) // (
-                    len(THRESHOLDS) * len(PLACES if part == PLACE_STOPS else SPANS)
-                )
+                levels = PLACES if part == PLACE_STOPS else SPANS
+                kind = np.arange(size) // (len(THRESHOLDS) * len(levels))
                 each[kind == 1] *= BAND_FIRMNESS
             branches = size // len(each)
             own = strength * FIRMNESS[part]
@@ -286,13 +285,9 @@ class CompositionUnknowns(NamedTuple):
         for part, field in ((MAXWELL, "increments"), (STRENGTHS, "strengths")):
             if part in values:
                 senses = (2,) if part == STRENGTHS else ()
-                own = {field: values[part].reshape(*senses, len(self.times), -1)}
-                times = np.asarray(self.times)
-                parts.append(
-                    NonlinearMaxwell(
-                        self.low, self.high, times, **own, leading=self.leading, rest=self._relaxed
-                    )
-                )
+                own: Any = {field: values[part].reshape(*senses, len(self.times), -1)}
+                own |= {"leading": self.leading, "rest": self._relaxed}
+                parts.append(NonlinearMaxwell(self.low, self.high, np.asarray(self.times), **own))
         if SOFTENING in values:
             weights = upper_triangular(CELLS[SOFTENING], values[SOFTENING])
             parts.append(Softening(self.low, self.high, weights, leading=self.leading))
@@ -313,13 +308,9 @@ class CompositionUnknowns(NamedTuple):
                 )
             )  # fmt: skip
         if DRIFT in values:
-            span = self.high - self.low
-            rates, places = values[DRIFT], self._inputs(PLACES)
-            parts.append(
-                CyclicDrift(
-                    self.low, self.high, places, rates, length=span, least=self.unseen * span
-                )
-            )
+            span, places = self.high - self.low, self._inputs(PLACES)
+            lengths = {"length": span, "least": self.unseen * span}
+            parts.append(CyclicDrift(self.low, self.high, places, values[DRIFT], **lengths))
         if TIME_DRIFT in values:
             parts.append(TimeDrift(self.duration * DECAYS, values[TIME_DRIFT]))
         before = [self._first] if self.first else []
@@ -357,9 +348,8 @@ class CompositionUnknowns(NamedTuple):
     @property
     def _relaxed(self) -> float:
         """Where the branches are relaxed before the first sample, behind the curve the input passes."""
-        if not self.relaxed:
-            return self.low
-        return float(self._first.simulate(None, [self.rest])[0]) if self.first else self.rest
+        rest = self.rest if self.relaxed else self.low
+        return float(self._first.simulate(None, [rest])[0]) if self.first else rest
 
     @property
     def total_names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from hysteresis.preisach import Initial
 
 from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
 from ..records._orientation import output_falls
+from ..records._relaxation_times import longest_sequence, relaxation_times
 from ..records._speeds import moves_evenly, usual_speed
 from ._composition import (
     AT_ONCE,
@@ -410,36 +411,6 @@ def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:
     while (found := simplest(choices)) is choices[-1] and found.strength > 2 * last:
         choices.append(problem.tried(some, found.strength / 10))
     return found
-
-
-def relaxation_times(record: Record) -> tuple[float, ...]:
-    """Two a decade from the sampling step to twice the longest sequence; none without time.
-
-    Where a sequence's first cycles do not count, only to a quarter of a cycle: what lasts longer cannot be
-    told from what those cycles left behind.
-    """
-    if record.time is None:
-        return ()
-    sequences = [record.time[rows] for _, rows in record.sequences()]
-    steps = np.concatenate([np.diff(t) for t in sequences])
-    step = float(np.median(steps[steps > 0]))
-    last_time = 2 * longest_sequence(record)
-    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
-    if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
-        rows = np.flatnonzero(np.isin(record.cycle, numbers))
-        first = np.flatnonzero(np.diff(record.cycle[rows], prepend=0))
-        t = record.time[rows]
-        last = np.append(first[1:], len(rows)) - 1
-        last_time = float(np.median(t[last] - t[first])) / 4
-    count = int(np.clip(1 + 2 * np.log10(last_time / step), 5, 9))
-    return tuple(float(tau) for tau in np.geomspace(step, last_time, count))
-
-
-def longest_sequence(record: Record) -> float:
-    """How long its longest sequence lasts; 0 without time."""
-    if record.time is None:
-        return 0.0
-    return max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
 
 
 def slack(record: Record) -> tuple[float, ...]:

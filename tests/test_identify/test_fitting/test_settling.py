@@ -8,7 +8,7 @@ from hysteresis import Record
 from identify import fit
 from identify.fitting._settling import settled
 from identify.fitting._training_data import training_data
-from identify.linear._composition_fit import relaxation_times
+from identify.records._relaxation_times import relaxation_times
 
 CYCLES, SAMPLES = 10, 60
 BOTH = (False, True)

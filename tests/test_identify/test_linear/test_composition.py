@@ -25,7 +25,6 @@ from identify.linear._composition_fit import (
     best_prior,
     fit_compositions,
     path_of,
-    relaxation_times,
     slack,
     unknowns_for,
 )
@@ -33,6 +32,7 @@ from identify.linear._composition_memory import memory_of
 from identify.linear._cross_validation import Choice
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
+from identify.records._relaxation_times import relaxation_times
 from identify.records._run_model import predict
 from tests.thorough import rest_thorough
 
