@@ -85,8 +85,8 @@ def path_of(
     `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
     """
     parts = parts.merged
-    whole = _begun(unknowns_for(record, parts, initial), record, parts, leadings, weights)
-    memory = memory_of(whole.memory(), record, fitted_rows(parts))
+    whole = unknowns_for(record, parts, initial)
+    whole, memory = _begun(whole, record, parts, leadings, weights)
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
         free, *floored = (
@@ -113,21 +113,21 @@ def _begun(
     parts: Parts,
     leadings: tuple[bool, ...],
     weights: Samples | None,
-) -> CompositionUnknowns:
+) -> tuple[CompositionUnknowns, Memory]:
     """With the branches relaxed where the record starts, or at its lowest input and stretched at once from
-    there: whichever all parts together predict held-out rows better with."""
-    if not whole.times or whole.rest - whole.low <= SLACK * (whole.high - whole.low):
-        return whole
-    some = tuple(p for p in whole.parts if p not in DRIFTS)
-    tried = [
-        Problem(
-            record, parts, whole.of(*some)._replace(leading=leading, relaxed=relaxed), None, weights
-        ).tried(some, STRENGTHS_OF_PRIOR[0])
-        for relaxed in (True, False)
-        for leading in leadings
-    ]
-    best = min(tried, key=lambda one: one.blocks.mean())
-    return whole._replace(relaxed=best.problem.whole.relaxed)
+    there: whichever all parts together predict held-out rows better with. Also the memory at their rows."""
+    rows = fitted_rows(parts)
+    apart = whole.times and whole.rest - whole.low > SLACK * (whole.high - whole.low)
+    ways = [whole._replace(relaxed=relaxed) for relaxed in ((True, False) if apart else (False,))]
+    found = [(way, memory_of(way.memory(), record, rows)) for way in ways]
+    some = tuple(part for part in whole.parts if part not in DRIFTS)
+
+    def error(way: CompositionUnknowns, memory: Memory) -> float:
+        each = (way.of(*some)._replace(leading=leading) for leading in leadings)
+        problems = (Problem(record, parts, one, memory, weights) for one in each)
+        return min(one.tried(some, STRENGTHS_OF_PRIOR[0]).blocks.mean() for one in problems)
+
+    return found[0] if len(found) == 1 else min(found, key=lambda one: error(*one))
 
 
 def fitted(path: "list[Tried]") -> tuple[LinearFit[CompositionUnknowns], ...]:
