@@ -252,9 +252,10 @@ def batches(files: int) -> list[Row]:
     """`hysid batch` over Dask: growth by a second worker, a worker that dies, memory by number of files."""
     t, u, clean = sliders(over_dask.ROWS)
     taken, lines = {}, {}
+    part = -(-files // 4)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for what, count in (("few", 12), ("part", -(-files // 4)), ("files", files)):
+        for what, count in (("few", 12), ("part", part), ("files", files)):
             over_dask.write_files(folder / what, (t, u, clean), count)
         for workers in (1, 2):
             print(f"batch, {files} files, workers: {workers} ...", file=sys.stderr, flush=True)
@@ -274,7 +275,7 @@ def batches(files: int) -> list[Row]:
                         of: fitted(of, "LinearSponge", noise="gaussian") for of in ("part", "files")
                     }
                     left = fitted("few", killed=True).fitted / 12
-    more = 1e3 * (lines["files"].memory - lines["part"].memory) / (files - -(-files // 4))
+    more = 1e3 * (lines["files"].memory - lines["part"].memory) / (files - part)
     what = f"batch over Dask, {files:,} files of {over_dask.ROWS:,} rows"
     return [
         judged(

@@ -41,9 +41,8 @@ class AbstractSteppedModel(AbstractModel[State, SteppedInput]):
         dtype = jnp.result_type(*leaves) if leaves else float
         u = jnp.asarray(u, dtype)
         if t is None:
-            jax.eval_shape(
-                self.step, before, None, jnp.zeros(u.shape[1:])
-            )  # raises where the rate matters
+            # Where the rate matters, a step without a time raises.
+            jax.eval_shape(self.step, before, None, jnp.zeros(u.shape[1:]))
         else:
             t = jnp.asarray(t, dtype)
         return SteppedInput(t, u, is_start(len(u), starts) > 0, before)

@@ -313,7 +313,6 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
     springs = np.pad(np.cumsum(increments, 1), ((0, 0), (1, 0)))
     strengths = np.zeros((n, cells + 1)) if model.strengths is None else np.asarray(model.strengths)
     above, below = np.broadcast_to(strengths, (2, n, cells + 1))
-    rest = model.low if model.rest is None else model.rest
     part = node(
         "maxwell",
         {
@@ -321,7 +320,7 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
             "rates": 1 / np.asarray(model.times), "springs": springs, "increments": increments,
             "above": above, "below": below, "offset": model.offset, "leading": model.leading,
         },
-        {"u": rest, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none},
+        {"u": model.init().u, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none},
     )  # fmt: skip
     return _bracketed(model, [part], eps)
 

@@ -119,7 +119,7 @@ def _begun(
     rows = fitted_rows(parts)
     apart = whole.times and whole.rest - whole.low > SLACK * (whole.high - whole.low)
     ways = [whole._replace(relaxed=relaxed) for relaxed in ((True, False) if apart else (False,))]
-    found = [(way, memory_of(way.memory(), record, rows)) for way in ways]
+    begun = [(way, memory_of(way.memory(), record, rows)) for way in ways]
     some = tuple(part for part in whole.parts if part not in DRIFTS)
 
     def error(way: CompositionUnknowns, memory: Memory) -> float:
@@ -127,7 +127,7 @@ def _begun(
         problems = (Problem(record, parts, one, memory, weights) for one in each)
         return min(one.tried(some, STRENGTHS_OF_PRIOR[0]).blocks.mean() for one in problems)
 
-    return found[0] if len(found) == 1 else min(found, key=lambda one: error(*one))
+    return min(begun, key=lambda one: error(*one)) if apart else begun[0]
 
 
 def fitted(path: "list[Tried]") -> tuple[LinearFit[CompositionUnknowns], ...]:
