@@ -14,6 +14,7 @@ from ..records._clocks import Clocks, is_held
 from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, block_errors, parts
 from ..records._orientation import initial_states, orientations, output_falls
+from ..records._speeds import rates_differ
 from ..results._baseline import Baseline
 from ..results._fit_result import FitResult
 from ..results._metrics import metrics
@@ -126,7 +127,7 @@ def training_data(
     say(f"{int(record.mask.sum())} training rows; candidates are ranked on {cut.how}")
     return TrainingData(
         record, test, cut, falls, leadings, initials, clocks, channels,
-        # The channels' curves have taken up a lag between the clocks, if there is one.
-        seeks_lag=not keep_clocks and channels is None and record.time is not None and not condition,
+        # At a single rate a lag between the clocks is one loop more, and curves of channels take it up.
+        seeks_lag=not keep_clocks and channels is None and not condition and rates_differ(record),
         warnings=warnings, condition=condition,
     )  # fmt: skip

@@ -1,5 +1,7 @@
-"""A constant lag between two clocks, told from relaxation: compositions predict better without it."""
+"""A constant lag between two clocks, told from hysteresis: compositions predict better without it."""
 
+import functools
+import itertools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +14,7 @@ from hysteresis.preisach import Initial
 from ..records._clocks import least_at, shifted
 from ..records._folds import Parts
 from ..records._folds import parts as parts_of
-from ._composition import CURVE, MAXWELL, STRENGTHS, CompositionUnknowns
+from ._composition import CURVE, MAXWELL, RELAYS, STRENGTHS
 from ._composition_fit import Problem, Tried, best_prior, fitted_rows, path_of, unknowns_for
 from ._composition_memory import Memory, memory_of
 from ._cross_validation import ROWS
@@ -20,8 +22,8 @@ from ._cross_validation import ROWS
 LAG_ROWS = 10_000
 """Rows that are enough to find a lag with."""
 
-LAG_PARTS = (CURVE, MAXWELL, STRENGTHS)
-"""What a lag is found with: a curve and relaxing branches."""
+MEMORIES = ((CURVE, MAXWELL, STRENGTHS), (CURVE, RELAYS))
+"""What a lag is found with: a curve with relaxing branches, and one with relays."""
 
 LAG_PRIOR = 1e-5
 """Prior strength with which a lag is looked for."""
@@ -48,17 +50,16 @@ def fit_lagging(
     """Compositions with the lag between the clocks taken out; None where `path`, without it, is as good.
 
     The lag has to take away a fifth of the squared error, of held-out rows too, and the logarithms of the
-    blocks' errors have to fall by more than twice the standard error of that: relaxation looks much like a
-    lag. Parts are chosen anew only where those found without it, and those it was found with, are better
-    with it.
+    blocks' errors have to fall by more than twice the standard error of that. Parts are chosen anew only
+    where those found without it, and those it was found with, are better with it.
     """
     best = next(choice for choice in reversed(path) if not choice.problem.whole.first)
     found = find_lag(record, best.problem.whole.floor)
-    if found.gain <= WORTH:
+    if found is None:
         return None
     moved, merged = shifted(record, found.lag), parts.merged
     whole = unknowns_for(moved, merged, initial)._replace(relaxed=best.problem.whole.relaxed)
-    some = tuple(p for p in whole.parts if p in {*best.parts, *LAG_PARTS})
+    some = tuple(p for p in whole.parts if p in {*best.parts, *found.parts})
     whole = whole.of(*some)._replace(leading=found.leading, floor=best.problem.floor)
     tried = best_prior(Problem(moved, merged, whole), some)
     if tried.blocks.mean() >= best.blocks.mean():
@@ -72,53 +73,69 @@ def fit_lagging(
 
 
 class Lag(NamedTuple):
-    """How long the output lags the input, its standard error, and how the loops go without it.
-
-    `gain`: the part of the mean squared error that it takes away.
-    """
+    """How long the output lags the input, its standard error; `parts`: the memory that it was found with,
+    and how its loops go without it."""
 
     lag: float
     error: float
+    parts: tuple[str, ...]
     leading: bool
-    gain: float
 
 
-def find_lag(record: Record, floor: float | None = None) -> Lag:
-    """The lag with which a curve and relaxing branches fit best, of either orientation.
+def find_lag(record: Record, floor: float | None = None) -> Lag | None:
+    """The lag with which a curve and a memory fit best: relaxing branches or relays of either orientation.
 
     u(t - lag) drives them; what is minimised over the lag, up to 16 sampling steps, is the mean squared
     error at its minimum in all unknowns. With n rows its logarithm has the curvature 2 / (n error^2)
     there. A part of the sequences, and of a long one its end, serves where there are many rows.
+
+    Hysteresis looks like a lag to a model of another one: sliders to branches, and relaxation to relays. So
+    a lag has to be more than twice its error and less than the largest one, and has to take away a fifth of
+    the error with one memory and not add a fifth with the other, at whole steps, because an input between
+    two samples has less noise than either. Of several, the one that takes away most with both is taken.
     """
     few, thin = _stretch(record)
     assert few.time is not None
     step = float(np.median(np.diff(few.time)))
-    cut = parts_of(_every(few, thin)).merged
+    still = _every(few, thin)
+    cut = parts_of(still).merged
     rows = fitted_rows(cut)
-    seen: dict[float, tuple[Record, CompositionUnknowns, Memory]] = {}
-    found = []
-    for leading in (False, True):
-        inside: Bool[np.ndarray, " unknowns"] | None = None
+    every = tuple(dict.fromkeys(itertools.chain(*MEMORIES)))
+    whole = unknowns_for(still, cut, "negative", every)._replace(floor=floor)
 
-        def objective(lag: float, leading: bool = leading) -> float:
-            nonlocal inside
-            if lag not in seen:
-                moved = _every(shifted(few, lag), thin)
-                whole = unknowns_for(moved, cut, "negative", LAG_PARTS)._replace(floor=floor)
-                seen[lag] = moved, whole, memory_of(whole.memory(), moved, rows)
-            moved, whole, memory = seen[lag]
-            problem = Problem(moved, cut, whole._replace(leading=leading), memory)
-            problem.inside = problem.inside if inside is None else inside
-            residuals = problem.A @ problem.solution(cut.all, LAG_PARTS, LAG_PRIOR) - problem.y
-            inside = problem.inside
-            return float(np.mean(residuals[problem.taut] ** 2))
+    @functools.cache
+    def moved(lag: float) -> tuple[Record, Memory]:
+        there = _every(shifted(few, lag), thin)
+        return there, memory_of(whole.memory(), there, rows)
 
-        lag, curvature = least_at(objective, step, 16 * step)
-        found.append((objective(lag), lag, curvature, leading, objective(0.0)))
-    least, lag, curvature, leading, _ = min(found)
-    facts = min(ROWS, int(few.mask.sum()))
-    error = float(np.sqrt(2 * least / max(curvature, 1e-300) / facts))
-    return Lag(lag, error, leading, 1 - least / min(without for *_, without in found))
+    inside: dict[tuple[tuple[str, ...], bool], Bool[np.ndarray, " unknowns"]] = {}
+
+    @functools.cache
+    def error(lag: float, some: tuple[str, ...], leading: bool) -> float:
+        there, memory = moved(lag)
+        problem = Problem(there, cut, whole.of(*some)._replace(leading=leading), memory)
+        problem.inside = inside.get((some, leading), problem.inside)
+        residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
+        inside[some, leading] = problem.inside
+        return float(np.mean(residuals[problem.taut] ** 2))
+
+    def left(lag: float, some: tuple[str, ...]) -> float:
+        whole_steps = step * round(lag / step)
+        after, before = (
+            min(error(x, some, way) for way in (False, True)) for x in (whole_steps, 0.0)
+        )
+        return after / before
+
+    found = {}
+    for some, leading in itertools.product(MEMORIES, (False, True)):
+        lag, curvature = least_at(lambda x, s=some, w=leading: error(x, s, w), step, 16 * step)
+        lefts = [left(lag, memory) for memory in MEMORIES]
+        if curvature and min(lefts) < 1 - WORTH and max(lefts) < 1 + WORTH:
+            facts = min(ROWS, int(few.mask.sum()))
+            deviation = float(np.sqrt(2 * error(lag, some, leading) / curvature / facts))
+            if abs(lag) > 2 * deviation:
+                found[Lag(lag, deviation, some, leading)] = np.prod(lefts)
+    return min(found, key=lambda one: found[one], default=None)
 
 
 def _stretch(record: Record) -> tuple[Record, int]:

@@ -94,7 +94,8 @@ def _runs(record: Record) -> list[np.ndarray]:
 def least_at(objective: Callable[[float], float], step: float, most: float) -> tuple[float, float]:
     """Where a smooth function of a lag is least, and its second derivative there.
 
-    Strides of `step` go downhill from 0, as far as `most`; three halvings and a parabola follow.
+    Strides of `step` go downhill from 0, as far as `most`; three halvings and a parabola follow. The
+    derivative is 0 where the function goes on falling.
     """
     seen: dict[float, float] = {}
 
@@ -114,6 +115,6 @@ def least_at(objective: Callable[[float], float], step: float, most: float) -> t
         else:
             middle = best
     a, b, c = (at(middle + k * stride) for k in (-1, 0, 1))
-    curvature = max((a - 2 * b + c) / stride**2, 0.0)
+    curvature = (a - 2 * b + c) / stride**2 if b <= min(a, c) else 0.0
     away = (a - c) / (2 * stride * curvature) if curvature > 0 else 0.0
     return middle + float(np.clip(away, -stride, stride)), curvature

@@ -8,6 +8,27 @@ EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
 makes two per cent of a speed."""
 
+VARIED = 1.2
+"""Ratio of the rates of cycles from which on a lag between the clocks is not just another loop."""
+
+
+def rates_differ(record: Record) -> bool:
+    """Whether the ranges over the durations of its whole cycles differ; of sequences without one, theirs.
+
+    The fastest tenth against the slowest one; yes where there is only one cycle or sequence.
+    """
+    if record.time is None:
+        return False
+    rates = []
+    for _, rows in record.sequences():
+        cycle, counted = record.cycle[rows], record.mask[rows]
+        whole = [cycle == k for k in range(1, cycle.max() + 1) if counted[cycle == k].all()]
+        for here in whole or [counted]:
+            t, u = record.time[rows][here], record.input[rows][here]
+            if len(t) > 1 and np.ptp(u) > 0:
+                rates.append(np.ptp(u) / np.ptp(t))
+    return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= VARIED * np.quantile(rates, 0.1))
+
 
 def usual_speed(record: Record) -> tuple[float, float]:
     """The speed of the input that a quarter of the samples exceed, and the sampling step; else 0."""

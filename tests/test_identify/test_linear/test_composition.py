@@ -28,12 +28,14 @@ from identify.linear._composition_fit import (
     slack,
     unknowns_for,
 )
+from identify.linear._composition_lag import find_lag
 from identify.linear._composition_memory import memory_of
 from identify.linear._cross_validation import Choice
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
 from identify.records._relaxation_times import relaxation_times
 from identify.records._run_model import predict
+from identify.records._speeds import rates_differ
 from tests.thorough import rest_thorough
 
 SAMPLES = 900
@@ -233,6 +235,46 @@ def test_least_at_finds_a_parabola():
     lag, curvature = least_at(lambda x: 3 * (x - 0.37) ** 2 + 1, 0.1, 2.0)
     assert lag == pytest.approx(0.37)
     assert curvature == pytest.approx(6)
+
+
+def test_least_at_says_where_a_function_goes_on_falling():
+    assert least_at(lambda x: -x, 0.1, 1.0)[1] == 0
+    assert least_at(lambda x: 1 / (1 + np.exp(x)), 0.1, 1.0)[1] == 0  # curved at the end, too
+
+
+SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
+
+
+def noisy(y: np.ndarray) -> np.ndarray:
+    return y + 1e-3 * np.random.default_rng(0).normal(size=len(y))
+
+
+def test_a_loop_of_one_frequency_is_no_lag():
+    """The input is read with noise, which branches behind an input of later times would filter."""
+    t = np.arange(600.0)
+    u = 1 - np.cos(2 * np.pi * t / 60)
+    slid = noisy(np.asarray(SLIDERS.simulate(None, u)))
+    assert fit(Record.from_arrays(slid, u, t), "Composition", test_tail=0.3).clocks.lag == 0
+
+
+def test_a_lag_is_told_from_sliders():
+    t, u = walk()
+    lag = 0.45  # of some 4.5 sampling steps
+    slid = noisy(np.interp(t - lag, t, np.asarray(SLIDERS.simulate(None, u))))
+    found = find_lag(Record.from_arrays(u, slid, t))
+    assert found is not None
+    assert (
+        abs(found.lag - lag) < 0.02
+    )  # a fifth of a step, between two of which the input is interpolated
+
+
+def test_rates_of_cycles_are_compared():
+    t = 0.01 * np.arange(4000)
+    one = Record.from_arrays(np.cos(t), t, t)
+    assert not rates_differ(one)
+    assert rates_differ(Record.from_arrays(np.cos(t * (1 + t / 40)), t, t))
+    assert rates_differ(Record.from_arrays(t, t, t))  # a single ramp, which nothing contradicts
+    assert not rates_differ(replace(one, time=None))
 
 
 @pytest.mark.parametrize("name", rest_thorough(["Preisach", "Burgers", "Composition"], 1))
