@@ -9,6 +9,7 @@ from ..linear._composition_fit import Problem, fitted_rows, unknowns_for
 from ..linear._composition_memory import memory_of
 from ..records._folds import Fold, best_of, simplest
 from ..records._folds import parts as parts_of
+from ..records._speeds import rates_differ
 
 FEWEST = 6
 """Cycles that a record needs; the last three are always kept."""
@@ -26,7 +27,7 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     A curve with relays, of each orientation in `leadings`, is fitted to all cycles, to the last half and
     to the last three, and predicts the last one. The fit leaves out as many cycles as cost nothing, because
     how a sample settled does not inform about another run, before which it may have settled already. Only a
-    single sequence of cycles that are alike is judged so.
+    single sequence of cycles of like ranges and rates is judged so.
     """
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if len(record.labels) > 1 or len(numbers) < FEWEST:
@@ -37,7 +38,8 @@ def settled(record: Record, leadings: tuple[bool, ...]) -> Record:
     np.minimum.at(least, record.cycle, record.input)
     ranges = (largest - least)[numbers]
     cut = parts_of(record)
-    if np.ptp(ranges) > ALIKE * np.median(ranges) or len(cut.all) < FEWEST:
+    alike = np.ptp(ranges) <= ALIKE * np.median(ranges) and not rates_differ(record)
+    if not alike or len(cut.all) < FEWEST:
         return record
     last = cut.folds[-1].test[-1]
     counts = (len(cut.all) - 3, len(cut.all) // 2, 0)
