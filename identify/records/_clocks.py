@@ -46,15 +46,19 @@ HELD = 3
 def shifted(record: Record, lag: float) -> Record:
     """The record with u(t - lag) for its input: what the output answered to, if the input came early.
 
-    Linear between samples; at the ends of a sequence the first and last input stay. A negative lag
-    moves the input of a later time to the output, for a slow reading of the input.
+    Linear between samples. A negative lag moves the input of a later time to the output, for a slow reading
+    of the input; beyond a sequence's end it goes on as it did for as long before. Before the beginning the
+    input was the first one.
     """
     if lag == 0 or record.time is None:
         return record
     u = np.empty_like(record.input)
     for _, rows in record.sequences():
-        t = record.time[rows]
-        u[rows] = np.interp(t - lag, t, record.input[rows])
+        t, known = record.time[rows], record.input[rows]
+        u[rows] = np.interp(t - lag, t, known)
+        if lag < 0:
+            slope = (known[-1] - np.interp(t[-1] + lag, t, known)) / -lag
+            u[rows] += slope * np.maximum(t - lag - t[-1], 0)
     return record.noted(LAG, f"input moved by a lag of {lag:.4g}", input=u)
 
 
