@@ -75,10 +75,11 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     """Cut a record into parts: groups of sequences where it has several, else cycles, else a tail.
 
     Several sequences make up to `most` folds, each held out in turn, those of a smaller amplitude all at
-    once, see `_by_amplitude`. In a single one the last cycle is
-    held out; of eight cycles or more the third quarter, from a fit to those before, and then the last,
-    because what creeps or settles shows over many cycles only. The first may be a conditioning cycle where
-    two more follow. The last quarter of a record without two cycles is held out.
+    once, see `_by_amplitude`; but none whose inputs lie beyond those of all others, because a memory knows
+    nothing there. In a single one the last cycle is held out; of eight cycles or more the third quarter,
+    from a fit to those before, and then the last, because what creeps or settles shows over many cycles
+    only. The first may be a conditioning cycle where two more follow. The last quarter of a record without
+    two cycles is held out.
     """
     label = np.full(len(record), -1)
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
@@ -91,7 +92,11 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
         label[~record.mask] = -1
         every = range(max(groups) + 1)
         folds = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
-        return Parts(label, folds, None, f"{len(every)} groups of sequences, each held out in turn")
+        inside = tuple(fold for fold in folds if _inside(record.input, label, fold)) or folds
+        how = f"{len(folds)} groups of sequences, each held out in turn"
+        if len(inside) < len(folds):
+            how += " but those beyond the inputs of the others"
+        return Parts(label, inside, None, how)
     # Of a cycle that was held out a few rows may be left: it counts whole, or not at all.
     rows = np.bincount(record.cycle)
     share = np.bincount(record.cycle[record.mask], minlength=len(rows)) / np.maximum(rows, 1)
@@ -120,6 +125,14 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+
+
+def _inside(
+    u: Float[np.ndarray, " samples"], label: Int[np.ndarray, " samples"], fold: Fold
+) -> bool:
+    """Whether the held-out inputs lie in the range of the others, or less than a fifth of theirs beyond."""
+    held, seen = (u[np.isin(label, side)] for side in (fold.test, fold.train))
+    return max(seen.min() - held.min(), held.max() - seen.max()) <= KIND * np.ptp(held)
 
 
 def _by_amplitude(spans: list[float], most: int) -> list[int]:

@@ -8,8 +8,11 @@ EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
 makes two per cent of a speed."""
 
-VARIED = 1.2
+VARIED = 1.5
 """Ratio of the rates of cycles from which on a lag between the clocks is not just another loop."""
+
+WHOLE = 0.9
+"""Part of a cycle's rows that count, against the cycle with the greatest one, if it is a whole one."""
 
 
 def rates_differ(record: Record) -> bool:
@@ -22,7 +25,10 @@ def rates_differ(record: Record) -> bool:
     rates = []
     for _, rows in record.sequences():
         cycle, counted = record.cycle[rows], record.mask[rows]
-        whole = [cycle == k for k in range(1, cycle.max() + 1) if counted[cycle == k].all()]
+        rows_of = np.maximum(np.bincount(cycle), 1)
+        share = np.bincount(cycle[counted], minlength=len(rows_of)) / rows_of
+        share[0] = 0.0  # rows in no cycle
+        whole = [cycle == k for k in np.flatnonzero(share > WHOLE * share.max())]
         for here in whole or [counted]:
             t, u = record.time[rows][here], record.input[rows][here]
             if len(t) > 1 and np.ptp(u) > 0:
