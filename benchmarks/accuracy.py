@@ -27,7 +27,7 @@ from hysteresis import InputError
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep
+from ._accuracy import creep, lags
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -275,6 +275,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         verdicts += one.verdicts
     if (chosen.only or "") in CREEP:
         found += map(said, creep.rows(data_folder()))
+    if (chosen.only or "") in lags.LAGS:
+        found += map(said, lags.rows())
     if (chosen.only or "") in _other_rigs.VIRTUAL:
         for row, verdict in _other_rigs.rows():
             found.append(said(row))

@@ -130,9 +130,10 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
 def _inside(
     u: Float[np.ndarray, " samples"], label: Int[np.ndarray, " samples"], fold: Fold
 ) -> bool:
-    """Whether the held-out inputs lie in the range of the others, or less than a fifth of theirs beyond."""
+    """Whether the held-out inputs lie among the others, or less than a fifth of their range beyond."""
     held, seen = (u[np.isin(label, side)] for side in (fold.test, fold.train))
-    return max(seen.min() - held.min(), held.max() - seen.max()) <= KIND * np.ptp(held)
+    beyond = max(seen.min() - held.min(), held.max() - seen.max())
+    return bool(beyond <= KIND * np.ptp(held))
 
 
 def _by_amplitude(spans: list[float], most: int) -> list[int]:

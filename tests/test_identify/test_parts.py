@@ -138,6 +138,17 @@ def test_groups_are_held_out_whole() -> None:
             assert len(set(cut.label[rows])) == 1
 
 
+@pytest.mark.parametrize("heights", [(1.0, 2.0), (1.0, 2.0, 3.0), (1.0, 1.0, 2.0, 2.0)])
+def test_inputs_beyond_all_others_are_never_held_out(heights: tuple[float, ...]) -> None:
+    inputs = np.concatenate([[0.0, height, 0.0] for height in heights])
+    record = Record.from_arrays(inputs, inputs, groups=np.arange(len(inputs)) // 3)
+    cut = parts(record)
+    for fold in cut.folds:
+        seen = record.input[np.isin(cut.label, fold.train)]
+        assert record.input[np.isin(cut.label, fold.test)].max() <= seen.max()
+    assert ("beyond" in cut.how) == (heights.count(max(heights)) == 1)
+
+
 def test_rows_that_do_not_count_are_in_no_part() -> None:
     record, _ = cycles(4).split_cycles(1)
     cut = parts(record)
