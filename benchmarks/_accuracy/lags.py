@@ -59,7 +59,7 @@ def _branches(u: Samples, times: tuple[float, ...], springs: tuple[float, ...]) 
     y = u + 0.3 * u**3
     for tau, spring in zip(times, springs, strict=True):
         a = np.exp(-STEP / FINE / tau)
-        y = y + spring * lfilter([1.0], [1.0, -a], np.diff(u, prepend=u[0]))
+        y = y + spring * np.asarray(lfilter([1.0], [1.0, -a], np.diff(u, prepend=u[0])))
     return y
 
 
@@ -79,9 +79,9 @@ def _found(lag: float) -> Iterator[tuple[str, float]]:
         u = MOTIONS[motion](fine)
         y = np.interp(t - lag, fine, PHYSICS[physics](u))
         random = np.random.default_rng(1)
-        readings = [x + NOISE * np.ptp(x) * random.normal(size=ROWS) for x in (u[::FINE], y)]
-        for sign in (1, -1):
-            record = Record.from_arrays(*readings[::sign], t)
+        one, other = (x + NOISE * np.ptp(x) * random.normal(size=ROWS) for x in (u[::FINE], y))
+        for sign, given, answer in ((1, one, other), (-1, other, one)):
+            record = Record.from_arrays(given, answer, t)
             clocks = identify.fit(record, "Composition", test_tail=0.25).clocks
             yield motion, sign * clocks.lag / STEP
 
