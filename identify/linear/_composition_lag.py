@@ -124,7 +124,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
         after, before = (
             min(error(x, some, way) for way in (False, True)) for x in (whole_steps, 0.0)
         )
-        return after / before
+        return after / max(before, 1e-300)
 
     found = {}
     for some, leading in itertools.product(MEMORIES, (False, True)):
