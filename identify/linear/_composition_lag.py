@@ -129,8 +129,10 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
     found = {}
     for some, leading in itertools.product(MEMORIES, (False, True)):
         lag, curvature = least_at(lambda x, s=some, w=leading: error(x, s, w), step, 16 * step)
+        if not curvature:
+            continue
         lefts = [left(lag, memory) for memory in MEMORIES]
-        if curvature and min(lefts) < 1 - WORTH and max(lefts) < 1 + WORTH:
+        if min(lefts) < 1 - WORTH and max(lefts) < 1 + WORTH:
             facts = min(ROWS, int(few.mask.sum()))
             deviation = float(np.sqrt(2 * error(lag, some, leading) / curvature / facts))
             if abs(lag) > 2 * deviation:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 
@@ -98,9 +98,8 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
             how += " but those beyond the inputs of the others"
         return Parts(label, inside, None, how)
     # Of a cycle that was held out a few rows may be left: it counts whole, or not at all.
-    rows = np.bincount(record.cycle)
-    share = np.bincount(record.cycle[record.mask], minlength=len(rows)) / np.maximum(rows, 1)
-    whole = np.flatnonzero(share > 0.5 * share[1:].max(initial=0.0))
+    share = counted_share(record.cycle, record.mask)
+    whole = np.flatnonzero(share > 0.5 * share.max())
     cycle = np.where(record.mask & np.isin(record.cycle, whole), record.cycle, 0)
     numbers = np.unique(cycle[cycle > 0])
     if len(numbers) > 1:
@@ -125,6 +124,16 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     rows = np.flatnonzero(record.mask)
     label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+
+
+def counted_share(
+    cycle: Int[np.ndarray, " samples"], mask: Bool[np.ndarray, " samples"]
+) -> Float[np.ndarray, " cycles"]:
+    """The part of each cycle's rows that counts, by its number; 0 of rows in no cycle."""
+    rows = np.bincount(cycle)
+    share = np.bincount(cycle[mask], minlength=len(rows)) / np.maximum(rows, 1)
+    share[0] = 0.0
+    return share
 
 
 def _inside(

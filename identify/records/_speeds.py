@@ -4,6 +4,8 @@ import numpy as np
 
 from hysteresis import Record
 
+from ._folds import counted_share
+
 EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
 makes two per cent of a speed."""
@@ -22,17 +24,21 @@ def rates_differ(record: Record) -> bool:
     """
     if record.time is None:
         return False
-    rates = []
+    rates: list[float] = []
     for _, rows in record.sequences():
-        cycle, counted = record.cycle[rows], record.mask[rows]
-        rows_of = np.maximum(np.bincount(cycle), 1)
-        share = np.bincount(cycle[counted], minlength=len(rows_of)) / rows_of
-        share[0] = 0.0  # rows in no cycle
-        whole = [cycle == k for k in np.flatnonzero(share > WHOLE * share.max())]
-        for here in whole or [counted]:
-            t, u = record.time[rows][here], record.input[rows][here]
-            if len(t) > 1 and np.ptp(u) > 0:
-                rates.append(np.ptp(u) / np.ptp(t))
+        t, u, counted, cycle = (
+            x[rows] for x in (record.time, record.input, record.mask, record.cycle)
+        )
+        share = counted_share(cycle, counted)
+        first = np.flatnonzero(np.diff(cycle, prepend=-1))
+        last = np.append(first[1:], len(t)) - 1
+        whole = share[cycle[first]] > WHOLE * share.max()
+        ranges = (np.maximum.reduceat(u, first) - np.minimum.reduceat(u, first))[whole]
+        times = (t[last] - t[first])[whole]
+        if not whole.any() and counted.any():
+            ranges, times = (np.atleast_1d(np.ptp(x[counted])) for x in (u, t))
+        moved = (ranges > 0) & (times > 0)
+        rates += (ranges[moved] / times[moved]).tolist()
     return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= VARIED * np.quantile(rates, 0.1))
 
 

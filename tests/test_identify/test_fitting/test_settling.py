@@ -42,9 +42,8 @@ def test_what_may_not_be_left_out_stays():
     record = pressed(settling=0.2)
     half = np.where(record.cycle > 5, 0.5 * record.input, record.input)
     assert settled(replace(record, input=half), BOTH).mask.all()  # cycles that are not alike
-    assert settled(
-        replace(record, time=record.time**1.5), BOTH
-    ).mask.all()  # a sweep of frequencies
+    sweep = replace(record, time=record.time**1.5)
+    assert settled(sweep, BOTH).mask.all()  # cycles of different rates
     few = replace(record, mask=record.cycle <= 5)
     assert settled(few, BOTH) is few
 

@@ -263,9 +263,8 @@ def test_a_lag_is_told_from_sliders():
     slid = noisy(np.interp(t - lag, t, np.asarray(SLIDERS.simulate(None, u))))
     found = find_lag(Record.from_arrays(u, slid, t))
     assert found is not None
-    assert (
-        abs(found.lag - lag) < 0.02
-    )  # a fifth of a step, between two of which the input is interpolated
+    # A fifth of a step, between two of which the input is interpolated.
+    assert abs(found.lag - lag) < 0.02
 
 
 def test_rates_of_cycles_are_compared():
