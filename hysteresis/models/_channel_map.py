@@ -33,6 +33,7 @@ class ChannelMap(eqx.Module):
     - `values`: (channels, n + 1) of each curve at its nodes, in the unit of the output.
     - `offset`: in the unit of the output.
     - `names`, `units`: of the channels.
+    - `trained`: the least and the greatest scalar of the rows that it was fitted to; None if unknown.
 
     Raises `InputError` where an argument does not meet these conditions.
 
@@ -49,6 +50,7 @@ class ChannelMap(eqx.Module):
     offset: Scalar = eqx.field(converter=as_float)
     names: tuple[str, ...] = eqx.field(static=True)
     units: tuple[str, ...] = eqx.field(static=True)
+    trained: tuple[float, float] | None = eqx.field(default=None, static=True)
 
     def __check_init__(self) -> None:
         shapes = self.nodes.shape, self.values.shape

@@ -81,12 +81,14 @@ def constant() -> LinearBaseline:
     return LinearBaseline("constant", lambda record: np.empty((len(record), 0)))
 
 
-def straight_line(columns: tuple[str, ...]) -> LinearBaseline:
-    """A line in the input, and in each of further columns."""
+def straight_line(columns: tuple[str, ...], combined: bool = False) -> LinearBaseline:
+    """A line in the input, and in each of further columns; where these are `combined` to the input, in them
+    alone, because it may be a sum of them."""
     name = "straight line" if not columns else "linear in all columns"
 
     def design(record: Record) -> np.ndarray:
-        return np.column_stack([record.input, *(record.columns[c] for c in columns)])
+        inputs = [] if combined else [record.input]
+        return np.column_stack([*inputs, *(record.columns[c] for c in columns)])
 
     return LinearBaseline(name, design)
 

@@ -18,7 +18,11 @@ from ..results._metrics import metrics
 
 
 def baselines_of(
-    record: Record, parts: Parts, test: Record | None, columns: tuple[str, ...] = ()
+    record: Record,
+    parts: Parts,
+    test: Record | None,
+    columns: tuple[str, ...] = (),
+    combined: bool = False,
 ) -> tuple[Baseline, ...]:
     """Every baseline of a record, as its models see it, the simplest first.
 
@@ -27,10 +31,11 @@ def baselines_of(
     - `parts`: on whose folds the models were ranked.
     - `test`: the record that they are judged on, prepared like `record`.
     - `columns`: further columns of both records, such as channels and conditions, for plain regressors.
+    - `combined`: whether the input is made of such columns.
     """
     branches = branches_of(record)
     single = (
-        constant(), straight_line(columns), MonotoneBaseline(),
+        constant(), straight_line(columns, combined), MonotoneBaseline(),
         cubic_per_branch(record, branches), replay(record, branches),
     )  # fmt: skip
     found = [scored(one, record, parts) for one in single]

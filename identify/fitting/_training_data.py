@@ -81,7 +81,7 @@ class TrainingData:
         columns = () if self.channels is None else self.channels.names
         columns = (*columns, *self.record.conditions)
         test = None if self.test is None else self.clocks.applied(self.test)
-        return baselines_of(self.record, self.parts, test, columns)
+        return baselines_of(self.record, self.parts, test, columns, self.channels is not None)
 
 
 def training_data(

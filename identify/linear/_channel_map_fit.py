@@ -25,8 +25,13 @@ from ._cross_validation import ROWS, STRENGTHS, Choice, jittered, normal_equatio
 CELLS = 16
 """Cells of each channel's even grid."""
 
+STRAIGHT = (100.0, 10.0, 1.0)
+"""Further prior strengths, the strongest first: with 100 the curves are straight lines, which is all that a
+few sessions with zeros of their own tell."""
+
 RIDGE = 1e-3
-"""Pulls what the data leave open to 0, as a part of the prior."""
+"""Pulls what the data leave open to 0, as a part of the prior; straight lines are pulled no harder than
+curves."""
 
 SETTLING = 3
 """First cycles left out, at most."""
@@ -70,6 +75,8 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
     fitted = problem.map(choice.strength)
     combined = combine(record, fitted)
     u = combined.input.copy()
+    used = u[record.mask & problem.settled]
+    fitted = replace(fitted, trained=(float(used.min()), float(used.max())))
     # Values of a part that nothing else is like, an only ramp's end, would be no use to a model.
     for p in tested if len(tested) > 1 else ():
         u[part == p] = problem.map(choice.strength, without=p)(columns_of(record, fitted))[
@@ -135,7 +142,7 @@ class _Problem:
         """Offset about `centre` and rises, in `scale`, from some parts."""
         H, b = total(self.normal[p] for p in which).means
         D = np.diff(np.eye(CELLS), axis=0)
-        each = strength * (CELLS * D.T @ D + RIDGE * np.eye(CELLS))
+        each = strength * CELLS * D.T @ D + min(strength, STRENGTHS[0]) * RIDGE * np.eye(CELLS)
         H[1:, 1:] += np.kron(np.eye(len(self.names)), each)
         return np.linalg.solve(jittered(H), b)
 
@@ -165,7 +172,7 @@ Tried: TypeAlias = Choice[_Problem]
 
 def _chosen(problem: _Problem) -> Tried:
     """The strongest prior that is as good as the best one."""
-    choices = [problem.tried(strength) for strength in STRENGTHS]
+    choices = [problem.tried(strength) for strength in (*STRAIGHT, *STRENGTHS)]
     return simplest(choices)
 
 

@@ -228,8 +228,14 @@ class FitResult:
 
     @property
     def trained(self) -> tuple[float, float]:
-        """The least and the greatest input of the rows that counted in the fit."""
+        """The least and the greatest input of the rows that counted in the fit.
+
+        With channels both the values that the model was fitted to, of maps that did not see them, and those
+        of the map of all rows.
+        """
         seen = self.train.input[self.train.mask]
+        if self.channels is not None and self.channels.trained is not None:
+            seen = np.append(seen, self.channels.trained)
         return float(seen.min()), float(seen.max())
 
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
