@@ -4,6 +4,12 @@ import numpy as np
 
 from hysteresis import Record, loop_direction
 
+TOLD = 0.3
+"""Loops tell their direction where so much of their area has it."""
+
+SLIGHT = 0.3
+"""A correlation of input and output up to which loops outweigh the slope."""
+
 
 def orientations(record: Record) -> tuple[bool, ...]:
     """`leading` values worth trying: one where the loops tell their direction, else both.
@@ -11,7 +17,7 @@ def orientations(record: Record) -> tuple[bool, ...]:
     Where the output falls, they are those of its negative, whose loops turn the other way.
     """
     direction = loop_direction(record) * (-1 if output_falls(record) else 1)
-    if abs(direction) > 0.3:
+    if abs(direction) > TOLD:
         return (direction < 0,)
     return False, True
 
@@ -30,6 +36,8 @@ def output_falls(record: Record) -> bool:
     """Whether the output falls, on the whole, as the input rises.
 
     Judged within cycles, or sequences without any: what creeps from one to the next says nothing of it.
+    Where loops are so wide that the input hardly tells the output, as of dry friction, a slope is chance. The
+    output then falls only if its steps go against those of the input, by more than chance.
     """
     sequence = np.zeros(len(record), int)
     sequence[record.starts[1:]] = 1
@@ -37,4 +45,14 @@ def output_falls(record: Record) -> bool:
     u, y, run = record.input[record.mask], record.output[record.mask], run[record.mask]
     _, run, rows = np.unique(run, return_inverse=True, return_counts=True)
     u, y = (x - (np.bincount(run, x) / rows)[run] for x in (u, y))
-    return bool(u @ y < 0)
+    if abs(_correlation(u, y)) > SLIGHT or abs(loop_direction(record)) < TOLD:
+        return bool(u @ y < 0)
+    follows = record.mask[1:] & record.mask[:-1]
+    follows[record.starts[1:] - 1] = False
+    du, dy = np.diff(record.input)[follows], np.diff(record.output)[follows]
+    return _correlation(du, dy) < -3 / np.sqrt(max(len(du), 1))
+
+
+def _correlation(u: np.ndarray, y: np.ndarray) -> float:
+    size = float(np.sqrt((u @ u) * (y @ y)))
+    return float(u @ y) / size if size else 0.0
