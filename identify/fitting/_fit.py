@@ -20,6 +20,9 @@ from ._oscillator import fit_oscillator, oscillator_asked
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
 
+NEARLY = 1.1
+"""A simpler model may have so many times the held-out error of the best one."""
+
 INTERRUPTED = "interrupted"
 """Code of the note on a candidate that Ctrl-C ended."""
 
@@ -49,8 +52,8 @@ def fit(
     """Fit models to a record and give back the best, as a new model of its own type.
 
     Candidates are ranked by their error on parts of the training rows that were held out from them,
-    whole sequences or cycles; the simplest within one standard error of the best is taken. Each is
-    refitted to all of the training part. The test rows are
+    whole sequences or cycles; the simplest within one standard error of the best, and less
+    than a tenth above it, is taken. Each is refitted to all of the training part. The test rows are
     used for nothing but the reported figures.
 
     **Arguments:**
@@ -215,12 +218,13 @@ def _ranked(tried: list[Trial]) -> list[Trial]:
 
 
 def _as_good(simple: FitResult, best: FitResult) -> bool:
-    """Whether its held-out error is above the best one's by less than that difference's standard error."""
+    """Whether its held-out error is above the best one's by less than a tenth, and by less than that
+    difference's standard error, which one uneven block makes large."""
     if simple is best:
         return True
     if simple.blocks is None or best.blocks is None or len(simple.blocks) != len(best.blocks):
         return False
-    return as_good(simple.blocks, best.blocks)
+    return simple.score < NEARLY * best.score and as_good(simple.blocks, best.blocks)
 
 
 def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, seed: int) -> None:

@@ -36,8 +36,8 @@ def output_falls(record: Record) -> bool:
     """Whether the output falls, on the whole, as the input rises.
 
     Judged within cycles, or sequences without any: what creeps from one to the next says nothing of it.
-    Where loops are so wide that the input hardly tells the output, as of dry friction, a slope is chance. The
-    output then falls only if its steps go against those of the input, by more than chance.
+    Where loops are so wide that the input hardly tells the output, as of dry friction, a slope is chance.
+    The output then falls only if its steps go against those of the input, by more than chance.
     """
     sequence = np.zeros(len(record), int)
     sequence[record.starts[1:]] = 1
@@ -50,7 +50,7 @@ def output_falls(record: Record) -> bool:
     follows = record.mask[1:] & record.mask[:-1]
     follows[record.starts[1:] - 1] = False
     du, dy = np.diff(record.input)[follows], np.diff(record.output)[follows]
-    return _correlation(du, dy) < -3 / np.sqrt(max(len(du), 1))
+    return bool(_correlation(du, dy) < -3 / np.sqrt(max(len(du), 1)))
 
 
 def _correlation(u: np.ndarray, y: np.ndarray) -> float:

@@ -9,7 +9,14 @@ import pytest
 
 from hysteresis import InputError, Record
 from identify import fit, load, save
-from identify.linear._channel_map_fit import CELLS, RIDGE, _parts, _Problem, fit_channel_map
+from identify.linear._channel_map_fit import (
+    CELLS,
+    RIDGE,
+    STRAIGHT,
+    _parts,
+    _Problem,
+    fit_channel_map,
+)
 from identify.records._channel_map import combine
 from identify.records._folds import as_good
 
@@ -61,6 +68,16 @@ def test_channels_whose_loops_cancel_give_the_output():
     assert (combined.input_name, combined.input_unit) == ("3 channels combined", "N")
     assert combined.channels == {}
     assert dict(zip(map.names, map.units, strict=True)) == CHANNELS
+
+
+def test_the_strongest_prior_leaves_straight_lines():
+    record = rig(runs=3)
+    part, tested = _parts(record, 0)
+    problem = _Problem(record, list(CHANNELS), part, tested, 0)
+    values = np.asarray(problem.map(STRAIGHT[0]).values)
+    bends = np.abs(np.diff(values, 2, axis=1)).max(1)
+    # Over one cell, of what a line rises there; the strongest prior of a curve leaves some tenths.
+    assert (bends < 0.02 * np.ptp(values, axis=1) / CELLS).all()
 
 
 def test_the_order_of_channels_does_not_matter():

@@ -26,3 +26,17 @@ def test_loops_of_a_falling_output_are_those_of_its_negative():
     lagging = orientations(ratcheting(1.0, 0.0))
     assert lagging == (False,)
     assert orientations(ratcheting(-1.0, 0.0)) == lagging
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_steps_tell_the_sign_of_friction_on_a_random_path(seed: int, sign: float):
+    rng = np.random.default_rng(seed)
+    turns = np.append(0.0, rng.uniform(-1, 1, 30))
+    u = np.interp(np.arange(900), 30 * np.arange(31), turns)
+    held, y = 0.0, np.empty(900)
+    for k, move in enumerate(np.diff(u, prepend=0.0)):
+        held = np.clip(held + 20 * move, -1, 1)
+        y[k] = held
+    record = Record.from_arrays(u, sign * y + 0.01 * rng.normal(size=900))
+    assert output_falls(record) == (sign < 0)
