@@ -45,8 +45,9 @@ def output_falls(record: Record) -> bool:
     u, y, run = record.input[record.mask], record.output[record.mask], run[record.mask]
     _, run, rows = np.unique(run, return_inverse=True, return_counts=True)
     u, y = (x - (np.bincount(run, x) / rows)[run] for x in (u, y))
-    if abs(_correlation(u, y)) > SLIGHT or abs(loop_direction(record)) < TOLD:
-        return bool(u @ y < 0)
+    slope = _correlation(u, y)
+    if abs(slope) > SLIGHT or abs(loop_direction(record)) < TOLD:
+        return slope < 0
     follows = record.mask[1:] & record.mask[:-1]
     follows[record.starts[1:] - 1] = False
     du, dy = np.diff(record.input)[follows], np.diff(record.output)[follows]
