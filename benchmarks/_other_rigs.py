@@ -361,13 +361,17 @@ def rows() -> Iterator[tuple[Row, Judged]]:
     """Held-out error of each rig over that of the best baseline, and its verdict beside it."""
     for name, rig in RIGS.items():
         fit = identify.fit(record_of(rig), test_cycles=rig.tested)
-        test, ours = fit.metrics["test"], fit.test_blocks
-        assert test is not None
-        assert ours is not None
-        best = min(fit.baselines, key=lambda one: one.judged[0])
-        theirs = [one.test_blocks for one in fit.baselines if one.test_blocks is not None]
-        error, other = test.nrmse_percent, best.judged[1]
-        beside = f"{fit.name} {error:.2g} %; {best.name} {other:.2g} %; {fit.verdict.level}"
-        row = judged(f"{VIRTUAL}: {name} ({beside})", test.rmse / best.judged[0], WORST)
-        level, beaten = fit.verdict.level, is_beaten(ours, theirs)
-        yield row, Judged(f"virtual {name}", level, error, best.name, other, beaten)
+        one = judged_fit(f"virtual {name}", fit)
+        beside = f"{fit.name} {one.error:.2g} %; {one.baseline} {one.other:.2g} %; {one.level}"
+        yield judged(f"{VIRTUAL}: {name} ({beside})", one.error / one.other, WORST), one
+
+
+def judged_fit(what: str, fit: identify.FitResult) -> Judged:
+    """A fit beside its baselines, all on its test rows."""
+    test, ours = fit.metrics["test"], fit.test_blocks
+    assert test is not None
+    assert ours is not None
+    best = min(fit.baselines, key=lambda one: one.judged[0])
+    theirs = [one.test_blocks for one in fit.baselines if one.test_blocks is not None]
+    level, beaten = fit.verdict.level, is_beaten(ours, theirs)
+    return Judged(what, level, test.nrmse_percent, best.name, best.judged[1], beaten)

@@ -2,7 +2,7 @@
 
 python -m benchmarks.accuracy [--quick] [--json] [--only TEXT]
 
-Each row is said on stderr as soon as it is known, because all of them take half an hour of processor time.
+Each row is said on stderr as soon as it is known, because all of them take 45 minutes of processor time.
 At the end stand the verdicts beside what the fits are worth: of each level the range of the errors, and how
 many fits a baseline beats on the test rows beyond the standard error of the difference.
 
@@ -27,7 +27,7 @@ from hysteresis import InputError
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep, lags
+from ._accuracy import creep, lags, motions
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -282,6 +282,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             found.append(said(row))
             verdicts.append(verdict)
     found += map(said, calibration(verdicts))
+    if (chosen.only or "") in motions.OTHER:
+        found += map(said, motions.rows())
     report(found, chosen.json)
 
 

@@ -56,6 +56,23 @@ def span_stops(rng: np.random.Generator) -> ModulatedStops:
     return _stops(rng, np.array([0.0, 1.0, HIGH - LOW]), "span")
 
 
+def plays(rng: np.random.Generator) -> ModulatedStops:
+    """Beside a spring; the same everywhere, of one level."""
+    thresholds, springs = np.array([0.05, 0.3, 1.0]), rng.uniform(0.5, 1.0, 1)
+    none, weights = np.zeros((3, 1)), rng.uniform(0.2, 0.6, (3, 1))
+    return ModulatedStops(
+        LOW,
+        HIGH,
+        thresholds,
+        np.array([LOW]),
+        none,
+        springs,
+        plays=weights,
+        rest=0.2,
+        by="position",
+    )
+
+
 def _stops(rng: np.random.Generator, levels: np.ndarray, by: Modulator) -> ModulatedStops:
     """Changing little with the modulator, so that an error in it, of the sample before, does not grow."""
     thresholds = np.array([0.05, 0.3, 1.0])
@@ -162,10 +179,15 @@ def jumped(model: AbstractModel) -> Known:
     before = [model.rest, 1.7, 1.7] if by_position else [0.0, gone, gone]
     slopes, springs = np.asarray(model.slopes), np.asarray(model.springs)
     strained = np.diff(np.minimum(gone, np.asarray(model.thresholds)), prepend=0.0)
-    levels = np.asarray(model.levels)
+    levels, thresholds = np.asarray(model.levels), np.asarray(model.thresholds)
+    plays = np.zeros_like(slopes) if model.plays is None else np.asarray(model.plays)
     y = [
         np.interp(m, levels, springs) * gone
         + sum(np.interp(m, levels, w) * s for w, s in zip(slopes, strained, strict=True))
+        + sum(
+            np.interp(m, levels, p) * max(gone - r, 0)
+            for p, r in zip(plays, thresholds, strict=True)
+        )
         for m in before
     ]
     return u, u, np.array(y)

@@ -613,6 +613,9 @@ PROBLEMS: tuple[Problem, ...] = (
         compositions.jumped,
     ),
     Problem(
+        "plays", compositions.plays, LOW, HIGH, frozenset[Tag](), compositions.jumped,
+    ),
+    Problem(
         "stops-by-span", compositions.span_stops, LOW, HIGH, frozenset[Tag](), compositions.jumped
     ),
     Problem("drift", compositions.drifting, LOW, HIGH, frozenset[Tag](), compositions.held),

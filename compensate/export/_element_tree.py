@@ -328,11 +328,12 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
 @_tree.register
 def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
     begin = model.init()
+    slopes, springs = model.of_stops()
     part = node(
         "stops",
         {
             "stops": len(model.thresholds), "count": len(model.levels), "thresholds": model.thresholds,
-            "levels": model.levels, "slopes": model.slopes, "springs": model.springs,
+            "levels": model.levels, "slopes": slopes, "springs": springs,
             "offset": model.offset, "rest": model.rest, "by_position": model.by == "position",
         },
         {"u": begin.u, "least": begin.least, "largest": begin.largest, "z": begin.z},

@@ -142,6 +142,8 @@ PARTS_IN_WORDS = {
     "strengths": "relaxation whose strength depends on the input level",
     "softening": "extra stiffness beyond the largest past input",
     "relays": "relays that remember reversals of the input",
+    "plays": "elements that follow the input behind a backlash",
+    "stops": "friction elements",
     "stops by position": "friction elements whose strength depends on the input's position",
     "stops by span": "friction elements whose strength depends on the range that the input has covered",
     "friction": "friction that depends on the speed of the input",

@@ -1,4 +1,4 @@
-"""Stop operators whose stiffness depends on where the input was, or on how far it has ever gone."""
+"""Stop and play operators whose stiffness depends on where the input was, or how far it has ever gone."""
 
 from typing import Any, Literal, NamedTuple
 
@@ -39,16 +39,18 @@ class StopInput(NamedTuple):
 
 @register
 class ModulatedStops(AbstractModel[StopState, StopInput]):
-    """Stop operators in parallel whose stiffnesses change with the past of the input:
+    """Stop and play operators in parallel whose stiffnesses change with the past of the input:
 
-        y_t = offset + sum_k h_k(m_(t-1)) (e_k (u_t - rest) + sum_j w_jk (s_j,t - s_(j-1),t)),
-        s_j,t = clip(s_j,t-1 + u_t - u_(t-1), -r_j, r_j),   s_0 = 0
+        y_t = offset + sum_k h_k(m_(t-1)) f_k,t,
+        f_k,t = e_k (u_t - rest) + sum_j (w_jk (s_j,t - s_(j-1),t) + p_jk z_j,t),
+        s_j,t = clip(s_j,t-1 + u_t - u_(t-1), -r_j, r_j),   s_0 = 0,   z_j,t = u_t - rest - s_j,t
 
     A stop s_j is a spring in series with a slider that gives way at +-r_j (Jenkin element; in parallel, an
     Iwan model). Those of the smaller thresholds slide first, so that the branch after a reversal has the
     slope w_jk where the input has gone from 2 r_(j-1) to 2 r_j. Slopes that fall make a common yielding
     branch, of stops with the stiffnesses w_jk - w_(j+1)k; a flat stretch before a steep one is a backlash.
-    h_k are hat functions on `levels` of the modulator m: each is 1 at its level and 0 at the
+    A play z_j stands still until the input has gone 2 r_j from the reversal: stops lead their input, plays
+    lag it. h_k are hat functions on `levels` of the modulator m: each is 1 at its level and 0 at the
     others, and they add up to 1. m_(t-1) is the input before, `by="position"`, so that friction and
     stiffness depend on the place; or the range that the input has covered until then, `by="span"`, so that
     a joint, a foam or a magnet stiffens or softens with the largest amplitude so far. As m does not know
@@ -63,6 +65,7 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
     - `offset`: the output's constant.
     - `rest`: where the input is before the first sample, and no stop is strained.
     - `by`: "position" or "span".
+    - `plays`: (J, K) p_jk, none negative; None for no plays.
 
     Raises `InputError` where an argument does not meet these conditions.
 
@@ -97,6 +100,9 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     rest: float = eqx.field(default=0.0, static=True, converter=float)
     by: Modulator = eqx.field(default="span", static=True)
+    plays: Values | None = parameter(
+        None, unit="output / input", bounds=(0.0, float("inf")), meaning="slope of a moving play"
+    )
 
     def __check_init__(self) -> None:
         if not self.low < self.high:
@@ -104,24 +110,26 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         if self.by not in ("position", "span"):
             raise InputError("bad-option", f"by={self.by!r}.", fix="give position or span.")
         J, K = len(self.thresholds), len(self.levels)
-        if self.slopes.shape[-2:] != (J, K) or self.springs.shape[-1:] != (K,):
+        plays = np.zeros((J, K)) if self.plays is None else self.plays
+        weights = self.slopes, plays, self.springs
+        if [w.shape[-2:] for w in weights[:2]] != [(J, K)] * 2 or self.springs.shape[-1:] != (K,):
             raise InputError(
                 "length-mismatch",
-                f"{J} thresholds and {K} levels, but slopes of shape {self.slopes.shape} and springs of"
-                f" shape {self.springs.shape}.",
-                fix=f"give ({J}, {K}) slopes and ({K},) springs.",
+                f"{J} thresholds and {K} levels, but slopes of shape {self.slopes.shape}, plays of shape"
+                f" {plays.shape} and springs of shape {self.springs.shape}.",
+                fix=f"give ({J}, {K}) slopes and plays, and ({K},) springs.",
             )
-        given = self.thresholds, self.levels, self.slopes, self.springs
+        given = self.thresholds, self.levels, *weights
         if not all(map(is_concrete, given)):
             return
-        thresholds, levels, slopes, springs = map(np.asarray, given)
+        thresholds, levels, *weights = map(np.asarray, given)
         steps = np.diff(thresholds, prepend=0.0)
         ordered = bool((np.diff(levels) > 0).all() and (steps > 0).all())
-        if not ordered or min(slopes.min(initial=0.0), springs.min()) < 0:
+        if not ordered or min(w.min(initial=0.0) for w in weights) < 0:
             raise InputError(
                 "parameter-out-of-bounds",
-                "thresholds must be positive and increase, levels increase, slopes and springs not be"
-                " negative.",
+                "thresholds must be positive and increase, levels increase, slopes, plays and springs not"
+                " be negative.",
             )
 
     def init(self, t0: Any = None, u0: Any = None) -> StopState:
@@ -165,9 +173,21 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
     def _modulator(self, u: Array, least: Array, largest: Array) -> Array:
         return u if self.by == "position" else largest - least
 
+    def of_stops(self) -> tuple[Float[Array, "thresholds levels"], Float[Array, " levels"]]:
+        """Slopes and springs that stand for the plays, too: a play is a spring less a stop.
+
+        Such a slope may be negative, but never by more than the spring beside it.
+        """
+        slopes, springs = jnp.asarray(self.slopes), jnp.asarray(self.springs)
+        if self.plays is None:
+            return slopes, springs
+        plays = jnp.asarray(self.plays)
+        return slopes - jnp.cumsum(plays[::-1], 0)[::-1], springs + plays.sum(0)
+
     def _output(self, u: Array, z: Array, modulator: Array) -> Array:
-        slopes = jnp.asarray(self.slopes) @ (h := hats(modulator, jnp.asarray(self.levels)))
-        spring = jnp.dot(self.springs, h) * (u - self.rest)
+        slopes, springs = self.of_stops()
+        slopes = slopes @ (h := hats(modulator, jnp.asarray(self.levels)))
+        spring = jnp.dot(springs, h) * (u - self.rest)
         return self.offset + spring + jnp.dot(slopes, jnp.diff(u - z, prepend=0.0))
 
 

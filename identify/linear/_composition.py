@@ -2,7 +2,7 @@
 
 The model is a sum of parts that are linear in non-negative unknowns (but for the offset's sign):
 
-    y = offset + curve(u) + Maxwell branches + their strengths + softening + relays
+    y = offset + curve(u) + Maxwell branches + their strengths + softening + relays + plays + stops
         + stops by position + stops by span + friction + drift + drift in time
 
 Each part rises with its input by construction, but for the strengths, or does not depend on the present
@@ -48,15 +48,18 @@ CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "softening",
     "relays",
 )
-PLACE_STOPS, SPAN_STOPS, FRICTION = "stops by position", "stops by span", "friction"
+PLAYS, STOPS, PLACE_STOPS, SPAN_STOPS = "plays", "stops", "stops by position", "stops by span"
+FRICTION = "friction"
 DRIFT, TIME_DRIFT = "drift", "drift in time"
 DRIFTS = (DRIFT, TIME_DRIFT)
-PARTS = (CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLACE_STOPS, SPAN_STOPS, FRICTION, *DRIFTS)
+PARTS = (
+    CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLAYS, STOPS, PLACE_STOPS, SPAN_STOPS, FRICTION, *DRIFTS
+)  # fmt: skip
 CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
 
 THRESHOLDS = np.geomspace(0.006, 0.45, 14)
-"""Of the stops, in parts of the input's range."""
+"""Of the stops and plays, in parts of the input's range."""
 
 BANDS = np.diff(THRESHOLDS, prepend=0.0)
 """Widths of the bands between them."""
@@ -66,6 +69,9 @@ BAND_FIRMNESS = 30.0
 
 PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
 """Levels of the position and of the range covered, in parts of the input's range."""
+
+LEVELS = {PLAYS: PLACES[:1], STOPS: PLACES[:1], PLACE_STOPS: PLACES, SPAN_STOPS: SPANS}
+"""Of stops and plays; those with one level are the same everywhere."""
 
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
@@ -78,7 +84,7 @@ SMOOTHING, SHARP = 2.0, 0.3
 
 FIRMNESS = {
     CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0,
-    PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0, DRIFT: 1.0,
+    PLAYS: 1.0, STOPS: 1.0, PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0, DRIFT: 1.0,
     TIME_DRIFT: 1.0,
 }  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
@@ -140,6 +146,8 @@ class CompositionUnknowns(NamedTuple):
             STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
+            PLAYS: len(THRESHOLDS),
+            STOPS: 2 * len(THRESHOLDS),
             PLACE_STOPS: 2 * len(THRESHOLDS) * len(PLACES),
             SPAN_STOPS: (2 * len(THRESHOLDS) + 1) * len(SPANS),
             FRICTION: (len(SPEEDS) + 1) * len(PLACES),
@@ -197,9 +205,8 @@ class CompositionUnknowns(NamedTuple):
                 each = D.T @ D / (n + 1)
             else:
                 each = np.eye(size)
-            if part in (PLACE_STOPS, SPAN_STOPS):
-                levels = PLACES if part == PLACE_STOPS else SPANS
-                kind = np.arange(size) // (len(THRESHOLDS) * len(levels))
+            if part in LEVELS:
+                kind = np.arange(size) // (len(THRESHOLDS) * len(LEVELS[part]))
                 each[kind == 1] *= BAND_FIRMNESS
             branches = size // len(each)
             own = strength * FIRMNESS[part]
@@ -210,7 +217,7 @@ class CompositionUnknowns(NamedTuple):
     def memory(self) -> MemoryLayout:
         """What the columns of the parts read of an input."""
         relaxing = MAXWELL in self.parts or STRENGTHS in self.parts
-        stopped = PLACE_STOPS in self.parts or SPAN_STOPS in self.parts
+        stopped = any(part in LEVELS for part in self.parts)
         span = self.high - self.low
         return MemoryLayout(
             self.low, self.high, self.first, self.times if relaxing else (),
@@ -232,8 +239,8 @@ class CompositionUnknowns(NamedTuple):
         """The columns of the offset and of each part, and their places."""
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
-            SOFTENING: self._softening, RELAYS: self._relays, PLACE_STOPS: self._place_stops,
-            SPAN_STOPS: self._span_stops, FRICTION: self._friction,
+            SOFTENING: self._softening, RELAYS: self._relays, PLAYS: self._plays, STOPS: self._stops,
+            PLACE_STOPS: self._place_stops, SPAN_STOPS: self._span_stops, FRICTION: self._friction,
             DRIFT: self._drift, TIME_DRIFT: self._time_drift,
         }  # fmt: skip
         yield slice(0, 1), np.ones((len(memory.v), 1))
@@ -296,9 +303,9 @@ class CompositionUnknowns(NamedTuple):
             density = GridDensity(self.low, self.high, weights)
             support = 2 * (weights.sum(0) + weights.sum(1)) if self.leading else None
             parts.append(Preisach(density, support, leading=self.leading, initial=self.initial))
-        for part in (PLACE_STOPS, SPAN_STOPS):
+        for part in LEVELS:
             if part in values:
-                parts.append(self._stops(part, values[part]))
+                parts.append(self._sliders(part, values[part]))
         if FRICTION in values:
             coulomb, viscous = split(values[FRICTION], len(SPEEDS), len(PLACES))
             parts.append(
@@ -319,22 +326,27 @@ class CompositionUnknowns(NamedTuple):
         whole = Series([*before, whole, *after]) if before or after else whole
         return Scaled(whole, -1.0) if self.scale < 0 else whole
 
-    def _stops(self, part: str, values: Values) -> ModulatedStops:
-        """Weights of the columns s_j / r_j, then (s_j - s_(j-1)) / (r_j - r_(j-1)), as slopes.
+    def _sliders(self, part: str, values: Values) -> ModulatedStops:
+        """Plays; or weights of the columns s_j / r_j, then (s_j - s_(j-1)) / (r_j - r_(j-1)), as slopes.
 
         A stop is the sum of all bands up to its threshold.
         """
-        by_place, span = part == PLACE_STOPS, self.high - self.low
-        levels = PLACES if by_place else SPANS
-        weights, springs = split(values, 2 * len(THRESHOLDS), len(levels))
-        stops, bands = weights[: len(THRESHOLDS)], weights[len(THRESHOLDS) :]
-        slopes = (stops / THRESHOLDS[:, None])[::-1].cumsum(0)[::-1] + bands / BANDS[:, None]
-        springs = np.zeros(len(levels)) if by_place else springs / span
+        n, levels, span = len(THRESHOLDS), LEVELS[part], self.high - self.low
+        springs, slopes, plays = np.zeros(len(levels)), np.zeros((n, len(levels))), None
+        if part == PLAYS:
+            plays = values[:, None] / span
+        else:
+            weights, beside = split(values, 2 * n, len(levels))
+            stops, bands = weights[:n], weights[n:]
+            slopes = (stops / THRESHOLDS[:, None])[::-1].cumsum(0)[::-1] + bands / BANDS[:, None]
+            if part == SPAN_STOPS:
+                springs = beside / span
+        by_span = part == SPAN_STOPS
         return ModulatedStops(
             self.low, self.high, span * THRESHOLDS,
-            self._inputs(levels) if by_place else span * levels,
-            slopes / span, springs, rest=self.rest,
-            by="position" if by_place else "span",
+            span * levels if by_span else self._inputs(levels),
+            slopes / span, springs, plays=plays, rest=self.rest,
+            by="span" if by_span else "position",
         )  # fmt: skip
 
     def _inputs(self, parts: Samples) -> Samples:
@@ -409,13 +421,22 @@ class CompositionUnknowns(NamedTuple):
         ramps, relays = columns[1 : 1 + n], columns[1 + n :]
         return (2 * (ramps[i] + ramps[j]) - relays if self.leading else relays).T
 
+    def _plays(self, memory: Memory) -> Columns:
+        return self._moved(memory)[:, None] - memory.strained * THRESHOLDS
+
+    def _stops(self, memory: Memory) -> Columns:
+        return _with_bands(memory.strained)
+
     def _place_stops(self, memory: Memory) -> Columns:
         return _modulated(_with_bands(memory.strained), hats_of(memory.before, PLACES))
 
     def _span_stops(self, memory: Memory) -> Columns:
-        rest = (self.rest - self.low) / (self.high - self.low)
-        strained = np.hstack([_with_bands(memory.strained), (memory.v - rest)[:, None]])
+        strained = np.hstack([_with_bands(memory.strained), self._moved(memory)[:, None]])
         return _modulated(strained, hats_of(memory.covered, SPANS))
+
+    def _moved(self, memory: Memory) -> Samples:
+        """How far the input is from rest."""
+        return memory.v - (self.rest - self.low) / (self.high - self.low)
 
     def _friction(self, memory: Memory) -> Columns:
         speed = memory.velocity[:, None] / (self.speed / (self.high - self.low))

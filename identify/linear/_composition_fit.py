@@ -20,8 +20,11 @@ from ._composition import (
     FRICTION,
     MAXWELL,
     PARTS,
+    PLACE_STOPS,
     SHARP,
     SMOOTHING,
+    SPAN_STOPS,
+    STOPS,
     STRENGTHS,
     TIME_DRIFT,
     CompositionUnknowns,
@@ -367,7 +370,9 @@ def _grown(path: list[Tried]) -> list[Tried]:
     """A path with further parts, one by one, each with the best of a few prior strengths.
 
     The parts that gained most before are tried first. A part's gain seldom grows as others join, so one
-    that gained less than half of the best so far is not tried again in this step, unless it is the last.
+    that gained less than half of the best so far is not tried again in this step, unless none gains enough.
+    Loops of one amplitude tell little of how stops change with place or span, so that plain ones which are
+    as good are taken.
     """
     problem = path[-1].problem
     there = {*path[-1].parts, *DRIFTS}
@@ -375,21 +380,20 @@ def _grown(path: list[Tried]) -> list[Tried]:
     while gains:
         before = path[-1]
         found: list[Tried] = []
-        order = sorted(gains, key=lambda part: -gains[part])
-        for part in order:
+        for part in sorted(gains, key=lambda part: -gains[part]):
             if found and 2 * gains[part] < _gain(before, best_of(found)):
                 break
-            found.append(best_prior(problem, (*before.parts, part)))
-            gains[part] = _gain(before, found[-1])
-        better = best_of(found)
-        if not _better(before, better):
-            left = order[len(found) :]
-            rest = [problem.tried((*before.parts, part), before.strength) for part in left]
-            if not rest or not _better(before, best_of(rest)):
-                break
-            better = best_prior(problem, best_of(rest).parts)
-        path = [*path, better]
-        del gains[better.parts[-1]]
+            one = best_prior(problem, (*before.parts, part))
+            gains[part] = _gain(before, one)
+            if _better(before, one):
+                found.append(one)
+        if not found:
+            break
+        joined = best_of(found)
+        if joined.parts[-1] in (PLACE_STOPS, SPAN_STOPS):
+            joined = simplest([*(one for one in found if one.parts[-1] == STOPS), joined])
+        path = [*path, joined]
+        del gains[joined.parts[-1]]
     return path
 
 

@@ -35,7 +35,7 @@ def cell_before(edges: Reals, cells: int, x: float) -> int:
 def among(levels: Reals, count: int, x: float) -> float:
     """Its cell and the part of that: 0 at or below the first level, count - 1 at or above the last."""
     last = count - 1
-    if x <= levels[0]:
+    if last == 0 or x <= levels[0]:
         return 0.0
     if x >= levels[last]:
         return 1.0 * last

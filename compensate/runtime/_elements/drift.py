@@ -34,10 +34,9 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
         return p.offset
     level = among(p.levels, p.count, s.u)
     k = int(level)
-    if k > p.count - 2:
-        k = p.count - 2
+    above = k + 1 if k + 1 < p.count else k
     within = level - k
-    slope = p.drift[k] * (1.0 - within) + p.drift[k + 1] * within
+    slope = p.drift[k] * (1.0 - within) + p.drift[above] * within
     further = s.path - p.least
     if further < 0.0:
         further = 0.0

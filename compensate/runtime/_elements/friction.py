@@ -50,13 +50,12 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     v = (s.decay * s.lead + s.gain * (u - s.u)) * p.rate
     level = among(p.levels, p.count, s.u)
     k = int(level)
-    if k > p.count - 2:
-        k = p.count - 2
+    above = k + 1 if k + 1 < p.count else k
     within = level - k
-    y = p.offset + (p.viscous[k] * (1.0 - within) + p.viscous[k + 1] * within) * v
+    y = p.offset + (p.viscous[k] * (1.0 - within) + p.viscous[above] * within) * v
     for j in range(p.speeds_count):
-        node = j * p.count + k
-        felt = p.weights[node] * (1.0 - within) + p.weights[node + 1] * within
+        row = j * p.count
+        felt = p.weights[row + k] * (1.0 - within) + p.weights[row + above] * within
         y = y + felt * tanh(v / p.speeds[j])
     return y
 

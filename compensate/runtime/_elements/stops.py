@@ -44,14 +44,13 @@ def place(p: Parameters, s: State, j: int, u: float) -> float:
 def look(p: Parameters, s: State, dt: float, u: float) -> float:
     level = among(p.levels, p.count, s.u if p.by_position else s.largest - s.least)
     k = int(level)
-    if k > p.count - 2:
-        k = p.count - 2
+    above = k + 1 if k + 1 < p.count else k
     within = level - k
-    y = p.offset + (p.springs[k] * (1.0 - within) + p.springs[k + 1] * within) * (u - p.rest)
+    y = p.offset + (p.springs[k] * (1.0 - within) + p.springs[above] * within) * (u - p.rest)
     strain = 0.0
     for j in range(p.stops):
-        node = j * p.count + k
-        slope = p.slopes[node] * (1.0 - within) + p.slopes[node + 1] * within
+        row = j * p.count
+        slope = p.slopes[row + k] * (1.0 - within) + p.slopes[row + above] * within
         before = strain
         strain = u - place(p, s, j, u)
         y = y + slope * (strain - before)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, Preisach
+from hysteresis import AbstractModel, InputError, ModulatedStops, PrandtlIshlinskii, Preisach
 from hysteresis.numerics._clamps import Clamp, by_association, by_scan
 from hysteresis.preisach import GridDensity
 from tests.problems import SAMPLES, clock, histories
@@ -80,6 +80,19 @@ def test_equal_to_a_loop_over_plays(
     # Speeds of thousands move thresholds by tens: those are rounded too.
     tolerance = rounding(model) * (100 if rates else 1)
     np.testing.assert_allclose(output(model, u, t), play_loop(model, t, u), rtol=0, atol=tolerance)
+
+
+@given(seed=seeds, u=paths, leading=flags)
+def test_modulated_stops_of_one_level_are_the_same(seed: int, u: np.ndarray, leading: bool):
+    """Plays that lag are their plays, and plays that lead are stops: slopes w_j + ... + w_n."""
+    model = draw(seed, leading)
+    r, w = np.asarray(model.thresholds), np.asarray(model.weights)[:, None]
+    slopes, plays = (w[::-1].cumsum(0)[::-1], None) if leading else (0 * w, w)
+    spring, level = np.array([model.slope]), np.zeros(1)
+    sliders = ModulatedStops(
+        LOW, HIGH, r, level, slopes, spring, model.offset, by="position", plays=plays
+    )
+    np.testing.assert_allclose(output(sliders, u), output(model, u), rtol=0, atol=rounding(model))
 
 
 @given(data=st.data())
