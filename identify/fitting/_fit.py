@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Record
@@ -12,6 +13,7 @@ from hysteresis._note import ProgressNote
 from ..noise._reml import kinds
 from ..parameters._precision import require_double
 from ..records._folds import as_good
+from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
 from ..results._repeatability import with_repeatability
 from ._candidate import Candidate, Options, Report, Said, Trial
@@ -52,9 +54,9 @@ def fit(
     """Fit models to a record and give back the best, as a new model of its own type.
 
     Candidates are ranked by their error on parts of the training rows that were held out from them,
-    whole sequences or cycles; the simplest within one standard error of the best, and less
-    than a tenth above it, is taken. Each is refitted to all of the training part. The test rows are
-    used for nothing but the reported figures.
+    whole sequences or cycles; of those within one standard error of the best, and less than a tenth
+    above it, the simplest is taken: that of the fewest parts, then of the fewest unknowns. Each is
+    refitted to all of the training part. The test rows are used for nothing but the reported figures.
 
     **Arguments:**
 
@@ -213,8 +215,21 @@ def _tried(
 def _ranked(tried: list[Trial]) -> list[Trial]:
     """The one to take, which is the simplest one as good as the best, then the others, best first."""
     ranked = sorted(tried, key=lambda one: one.fit.score)
-    chosen = next(one for one in tried if _as_good(one.fit, ranked[0].fit))
+    good = [one for one in tried if _as_good(one.fit, ranked[0].fit)]
+    chosen = min(good, key=lambda one: _complexity(one.fit))
     return [chosen, *(one for one in ranked if one is not chosen)]
+
+
+def _complexity(fit: FitResult) -> tuple[float, float]:
+    """How many parts the model is a sum of, and how many unknowns those have."""
+    match fit.detail:
+        case GridWeights(linear):
+            return 2, len(linear.unknowns)  # a curve and relays
+        case Composition(linear) | FoldedState(linear):
+            mapped, folded = bool(linear.meaning.first), isinstance(fit.detail, FoldedState)
+            return len(linear.meaning.parts) + mapped + folded, len(linear.unknowns)
+    # A surface read off the record has no fitted unknowns, and none simpler could be as good.
+    return (1, fit.parameter_count) if fit.parameter_count is not None else (np.inf, np.inf)
 
 
 def _as_good(simple: FitResult, best: FitResult) -> bool:

@@ -1,5 +1,6 @@
 """Fitting a composition: which parts, how strong a prior, then all unknowns at once, exactly."""
 
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -105,9 +106,20 @@ def path_of(
     path = min(paths, key=lambda path: path[-1].blocks.mean())
     if len(path) > 1:  # a curve behind a curve is a curve
         mapped = best_prior(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
-        if _better(path[-1], mapped):
-            path.append(mapped)
+        if _better(path[-1], mapped) and _better(path[-1], honest := _unseen(path[0], mapped)):
+            path.append(honest)
     return path
+
+
+def _unseen(static: "Tried", mapped: "Tried") -> "Tried":
+    """A choice behind a mapped input with the errors of maps that have not seen the rows held out."""
+    blocks = [
+        static.problem.mapped(static, mapped.parts, fold.train)
+        .tried(mapped.parts, mapped.strength, (fold,))
+        .blocks
+        for fold in static.problem.parts.folds
+    ]
+    return replace(mapped, blocks=np.concatenate(blocks))
 
 
 def _begun(
@@ -207,12 +219,14 @@ class Problem:
         """Rows above the floor: below, an output tells only a limit."""
         return y > self.floor + SLACK
 
-    def mapped(self, choice: "Tried", some: tuple[str, ...]) -> "Problem":
-        """The same, its input half mapped by the static curve of a choice, which keeps its range.
-
-        One curve, of all training rows, serves for every fold: 40 smooth increments tell little of them.
-        """
-        meaning, increments = self.whole, self.fitted(choice).unknowns[1 : 1 + CELLS[CURVE]]
+    def mapped(
+        self, choice: "Tried", some: tuple[str, ...], which: tuple[int, ...] | None = None
+    ) -> "Problem":
+        """The same, its input half mapped by the static curve of a choice, which keeps its range; the curve
+        is fitted to the parts `which`, all by default."""
+        which = self.parts.all if which is None else which
+        unknowns = self.solution(which, choice.parts, choice.strength)
+        meaning, increments = self.whole, unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
         half = (even + increments / max(increments.sum(), 1e-12)) / 2
         first = tuple(((meaning.high - meaning.low) * half / half.sum()).tolist())
