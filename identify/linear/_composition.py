@@ -10,6 +10,7 @@ one (drifts); so does a sum of them.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -21,7 +22,6 @@ from jaxtyping import Array, Bool, Float, Int
 from hysteresis import (
     AbstractModel,
     CyclicDrift,
-    ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
     Preisach,
@@ -39,7 +39,21 @@ from hysteresis.preisach import GridDensity, Initial
 from ._composition_memory import Memory, MemoryLayout, rises
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
-from ._unknown_vectors import Values, in_units, split, upper_triangular
+from ._sliders import (
+    LEVELS,
+    PLACE_STOPS,
+    PLACES,
+    PLAYS,
+    SPAN_STOPS,
+    STOPS,
+    THRESHOLDS,
+    columns_of,
+    firmness_of,
+    model_of,
+    modulated,
+    size_of,
+)
+from ._unknown_vectors import in_units, split, upper_triangular
 
 CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "curve",
@@ -48,7 +62,6 @@ CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
     "softening",
     "relays",
 )
-PLAYS, STOPS, PLACE_STOPS, SPAN_STOPS = "plays", "stops", "stops by position", "stops by span"
 FRICTION = "friction"
 DRIFT, TIME_DRIFT = "drift", "drift in time"
 DRIFTS = (DRIFT, TIME_DRIFT)
@@ -57,21 +70,6 @@ PARTS = (
 )  # fmt: skip
 CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
-
-THRESHOLDS = np.geomspace(0.006, 0.45, 14)
-"""Of the stops and plays, in parts of the input's range."""
-
-BANDS = np.diff(THRESHOLDS, prepend=0.0)
-"""Widths of the bands between them."""
-
-BAND_FIRMNESS = 30.0
-"""How much stronger the prior holds a band alone than a stop. It lets branches yield and stiffen again."""
-
-PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
-"""Levels of the position and of the range covered, in parts of the input's range."""
-
-LEVELS = {PLAYS: PLACES[:1], STOPS: PLACES[:1], PLACE_STOPS: PLACES, SPAN_STOPS: SPANS}
-"""Of stops and plays; those with one level are the same everywhere."""
 
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
@@ -146,10 +144,7 @@ class CompositionUnknowns(NamedTuple):
             STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
-            PLAYS: len(THRESHOLDS),
-            STOPS: 2 * len(THRESHOLDS),
-            PLACE_STOPS: 2 * len(THRESHOLDS) * len(PLACES),
-            SPAN_STOPS: (2 * len(THRESHOLDS) + 1) * len(SPANS),
+            **{part: size_of(part) for part in LEVELS},
             FRICTION: (len(SPEEDS) + 1) * len(PLACES),
             DRIFT: len(PLACES),
             TIME_DRIFT: len(DECAYS),
@@ -203,11 +198,10 @@ class CompositionUnknowns(NamedTuple):
             elif part == STRENGTHS:
                 D = n * np.diff(np.eye(n + 1), 2, axis=0)
                 each = D.T @ D / (n + 1)
+            elif part in LEVELS:
+                each = np.diag(firmness_of(part))
             else:
                 each = np.eye(size)
-            if part in LEVELS:
-                kind = np.arange(size) // (len(THRESHOLDS) * len(LEVELS[part]))
-                each[kind == 1] *= BAND_FIRMNESS
             branches = size // len(each)
             own = strength * FIRMNESS[part]
             ridge = 10 * RIDGE if part == STRENGTHS else RIDGE
@@ -222,7 +216,7 @@ class CompositionUnknowns(NamedTuple):
         return MemoryLayout(
             self.low, self.high, self.first, self.times if relaxing else (),
             CELLS[MAXWELL] if MAXWELL in self.parts else 1, (self._relaxed - self.low) / span,
-            tuple(THRESHOLDS.tolist()) if stopped else (), (self.rest - self.low) / span,
+            tuple(THRESHOLDS.tolist()) if stopped else (), self._rest,
             CELLS[RELAYS] if RELAYS in self.parts else 0, self.initial,
             self.smoothing * self.step if FRICTION in self.parts else 0.0,
         )  # fmt: skip
@@ -239,9 +233,10 @@ class CompositionUnknowns(NamedTuple):
         """The columns of the offset and of each part, and their places."""
         made = {
             CURVE: self._curve, MAXWELL: self._branches, STRENGTHS: self._strengths,
-            SOFTENING: self._softening, RELAYS: self._relays, PLAYS: self._plays, STOPS: self._stops,
-            PLACE_STOPS: self._place_stops, SPAN_STOPS: self._span_stops, FRICTION: self._friction,
-            DRIFT: self._drift, TIME_DRIFT: self._time_drift,
+            SOFTENING: self._softening, RELAYS: self._relays,
+            FRICTION: self._friction, DRIFT: self._drift, TIME_DRIFT: self._time_drift,
+        } | {
+            part: partial(columns_of, part, rest=self._rest) for part in LEVELS
         }  # fmt: skip
         yield slice(0, 1), np.ones((len(memory.v), 1))
         ends = np.cumsum(self.sizes).tolist()
@@ -305,7 +300,7 @@ class CompositionUnknowns(NamedTuple):
             parts.append(Preisach(density, support, leading=self.leading, initial=self.initial))
         for part in LEVELS:
             if part in values:
-                parts.append(self._sliders(part, values[part]))
+                parts.append(model_of(part, values[part], self.low, self.high, self.rest))
         if FRICTION in values:
             coulomb, viscous = split(values[FRICTION], len(SPEEDS), len(PLACES))
             parts.append(
@@ -326,29 +321,6 @@ class CompositionUnknowns(NamedTuple):
         whole = Series([*before, whole, *after]) if before or after else whole
         return Scaled(whole, -1.0) if self.scale < 0 else whole
 
-    def _sliders(self, part: str, values: Values) -> ModulatedStops:
-        """Plays; or weights of the columns s_j / r_j, then (s_j - s_(j-1)) / (r_j - r_(j-1)), as slopes.
-
-        A stop is the sum of all bands up to its threshold.
-        """
-        n, levels, span = len(THRESHOLDS), LEVELS[part], self.high - self.low
-        springs, slopes, plays = np.zeros(len(levels)), np.zeros((n, len(levels))), None
-        if part == PLAYS:
-            plays = values[:, None] / span
-        else:
-            weights, beside = split(values, 2 * n, len(levels))
-            stops, bands = weights[:n], weights[n:]
-            slopes = (stops / THRESHOLDS[:, None])[::-1].cumsum(0)[::-1] + bands / BANDS[:, None]
-            if part == SPAN_STOPS:
-                springs = beside / span
-        by_span = part == SPAN_STOPS
-        return ModulatedStops(
-            self.low, self.high, span * THRESHOLDS,
-            span * levels if by_span else self._inputs(levels),
-            slopes / span, springs, plays=plays, rest=self.rest,
-            by="span" if by_span else "position",
-        )  # fmt: skip
-
     def _inputs(self, parts: Samples) -> Samples:
         """Inputs at parts of the range."""
         return self.low + (self.high - self.low) * parts
@@ -356,6 +328,11 @@ class CompositionUnknowns(NamedTuple):
     @property
     def _first(self) -> MonotoneCurve:
         return MonotoneCurve.even(self.low, self.high, np.asarray(self.first), self.low)
+
+    @property
+    def _rest(self) -> float:
+        """Where the input rests before the first sample, in parts of its range."""
+        return (self.rest - self.low) / (self.high - self.low)
 
     @property
     def _relaxed(self) -> float:
@@ -421,26 +398,9 @@ class CompositionUnknowns(NamedTuple):
         ramps, relays = columns[1 : 1 + n], columns[1 + n :]
         return (2 * (ramps[i] + ramps[j]) - relays if self.leading else relays).T
 
-    def _plays(self, memory: Memory) -> Columns:
-        return self._moved(memory)[:, None] - memory.strained * THRESHOLDS
-
-    def _stops(self, memory: Memory) -> Columns:
-        return _with_bands(memory.strained)
-
-    def _place_stops(self, memory: Memory) -> Columns:
-        return _modulated(_with_bands(memory.strained), hats_of(memory.before, PLACES))
-
-    def _span_stops(self, memory: Memory) -> Columns:
-        strained = np.hstack([_with_bands(memory.strained), self._moved(memory)[:, None]])
-        return _modulated(strained, hats_of(memory.covered, SPANS))
-
-    def _moved(self, memory: Memory) -> Samples:
-        """How far the input is from rest."""
-        return memory.v - (self.rest - self.low) / (self.high - self.low)
-
     def _friction(self, memory: Memory) -> Columns:
         speed = memory.velocity[:, None] / (self.speed / (self.high - self.low))
-        return _modulated(np.hstack([np.tanh(speed / SPEEDS), speed]), hats_of(memory.felt, PLACES))
+        return modulated(np.hstack([np.tanh(speed / SPEEDS), speed]), hats_of(memory.felt, PLACES))
 
     def _drift(self, memory: Memory) -> Columns:
         further = np.maximum(memory.path - self.unseen, 0.0) / (1 + self.unseen)
@@ -453,17 +413,3 @@ class CompositionUnknowns(NamedTuple):
 def _gone(elapsed: Samples) -> Columns:
     """What each drift has done, at times in parts of the longest sequence."""
     return -np.expm1(-elapsed[:, None] / DECAYS)
-
-
-def _with_bands(
-    strained: Float[np.ndarray, "samples stops"],
-) -> Float[np.ndarray, "samples columns"]:
-    """Stops over their thresholds, then what they differ by over that of the thresholds."""
-    return np.hstack([strained, np.diff(strained * THRESHOLDS, prepend=0.0) / BANDS])
-
-
-def _modulated(
-    x: Float[np.ndarray, "samples columns"], h: Float[np.ndarray, "samples levels"]
-) -> Float[np.ndarray, "samples products"]:
-    """Every column of x times every one of h, those of one x side by side."""
-    return (x[:, :, None] * h[:, None, :]).reshape(len(x), -1)

@@ -21,11 +21,8 @@ from ._composition import (
     FRICTION,
     MAXWELL,
     PARTS,
-    PLACE_STOPS,
     SHARP,
     SMOOTHING,
-    SPAN_STOPS,
-    STOPS,
     STRENGTHS,
     TIME_DRIFT,
     CompositionUnknowns,
@@ -41,6 +38,7 @@ from ._cross_validation import (
 )
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
+from ._sliders import PLACE_STOPS, SPAN_STOPS, STOPS
 from ._unknown_vectors import relative
 
 Samples = Float[np.ndarray, " samples"]

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
-from ._correlated_noise import noise_behind, spread_over_rows
+from ..noise._correlated_noise import noise_behind, spread_over_rows
 from ._preisach_normal_equations import gathered
 from ._preisach_problem import PreisachProblem
 

@@ -20,7 +20,7 @@ from hysteresis import (
 )
 from identify import FitResult, fit, load, sample, save
 from identify.linear import _composition_fit, _composition_memory
-from identify.linear._composition import CURVE, DRIFTS, PARTS, THRESHOLDS, CompositionUnknowns
+from identify.linear._composition import CURVE, DRIFTS, PARTS, CompositionUnknowns
 from identify.linear._composition_fit import (
     Problem,
     best_prior,
@@ -32,6 +32,7 @@ from identify.linear._composition_fit import (
 from identify.linear._composition_lag import find_lag
 from identify.linear._composition_memory import memory_of
 from identify.linear._cross_validation import Choice
+from identify.linear._sliders import THRESHOLDS
 from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
 from identify.records._folds import parts
 from identify.records._relaxation_times import relaxation_times

@@ -6,9 +6,9 @@ import scipy.linalg
 
 from benchmarks._identification.sums import noisy, truth
 from identify import FitResult, fit
-from identify.linear._correlated_noise import noise_behind, spread_over_rows
 from identify.linear._preisach_unknowns import NOT_SEPARABLE, SUMS, GridUnknowns
 from identify.linear._unknown_vectors import in_units
+from identify.noise._correlated_noise import noise_behind, spread_over_rows
 
 
 def ar1(phi: float, rows: int, seed: int) -> np.ndarray:
