@@ -42,6 +42,8 @@ install(
 import jax  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402
 
+from hysteresis.numerics import _compiled  # noqa: E402
+
 # MLIR takes 4 ms to make a context, a fifth of what an operation takes to compile. One serves all programs.
 if hasattr(mlir, "make_ir_context"):  # private, and may go
     mlir.make_ir_context = cache(mlir.make_ir_context)
@@ -86,10 +88,7 @@ def vendor_files() -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def forget_compiled():
-    """Programs and traces are kept for the next module while there is room for them: Linux gives a process
-    65,530 memory maps, of which a program takes several."""
+    """Programs and traces are kept for the next module while there is room for them."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_bytes().count(b"\n") > 40_000:
-        jax.clear_caches()
+    _compiled.forget_compiled()
     gc.freeze()

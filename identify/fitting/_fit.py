@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Record
 from hysteresis._note import ProgressNote
+from hysteresis.numerics._compiled import forget_compiled
 
 from ..noise._reml import kinds
 from ..parameters._precision import require_double
@@ -107,6 +108,7 @@ def fit(
     begin = time.perf_counter()
     say = progress or (lambda _: None)
     require_double(allow_float32)
+    forget_compiled()
     if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
         raise InputError("conflicting-options", "Give one of test, test_cycles and test_tail.")
     if test_cycles is not None:
