@@ -151,6 +151,25 @@ def test_stops_that_are_the_same_everywhere_are_found_as_such():
     assert np.sqrt(np.mean(error**2)) < 0.001 * np.ptp(other.output)
 
 
+def test_a_fold_is_judged_behind_a_map_that_has_not_seen_it():
+    data = record(noise=0.003)
+    cut = parts(data).merged
+    whole = unknowns_for(data, cut, "negative")
+    fold = cut.folds[0]
+
+    def maps(output: np.ndarray) -> list[np.ndarray]:
+        problem = Problem(replace(data, output=output), cut, whole)
+        static = best_prior(problem, (CURVE,))
+        static = replace(static, strength=1e-3)
+        seen = (fold.train, cut.all)
+        return [np.array(problem.mapped(static, (CURVE,), which).whole.first) for which in seen]
+
+    hidden = np.isin(cut.label, fold.test)
+    same, other = maps(data.output), maps(np.where(hidden, data.output**2, data.output))
+    np.testing.assert_array_equal(same[0], other[0])
+    assert np.abs(same[1] - other[1]).max() > 1e-3 * same[1].max()
+
+
 def test_relaxing_branches_are_found_and_predict_other_histories():
     data, other = record(noise=0.003), record(seed=7)
     found = fit(data, "Composition", test_tail=0.3)
