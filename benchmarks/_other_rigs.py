@@ -56,7 +56,11 @@ def motion(rig: Rig) -> Samples:
 
 def record_of(rig: Rig, seed: int = 0) -> Record:
     """The rig's readings, with noise."""
-    u = motion(rig)
+    return reading_of(rig, motion(rig), seed)
+
+
+def reading_of(rig: Rig, u: Samples, seed: int) -> Record:
+    """What the rig reads at these inputs, with noise."""
     t = STEP * np.arange(len(u))
     y = rig.output(t, u)
     noisy = y + NOISE * np.ptp(y) * np.random.default_rng(seed).normal(size=len(y))

@@ -4,7 +4,8 @@ python -m benchmarks.accuracy [--quick] [--json] [--only TEXT]
 
 Each row is said on stderr as soon as it is known, because all of them take 45 minutes of processor time.
 At the end stand the verdicts beside what the fits are worth: of each level the range of the errors, and how
-many fits a baseline beats on the test rows beyond the standard error of the difference.
+many fits a baseline beats on the test rows beyond the standard error of the difference. Virtual rigs under
+other motions follow, with verdicts of their own.
 
 The data are not in the repository: they lie in the folder that HYSID_DATA names, or beside the
 checkout in ../shared/data. Every figure comes from the same code as the command line.

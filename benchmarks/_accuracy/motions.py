@@ -3,14 +3,13 @@
 A record that repeats one loop tells little of smaller ones, and one at a single rate little of others.
 """
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import gmean
 
 import identify
-from hysteresis import Record
 
 from .. import _other_rigs as rigs
 from .._measure import Row, noted
@@ -38,7 +37,7 @@ class Path:
 
     def cycles(
         self, heights: Sequence[float], rows: Sequence[int] = (CYCLE,), even: bool = False
-    ) -> None:
+    ) -> "Path":
         """Up to each height and down again, smoothly or at an `even` rate, in so many rows by turns."""
         for k, height in enumerate(heights):
             x = np.arange(n := rows[k % len(rows)]) / n
@@ -46,17 +45,19 @@ class Path:
             begin = np.where(x < 0.5, self.at, self.low(height))
             self.parts.append(begin + (height - begin) * risen)
             self.at = self.low(height)
+        return self
 
-    def walk(self, rows: int) -> None:
+    def walk(self, rows: int) -> "Path":
         """From one random place to the next, in 15 to 59 rows each, for so many rows or some more."""
         count = 0
         while count < rows:
             to, n = self.random.uniform(self.low(1.0), 1.0), int(self.random.integers(15, 60))
             self.parts.append(np.linspace(self.at, to, n, endpoint=False))
             self.at, count = to, count + n
+        return self
 
 
-Move = Callable[[Path], None]
+Move = Callable[[Path], Path]
 SMALLER = (0.8, 0.6, 0.4, 0.2, 0.5, 0.9)
 MOTIONS: dict[str, tuple[Move, Move]] = {
     "one amplitude, then smaller ones": (
@@ -69,7 +70,7 @@ MOTIONS: dict[str, tuple[Move, Move]] = {
         lambda path: path.cycles((1, 0.8, 0.6, 0.4, 0.2, 1, 0.5), even=True), lambda path: path.walk(600)
     ),
     "a random path, then another": (
-        lambda path: (path.cycles((1,), even=True), path.walk(1000))[-1], lambda path: path.walk(500)
+        lambda path: path.cycles((1,), even=True).walk(1000), lambda path: path.walk(500)
     ),
     "three amplitudes, then smaller ones": (
         lambda path: path.cycles((1, 0.5, 1, 0.5, 0.9, 0.5)),
@@ -88,9 +89,9 @@ def rows() -> Iterator[Row]:
     every: list[Judged] = []
     for motion, moves in MOTIONS.items():
         found = [_judged(f"{name}, {motion}", rig, moves) for name, rig in rigs.RIGS.items()]
-        ours, others = _mean([one.error for one in found]), _mean([one.other for one in found])
+        ours, others = gmean([one.error for one in found]), gmean([one.other for one in found])
         what = f"{OTHER}: {motion}: geometric mean of the errors, per cent (best baselines {others:.2g})"
-        yield noted(what, ours)
+        yield noted(what, float(ours))
         every += found
     for row in calibration(every):
         yield row._replace(what=f"{OTHER}: {row.what}")
@@ -99,19 +100,10 @@ def rows() -> Iterator[Row]:
 def _judged(what: str, rig: rigs.Rig, moves: tuple[Move, Move]) -> Judged:
     path = Path(both=min(low for low, _ in rig.swings) < 0)
     trained, tested = moves
-    trained(path)
-    count = len(np.concatenate(path.parts))
-    tested(path)
+    count = sum(map(len, trained(path).parts))
+    u = np.concatenate(tested(path).parts)
     low, high = np.min(rig.swings), np.max(rig.swings)
-    u = np.concatenate(path.parts)
     if low > 0:  # a range that does not begin at zero
         u = low + (high - low) * u
-    t = rigs.STEP * np.arange(len(u))
-    y = rig.output(t, u)
-    y = y + rigs.NOISE * np.ptp(y) * np.random.default_rng(1).normal(size=len(y))
-    fit = identify.fit(Record.from_arrays(u, y, t), test_tail=1 - count / len(u))
+    fit = identify.fit(rigs.reading_of(rig, u, seed=1), test_tail=1 - count / len(u))
     return rigs.judged_fit(what, fit)
-
-
-def _mean(values: Sequence[float]) -> float:
-    return math.exp(np.mean(np.log(values)))

@@ -5,7 +5,7 @@ from pathlib import Path
 import jax
 
 MOST = 40_000
-"""Memory maps from which on programs are forgotten: a fit of a long record adds some ten thousand."""
+"""Memory maps from which on programs are forgotten; a fit of a composition adds one or two thousand."""
 
 
 def forget_compiled() -> None:

@@ -230,7 +230,7 @@ def _complexity(fit: FitResult) -> tuple[float, float]:
         case Composition(linear) | FoldedState(linear):
             mapped, folded = bool(linear.meaning.first), isinstance(fit.detail, FoldedState)
             return len(linear.meaning.parts) + mapped + folded, len(linear.unknowns)
-    # A surface read off the record has no fitted unknowns, and none simpler could be as good.
+    # A surface read off the record has no fitted unknowns: it is taken where no other is as good.
     return (1, fit.parameter_count) if fit.parameter_count is not None else (np.inf, np.inf)
 
 

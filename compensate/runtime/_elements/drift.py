@@ -3,7 +3,7 @@
 from math import fabs, log1p
 
 from ._codes import Reals
-from ._search import among
+from ._search import among, at_level
 
 
 class Parameters:
@@ -33,10 +33,7 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     if not s.begun:
         return p.offset
     level = among(p.levels, p.count, s.u)
-    k = int(level)
-    above = k + 1 if k + 1 < p.count else k
-    within = level - k
-    slope = p.drift[k] * (1.0 - within) + p.drift[above] * within
+    slope = at_level(p.drift, 0, p.count, level)
     further = s.path - p.least
     if further < 0.0:
         further = 0.0

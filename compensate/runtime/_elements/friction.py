@@ -3,7 +3,7 @@
 from math import exp, tanh
 
 from ._codes import Reals
-from ._search import among
+from ._search import among, at_level
 from .maxwell import gain_of
 
 
@@ -49,13 +49,9 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
         tabulate(p, s, dt)
     v = (s.decay * s.lead + s.gain * (u - s.u)) * p.rate
     level = among(p.levels, p.count, s.u)
-    k = int(level)
-    above = k + 1 if k + 1 < p.count else k
-    within = level - k
-    y = p.offset + (p.viscous[k] * (1.0 - within) + p.viscous[above] * within) * v
+    y = p.offset + at_level(p.viscous, 0, p.count, level) * v
     for j in range(p.speeds_count):
-        row = j * p.count
-        felt = p.weights[row + k] * (1.0 - within) + p.weights[row + above] * within
+        felt = at_level(p.weights, j * p.count, p.count, level)
         y = y + felt * tanh(v / p.speeds[j])
     return y
 
