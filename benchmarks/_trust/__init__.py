@@ -1,0 +1,1 @@
+"""The parts of `benchmarks.trust`, one file each with a function `rows(quick)`."""
