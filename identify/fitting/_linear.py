@@ -124,7 +124,7 @@ def _result(
         blocks=linear.blocks * linear.meaning.scale**2,
         noise=judged.noise,
         train=data.record,
-        notes=(*notes, *judged.notes),
+        notes=notes,
         detail=detail,
         clocks=data.clocks,
         channels=data.channels,

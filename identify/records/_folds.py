@@ -251,6 +251,16 @@ def simplest(trials: Iterable[Tried], best: Tried | None = None) -> Tried:
     return next(trial for trial in trials if as_good(trial.blocks, best.blocks))
 
 
+LEAST_GAIN = 0.05
+"""Share of the mean squared held-out error that a further part of a model, or fewer rows, must take away."""
+
+
+def earned(before: Float[np.ndarray, " blocks"], after: Float[np.ndarray, " blocks"]) -> bool:
+    """Whether a choice takes away enough of the held-out error, and more than the standard error of that."""
+    gains = after.mean() <= (1 - LEAST_GAIN) * before.mean()
+    return bool(gains) and not as_good(before, after)
+
+
 def as_good(blocks: Float[np.ndarray, " blocks"], least: Float[np.ndarray, " blocks"]) -> bool:
     """Whether held-out errors exceed the least ones by no more than that difference's standard error.
 
