@@ -1,6 +1,5 @@
 """A sentence for people with a code for programs: what was done to data, and what is wrong with them."""
 
-
 from typing import Any
 
 
@@ -48,9 +47,9 @@ class Note(str):
         return said if isinstance(said, cls) else cls("remark", said)
 
 
-def warning(code: str, text: str) -> Note:
+def warning(code: str, text: str, values: dict[str, Any] | None = None) -> Note:
     """A note whose text names its code in brackets at the end, as an error's does."""
-    return Note(code, f"{text} [{code}]")
+    return Note(code, f"{text} [{code}]", values)
 
 
 class ProgressNote(Note):

@@ -1,4 +1,4 @@
-"""How the output changes from cycle to cycle at the same inputs: a specimen that drifts, a zero that moves."""
+"""How the output changes from cycle to cycle at the same inputs: drift, and a zero that moves."""
 
 from typing import NamedTuple
 
@@ -91,9 +91,9 @@ def change(record: AbstractRecord) -> Change | None:
 def jump(record: AbstractRecord) -> Jump | None:
     """The row before which the zero jumps once and stays, while the input moves on as it did; else None.
 
-    The step is larger than any other one of the sequence, less what its neighbours change, by a factor of
-    three, and the cycles after it lie as far from those before it, to within half of it. The steep flanks of
-    a loop come again in every cycle, and a gap in the record moves the input too.
+    The step is larger than any other one of the sequence, less what its neighbours change, by a factor
+    of three, and the cycles after it lie as far from those before it, to within half of it. The steep
+    flanks of a loop come again in every cycle, and a gap in the record moves the input too.
     """
     for _, rows in record.sequences():
         levels = _levels(record, rows)
@@ -127,21 +127,21 @@ def change_warnings(record: AbstractRecord) -> list[Note]:
         if record.time is not None:
             at += f" ({record.time[found.row]:.6g} {record.time_unit})"
         said = (
-            f"The zero of the output jumps by {quantity(found.size, unit, 3)} {at}, while the input moves on:"
-            " was the sensor tared there? Fit the rows before and after it apart (--exclude-lines), or"
-            " correct the column."
+            f"The zero of the output jumps by {quantity(found.size, unit, 3)} {at}, while the input moves"
+            " on: was the sensor tared there? Fit the rows before and after it apart (--exclude-lines),"
+            " or correct the column."
         )
-        return [warning("zero-jumps", said)]
+        return [warning("zero-jumps", said, {"row": found.row + 1, "size": found.size})]
     one = change(record)
     if one is None or abs(one.moved) < MOVED * span:
         return []
     percent = 100 * abs(one.moved) / span
     said = (
-        f"The zero of the output moves by {quantity(one.moved, unit, 3)}, {percent:.0f} % of its range, from"
-        f" cycle {one.first} to cycle {one.last} at the same inputs. A model of new runs has no such drift:"
-        " let the sensor warm up, correct its zero, or fit the later cycles alone."
+        f"The zero of the output moves by {quantity(one.moved, unit, 3)}, {percent:.0f} % of its range,"
+        f" from cycle {one.first} to cycle {one.last} at the same inputs. A model of new runs has no such"
+        " drift: let the sensor warm up, correct its zero, or fit the later cycles alone."
     )
-    return [warning("zero-moves", said)]
+    return [warning("zero-moves", said, {"moved": one.moved, "percent": percent})]
 
 
 class _Levels(NamedTuple):

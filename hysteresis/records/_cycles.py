@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 NEXT_TO_END = (0.02, 0.03, 0.05)
 """Of the way to the other end: places beside the end of a loop, where its legs have hardly parted."""
 
@@ -113,8 +112,11 @@ def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
 
 
 class LoopSums(NamedTuple):
-    """Sums over loops of y(u), D = y_unloading - y_loading: `sum int D du`, `sum int |D| du`, of the ranges of
-    u that both branches pass, and how many loops they are."""
+    """Sums over loops of y(u), D = y_unloading - y_loading.
+
+    - `net`, `total`: `sum int D du` and `sum int |D| du`. `span`: of the ranges of u that both branches
+      pass. `count`: how many loops they are.
+    """
 
     net: float
     total: float

@@ -118,7 +118,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
         f"Loops create energy ({taken:.3g} {force} {length} a loop): no specimen does. {cause}? If"
         f" so, {mend}."
     )
-    return [warning("energy-created", said)]
+    return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
 
 
 def loops_of(record: AbstractRecord) -> LoopSums:

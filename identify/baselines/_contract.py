@@ -55,8 +55,10 @@ class Scored(NamedTuple):
 
 
 def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
-    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all rows that count:
-    a model may leave some out, a baseline never does."""
+    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all counted rows.
+
+    A model may leave some out, a baseline never does.
+    """
     seen, y = baseline.prepared(record), record.output
 
     def fitted(which: tuple[int, ...]) -> Any:

@@ -31,6 +31,7 @@ class TrainingData:
     - `falls`: whether the output falls, on the whole, as the input rises.
     - `leadings`: orientations worth trying. `initials`: initial states worth trying.
     - `clocks`: what was done to the input. `channels`: what combined several channels into it.
+    - `may_leave_out`: whether a fit may leave out first cycles.
     - `seeks_lag`: whether a constant lag between the clocks may be looked for.
     - `warnings`: what is wrong with the data though a fit is possible.
     - `condition`: the name of the condition that the output depends on; None without one.
@@ -46,6 +47,7 @@ class TrainingData:
     channels: ChannelMap | None
     seeks_lag: bool
     warnings: tuple[Note, ...]
+    may_leave_out: bool
     condition: str | None = None
 
     @property
@@ -125,5 +127,5 @@ def training_data(
         record, test, cut, falls, leadings, initials, clocks, channels,
         # At a single rate a lag between the clocks is one loop more, and curves of channels take it up.
         seeks_lag=not keep_clocks and channels is None and not condition and rates_differ(record),
-        warnings=warnings, condition=condition,
+        warnings=warnings, may_leave_out=not keep_conditioning, condition=condition,
     )  # fmt: skip

@@ -200,7 +200,12 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
         if part.rows <= SHARE * int(fit.test.mask.sum() if fit.test is not None else 0):
             continue
         code = "beyond" if name == "input" else f"beyond-{name}"
-        values = {"rows": part.rows, "rmse": part.rmse, "inside": inside.rows, "rmse_inside": inside.rmse}
+        values = {
+            "rows": part.rows,
+            "rmse": part.rmse,
+            "inside": inside.rows,
+            "rmse_inside": inside.rmse,
+        }
         note = Note(code, _beyond(fit, part, inside, words), values)
         worse = inside.rmse is None or (part.rmse or 0.0) > TIMES * inside.rmse
         (found.cautions if name == "input" or worse else found.facts).append(note)
@@ -257,5 +262,9 @@ def _noise(fit: FitResult, found: Reasons) -> None:
             f" {fit.noise.samples} rows count as {fit.noise.effective:.0f} and errors are widened."
         )
         noise = fit.noise
-        values = {"samples": noise.correlation_time, "rows": noise.samples, "count": noise.effective}
+        values = {
+            "samples": noise.correlation_time,
+            "rows": noise.samples,
+            "count": noise.effective,
+        }
         found.facts.append(Note("correlated-residuals", text, values))

@@ -1,4 +1,4 @@
-"""The reasons of a verdict that show from cycle to cycle: rows left out, change, growing errors, loop sizes."""
+"""Reasons of a verdict that show from cycle to cycle: rows left out, change, growing errors, sizes."""
 
 from typing import NamedTuple
 
@@ -57,8 +57,8 @@ def _left_out(fit: FitResult, found: Reasons) -> None:
     rows, left = int(fit.train.mask.sum()), int((fit.train.mask & ~fit.used).sum())
     if left:
         text = (
-            f"The fit leaves out the first cycle, {left} of {rows} training rows: without it, it predicts"
-            " held-out cycles better (--conditioning keep uses all rows)."
+            f"The fit leaves out {left} of {rows} training rows, those of the first cycles: without them it"
+            " predicts held-out cycles better (--conditioning keep uses all rows)."
         )
         found.facts.append(Note("settling", text, {"rows": left, "of": rows}))
     for note in map(Note.of, fit.train.history):
@@ -76,8 +76,8 @@ def _changes(fit: FitResult, found: Reasons) -> None:
         return
     unit = fit.train.output_unit
     text = (
-        f"The specimen still changes: at the same inputs its output moves by {quantity(one.rate, unit, 2)} +-"
-        f" {quantity(one.error, unit, 1)} a cycle"
+        f"The specimen still changes: at the same inputs its output moves by {quantity(one.rate, unit, 2)}"
+        f" +- {quantity(one.error, unit, 1)} a cycle"
     )
     values = {"rate": one.rate, "error": one.error, "cycles": one.cycles}
     if fit.train.time is not None and fit.train.time_unit == "s" and one.duration > 0:
@@ -102,8 +102,9 @@ def _grows(fit: FitResult, each: list[list[_Loop]], found: Reasons) -> None:
         return
     unit = fit.train.output_unit
     text = (
-        f"The error grows over the {len(errors)} held-out cycles, from {quantity(first, unit, 3)} rms in the"
-        f" first to {quantity(last, unit, 3)} in the last: further cycles will be worse than the error told."
+        f"The error grows over the {len(errors)} held-out cycles, from {quantity(first, unit, 3)} rms in"
+        f" the first to {quantity(last, unit, 3)} in the last: further cycles will be worse than the error"
+        " told."
     )
     values = {"cycles": len(errors), "first": first, "last": last}
     found.cautions.append(Note("growth", text, values))
@@ -143,7 +144,5 @@ def _loops(record: Record, rows: slice, used: np.ndarray, error: np.ndarray) -> 
         own = whole & counted
         if 2 * own.sum() > whole.sum():
             u, y, e = (x[rows][own] for x in (record.input, record.output, error))
-            found.append(
-                _Loop(float(np.ptp(u)), float(np.sqrt(np.mean(e**2))), float(np.ptp(y)))
-            )
+            found.append(_Loop(float(np.ptp(u)), float(np.sqrt(np.mean(e**2))), float(np.ptp(y))))
     return found

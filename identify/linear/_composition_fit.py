@@ -10,7 +10,7 @@ from hysteresis import Record
 from hysteresis.preisach import Initial
 
 from ..records._folds import Fold, Parts, best_of, earned, held_out_errors, simplest, thinned
-from ..records._orientation import output_falls
+from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
 from ..records._speeds import moves_evenly, usual_speed
 from ._composition import (
@@ -52,9 +52,6 @@ WEAKEST = 1e-6
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
 
-SLACK = 0.02
-"""Part of the output's range within which it lies on its floor."""
-
 
 def fit_compositions(
     record: Record, parts: Parts, leadings: tuple[bool, ...], initial: Initial = "negative"
@@ -64,8 +61,9 @@ def fit_compositions(
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
     by more than the standard error of the difference, paired by blocks of rows. In the end a drift may
     explain how the fitted rows change in the course of a run: it gains where the model without it, as it
-    was at the end of the rows that it is fitted to, predicts held-out ones better. Then the input is mapped by half of the static curve if that gains
-    as much as a part. All that is chosen on some thousand rows; the unknowns are fitted to all of them.
+    was at the end of the rows that it is fitted to, predicts held-out ones better. Then the input is mapped
+    by half of the static curve if that gains as much as a part. All that is chosen on some thousand rows;
+    the unknowns are fitted to all of them.
     """
     return fitted(path_of(record, parts, leadings, initial))
 
@@ -76,13 +74,15 @@ def path_of(
     leadings: tuple[bool, ...],
     initial: Initial,
     weights: Samples | None = None,
+    keeps_drift: bool = False,
 ) -> "list[Tried]":
     """The choices of `fit_compositions`, one for each of its fits.
 
     `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
+    `keeps_drift`: see `CompositionUnknowns`.
     """
     parts = parts.merged
-    whole = unknowns_for(record, parts, initial)
+    whole = unknowns_for(record, parts, initial)._replace(keeps_drift=keeps_drift)
     whole, memory = _begun(whole, record, parts, leadings, weights)
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
@@ -196,7 +196,7 @@ class Problem:
         self.memory, self.several = memory, len(record.labels) > 1
         self.label = parts.label[self.rows]
         whole = whole._replace(unseen=float(memory.path.min()))
-        whole = whole._replace(reached=self._reached(parts.all, whole))
+        whole = whole._replace(reached=self._reached(parts.fitted, whole))
         self.whole, self.floor = whole, whole.least
         self.y = relative(whole, record.output[self.rows])
         self.A = whole.columns(memory)
@@ -210,11 +210,9 @@ class Problem:
         self.inside = np.ones(whole.count, bool)
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
-    def _reached(
-        self, which: tuple[int, ...], whole: CompositionUnknowns
-    ) -> tuple[float, float]:
-        """The path and time at which a drift that these parts show has stopped: the end of a single run, and
-        the middle of several that begin anew, of which one that is kept goes on to the longest."""
+    def _reached(self, which: tuple[int, ...], whole: CompositionUnknowns) -> tuple[float, float]:
+        """The path and time at which a drift that these parts show has stopped: the end of a single run,
+        and the middle of several that begin anew, of which one that is kept goes on to the longest."""
         rows = np.isin(self.label, which)
         end = np.median if self.several and not whole.keeps_drift else np.max
         return float(end(self.memory.path[rows])), float(end(self.memory.elapsed[rows]))
@@ -228,7 +226,7 @@ class Problem:
     ) -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range; the curve
         is fitted to the parts `which`, all by default."""
-        which = self.parts.all if which is None else which
+        which = self.parts.fitted if which is None else which
         unknowns = self.solution(which, choice.parts, choice.strength)
         meaning, increments = self.whole, unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
@@ -313,8 +311,9 @@ class Problem:
         counted = np.flatnonzero(self.parts.label >= 0)
         meaning = self.whole.of(*some)
         if len(counted) == len(self.rows):
-            columns, normal = self.whole.where(some), self.total(self.parts.all)
+            columns, normal = self.whole.where(some), self.total(self.parts.fitted)
             return normal._replace(H=normal.H[np.ix_(columns, columns)], b=normal.b[columns])
+        counted = np.flatnonzero(np.isin(self.parts.label, self.parts.fitted))
         together = -(-len(counted) // EQUATIONS)
         at_once = together * max(1, AT_ONCE // together)
         H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
@@ -345,7 +344,7 @@ class Problem:
         """A choice, fitted to all the training parts; `normal`: the `final` equations of the parts `of`."""
         meaning = self.whole.of(*choice.parts)
         if normal is None or of is None:
-            normal, of = self.total(self.parts.all), self.whole.parts
+            normal, of = self.total(self.parts.fitted), self.whole.parts
         columns = self.whole.of(*of).where(choice.parts)
         H, b = self._regular(normal, columns, choice.parts, choice.strength)
         inside = self.inside[self.whole.where(choice.parts)]
@@ -361,10 +360,8 @@ class Problem:
 
 
 Tried: TypeAlias = Choice[Problem]
-
 Solved: TypeAlias = tuple[tuple[int, ...], Float[np.ndarray, " unknowns"]]
 """The parts that were fitted, and the unknowns."""
-
 Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
 
 
@@ -451,14 +448,3 @@ def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:
     while (found := simplest(choices)) is choices[-1] and found.strength > 2 * last:
         choices.append(problem.tried(some, found.strength / 10))
     return found
-
-
-def slack(record: Record) -> tuple[float, ...]:
-    """The output at which a record lies on its floor for a twentieth of its rows or more, if it does.
-
-    That of a falling output's negative is its ceiling.
-    """
-    y = record.output[record.mask] * (-1 if output_falls(record) else 1)
-    least = np.quantile(y, 0.01)
-    down = y[y < least + SLACK * np.ptp(y)]
-    return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()

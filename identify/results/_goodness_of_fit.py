@@ -35,7 +35,7 @@ def evidence(
     `dropped`: the conditioning cycle was left out of the fit; `held_out`: mean squared error on the
     held-out parts; `free`: how many parameters were fitted.
     """
-    used = np.isin(parts.label, parts.without_conditioning(parts.all, dropped))
+    used = np.isin(parts.label, parts.without_conditioning(parts.fitted, dropped))
     residuals = np.where(record.mask, predicted - record.output, np.nan)
     sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
     return Evidence(
