@@ -1,8 +1,8 @@
 """Sentences of verdicts, recomputed from the arrays of the fit by other means.
 
 Each reason carries the numbers that it tells. Here they are computed again in NumPy: errors from
-predictions and readings, loops from branches on a grid, drifts from cycles against the middle one. A sentence is false
-where a number is off by more than its tolerance; those are printed.
+predictions and readings, loops from branches on a grid, drifts from cycles against the middle one. A
+sentence is false where a number is off by more than its tolerance; those are printed.
 """
 
 import sys
