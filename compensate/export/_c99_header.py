@@ -78,12 +78,12 @@ class _Header:
         return "\n\n".join(section for section in sections if section)
 
     def _about(self) -> str:
-        d, rates = self.document, self.document["rates"]
+        d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
-            stem_upper=self.stem.upper(), dt="dt, " if rates else "",
+            stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
             unknown="" if self.error else ", which is not known here: NaN",
             time=clock(d, self.stem),
@@ -313,7 +313,6 @@ class _Header:
         stem, upper, real, k = self.stem, self.stem.upper(), self.real, self.root.number
         low, high = (self._number(v, "real") for v in self.document["limits"])
         zero, rates = self._number(0, "real"), self.document["rates"]
-        time = f"{real} dt, " if rates else ""
         longest = self._number(self.document.get("longest") or LONGEST, "real") if rates else ""
         # Not !(dt <= 0): a dt that is NaN is no time.
         passing = f"""\
@@ -323,7 +322,7 @@ class _Header:
             s->waited = {longest};
         }}
     }}
-""" if rates else ""  # fmt: skip
+""" if rates else "    (void)dt;\n"  # fmt: skip
         held = f"{real} condition, " if self.condition else ""
         takes = "".join(
             f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
@@ -350,7 +349,7 @@ class _Header:
         text = f"""\
 /* One reading in, one estimate and its deviation out; what it is worth is returned. */
 static inline int {stem}_step(
-    {stem}_state *s, {time}{real} reading, {held}{real} *estimate, {real} *deviation)
+    {stem}_state *s, {real} dt, {real} reading, {held}{real} *estimate, {real} *deviation)
 {{
     int status = {upper}_INVALID;
 {passing}    if ({usable}) {{
@@ -377,7 +376,8 @@ static inline int {stem}_step(
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
  * changes nothing; one far beyond the trained ones is taken for the nearer end. */
-static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and f", {real} condition"})
+static inline {real} {stem}_predict(
+    {stem}_state *s, {real} dt, {real} input{held and f", {real} condition"})
 {{
 {passing}    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
         return ({real})NAN;
@@ -421,7 +421,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         n, rates = len(golden["reading"]), self.document["rates"]
         given = ["dt"] * rates + ["reading"] + ["condition"] * bool(self.condition) + ["value"]
         at = f"{stem.upper()}_AT"
-        passed = "".join(f"{at}({name}, k), " for name in given[:-1])
+        passed = "" if rates else f"{self._number(0, 'real')}, "
+        passed += "".join(f"{at}({name}, k), " for name in given[:-1])
         arrays = "\n".join(
             f"    static const {real} {k}[{n}] {stem.upper()}_TABLE = {self._list(golden[k])};"
             for k in given

@@ -13,7 +13,7 @@ HEAD = """\
 
     {stem}_state state;
     {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
+    int status = {stem}_step(&state, dt, reading, {held}&estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
@@ -58,9 +58,9 @@ def trained(document: dict[str, Any], stem: str) -> str:
 
 
 def clock(document: dict[str, Any], stem: str) -> str:
-    """What dt is, and how long it may be; nothing where no rate matters."""
+    """What dt is, and how long it may be."""
     if not document["rates"]:
-        return ""
+        return "dt: time since the last call, which this model does not need: any number.\n"
     longest = document.get("longest") or LONGEST
     return (
         f"dt: time since the last call, in the unit of the model's times, at most {longest:.6g}; a"

@@ -13,7 +13,6 @@ from compensate import (
     GuaranteedCompensator,
     Origin,
     Quantity,
-    export_oscillator,
     invert,
 )
 from compensate.export._export import Program, wider
@@ -71,11 +70,7 @@ def export(
         origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),
         time_unit=record.time_unit,
     )
-    files, notes = {}, [*program.notes]
-    for target, path in targets.items():
-        done = write_to(target, program, path, None if target == "runtime" else real)
-        files[target] = str(done.path)
-        notes += [note for note in done.notes if note not in notes]
+    files, notes = _written(program, targets, real)
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {
@@ -84,47 +79,35 @@ def export(
     }  # fmt: skip
 
 
+def _written(
+    program: Program, targets: dict[str, Path], real: str | None
+) -> tuple[dict[str, str], list[str]]:
+    """The files by target, and the notes on all of them."""
+    files, notes = {}, [*program.notes]
+    for target, path in targets.items():
+        done = write_to(target, program, path, None if target == "runtime" else real)
+        files[target] = str(done.path)
+        notes += [note for note in done.notes if note not in notes]
+    return files, notes
+
+
 def _oscillator(
     fitted: identify.FitResult, targets: dict[str, Path], real: str | None, data: tuple[str, str]
 ) -> dict[str, Any]:
     """The step of an oscillator, force to displacement: it has no compensator."""
-    if real == "float" and "c" in targets:
-        raise InputError(
-            "bad-option",
-            "The header of an oscillator is in double precision.",
-            fix="Leave --float out, or export it to arduino.",
-        )
     assert isinstance(fitted.detail, identify.Motion)
-    record, motion, files, notes = fitted.train, fitted.detail.recorded, {}, []
-    others = {target: path for target, path in targets.items() if target not in ("c", "runtime")}
-    if others:
-        program = Program(
-            motion.model,
-            record.input,
-            times=motion.dt * np.arange(len(record)),
-            reading=Quantity(record.input_name, record.input_unit),
-            estimate=Quantity(record.output_name, record.output_unit),
-            title=fitted.name,
-            origin=Origin(fitted.verdict.level, fitted.verdict.codes, *data),
-            time_unit=record.time_unit,
-        )
-        for target, path in others.items():
-            done = write_to(target, program, path, real)
-            files[target] = str(done.path)
-            notes += [note for note in done.notes if note not in notes]
-    for target, path in targets.items():
-        if target in others:
-            continue
-        if (path.suffix == ".h") != (target == "c"):
-            raise InputError(
-                "bad-option",
-                f"{path.name} for {target}.",
-                fix="Give the header a name that ends in .h, and the runtime's file one that does not.",
-            )
-        done = export_oscillator(
-            motion.model, path, motion.dt, fitted.train.input, title=fitted.name
-        )
-        files[target] = str(done)
+    record, motion = fitted.train, fitted.detail.recorded
+    program = Program(
+        motion.model,
+        record.input,
+        times=motion.dt * np.arange(len(record)),
+        reading=Quantity(record.input_name, record.input_unit),
+        estimate=Quantity(record.output_name, record.output_unit),
+        title=fitted.name,
+        origin=Origin(fitted.verdict.level, fitted.verdict.codes, *data),
+        time_unit=record.time_unit,
+    )
+    files, notes = _written(program, targets, real)
     low, high = fitted.trained
     notes.append(
         "The file steps from force to displacement. The force is straight between its samples."

@@ -92,7 +92,7 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     path = tmp_path / "it.json"
     export_runtime(model, path, y, limits=readings, depth=128, **options)
     runtime, dt = load(path), np.diff(t, prepend=t[0])
-    found = [runtime.step(*now) for now in zip(y.tolist(), dt.tolist(), strict=True)]
+    found = [runtime.step(*now) for now in zip(dt.tolist(), y.tolist(), strict=True)]
     scale = 1e-9 * np.nanmax(np.abs(value))
     np.testing.assert_allclose([e.value for e in found], value, rtol=0, atol=scale)
     np.testing.assert_array_equal([int(e.status) for e in found], status)
@@ -128,7 +128,7 @@ def test_a_long_pause_is_held_alike(start: Any, tmp_path: Path):
         wanted = compensator.simulate(clock, y)
         value, status = np.asarray(wanted.value), np.asarray(wanted.status)
         runtime.reset()
-        found = [runtime.step(*now) for now in zip(y.tolist(), dt.tolist(), strict=True)]
+        found = [runtime.step(*now) for now in zip(dt.tolist(), y.tolist(), strict=True)]
         scale = 1e-6 if pause > longest else 1e-9  # the clock has its digits less
         np.testing.assert_allclose([e.value for e in found], value, rtol=0, atol=scale)
         np.testing.assert_array_equal([int(e.status) for e in found], status)

@@ -121,10 +121,10 @@ def fmu(name: str, target: str, folder: Path) -> Path:
     return case(name).write(target, folder / "sensor.fmu")
 
 
-@pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", None)])
+@pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", 0.0)])
 @JUDGES["QEMU"].needed
 def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(
-    name: str, dt: float | None, tmp_path: Path
+    name: str, dt: float, tmp_path: Path
 ):
     """Bit for bit. The first step of an even clock, which tabulates its exponentials, takes more."""
     one = case(name)
@@ -158,7 +158,7 @@ int run(long n, const int *y, int *u, int *status)
     sensor_state s;
     sensor_reset(&s);
     for (long k = 0; k < n; ++k) {
-        status[k] = sensor_step(&s, y[k], &u[k]);
+        status[k] = sensor_step(&s, 0, y[k], &u[k], 0);
     }
     return sensor_self_test(&s);
 }

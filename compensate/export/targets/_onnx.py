@@ -96,8 +96,7 @@ class _Step:
             node = helper.make_node("Identity", [graph.name(value)], [label])
             graph.blocks[0].append(node)
             found.append(graph.information(Value(label, value.type)))
-        inputs = [given["reading"]]
-        inputs += [given["dt"]] if self.document["rates"] else []
+        inputs = [given["dt"], given["reading"]]
         inputs += [given["condition"]] if self.document["condition"] else []
         constants = [
             self.graph.onnx.numpy_helper.from_array(array, key)
