@@ -7,7 +7,7 @@ from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import parts_of
+from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
 from ._cost import cost
@@ -51,6 +51,9 @@ class _Header:
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.others = [
+            self._part(begun(document["tree"], iter(states))) for states in document["starts"]
+        ]
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
@@ -90,7 +93,7 @@ class _Header:
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
+            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard, *self.others) if p) + 60:,}",
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
@@ -126,7 +129,8 @@ class _Header:
 
     def _constants(self, part: _Part) -> str:
         home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
-        first = next(p.number for p in self.parts if p.tree is part.tree)
+        own = part.tree["parameters"]
+        first = next(p.number for p in self.parts if p.tree.get("parameters") is own)
         if first != part.number:  # the same parameters with another memory
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
@@ -158,8 +162,8 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        trees = {id(p.tree): p.tree.get("parameters", {}).values() for p in self.parts}
-        return sum(len(v) if isinstance(v, list) else 1 for of in trees.values() for v in of)
+        own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
+        return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
     # The state
 
@@ -329,18 +333,10 @@ class _Header:
             for p in self.parts if p.tree["kind"] == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        strange = f"""
-        if (passed >= {longest}
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}""" if rates else ""  # fmt: skip
+        beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
         if self.condition:
             first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            strange += f"""
-        if ((condition < {first} || condition > {last})
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}"""
+            beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
             f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
@@ -358,7 +354,8 @@ static inline int {stem}_step(
             seen = {high};
         }}
         {real} passed = s->begun ? s->waited : {zero};{takes}
-        s->estimate = {stem}_{k}_find(s, passed, seen);{strange}
+        s->estimate = {stem}_{k}_find(s, passed, seen);
+        int beyond = {beyond};
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
 {self._guarded()}
@@ -372,6 +369,9 @@ static inline int {stem}_step(
         if not self.predicts:
             return text
         nearest, farthest = (self._number(v, "real") for v in self.document["inputs"])
+        others = "".join(
+            f"\n    (void){stem}_{other.number}_move(s, passed, input);" for other in self.others
+        )
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
@@ -389,7 +389,8 @@ static inline {real} {stem}_predict(
         input = {farthest};
     }}
     s->estimate = input;{takes.replace("        (", "    (")}
-    {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
+    {real} passed = s->begun ? s->waited : {zero};
+    {real} reading = {stem}_{k}_move(s, passed, input);{others}
     s->waited = {zero};
     s->begun = 1;
     return reading;
@@ -401,13 +402,23 @@ static inline {real} {stem}_predict(
         if not self.guard:
             return f"""\
         status = s->n{k}.status;
-        if (status == {upper}_OK && seen != reading) {{
+        if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
             status = {upper}_EXTRAPOLATED;
         }}"""
-        g = self.guard.number
+        g, real, size = self.guard.number, self.real, "fabsf" if self.single else "fabs"
+        away = "".join(
+            f"""\
+        {{
+            {real} away = {size}({stem}_{other.number}_find(s, passed, seen) - s->estimate);
+            apart = away > apart ? away : apart;
+        }}
+"""
+            for other in self.others
+        )
         text = f"""\
-        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, passed, s->estimate, s->n{k}.status, seen != reading);
+        {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
+{away}        s->estimate = {stem}_guard_limited(
+            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart);
         status = s->n{g}.status;"""
         if self.guard.tree["beyond"] != "nan":
             return text
