@@ -234,7 +234,7 @@ class Program:
                 fix="give the times of the readings.",
             )  # fmt: skip
         low, high = limits or wider(y)
-        self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
+        self.guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         given = np.column_stack([y, c]) if conditioned else y
@@ -266,7 +266,7 @@ class Program:
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
-            "starts": starts_in(tree, model, self._guard.starts) if self._guard else [],
+            "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {
@@ -286,7 +286,7 @@ class Program:
         """What `compensate.runtime` loads, for numbers of a precision."""
         if precision not in self._trees:
             self._trees[precision] = self._tree(precision)
-        guard = self._guard and guard_tree(self._guard, precision)
+        guard = self.guard and guard_tree(self.guard, precision)
         return {**self._rest, "tree": self._trees[precision], "guard": guard}
 
     def _tree(self, precision: type) -> Tree:

@@ -5,9 +5,9 @@ begins in the virgin state run others, which began at the ends of what the speci
 
     low:   at the low end, nothing before        high:   all that the training was, then the high end
 
-The start matters no longer where all of them give the same estimate, to within its deviation. That holds for
-any motion, and needs nothing to be known of the model. What never relaxes (a path, a wear) differs by what it
-did within the training, not for ever. Cost: a compensator's step for each start that makes a difference.
+The start matters no longer where all of them give the same estimate, to within its deviation. That holds
+for any motion, and needs nothing to be known of the model. What never relaxes (a path, a wear) differs by
+what it did within the training, not for ever. Cost: a compensator's step for each start that matters.
 """
 
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from hysteresis._type_variables import PyTree
 from .._contract import AbstractCompensator, scan_steps
 
 PAST = 2000
-"""Rows to which the training is thinned: a path keeps its length, and a run of plain Python takes a second."""
+"""Rows to which the training is thinned: paths keep their length, and plain Python takes a second."""
 
 WAY = 16
 """Samples on the way to an end, at least."""
@@ -82,10 +82,9 @@ def starts_of(
     return tuple(found)
 
 
-def histories(
-    model: AbstractModel, low: float, high: float, past: Past | None
-) -> tuple[Past, ...]:
-    """From the middle to both ends, which shows what a start changes; to the low end alone; the past, then the high end. All end at time 0.
+def histories(model: AbstractModel, low: float, high: float, past: Past | None) -> tuple[Past, ...]:
+    """Three that end at time 0: from the middle to both ends, which shows what a start changes; at the low
+    end alone; the past, then the high end.
 
     They are of one length, for which one program is compiled: the first sample is repeated.
 

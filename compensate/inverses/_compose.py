@@ -30,7 +30,7 @@ from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 
 BEYOND = 0.25
-"""Part of a model's range by which inputs are looked for beyond it: at rest, noise takes a reading there."""
+"""Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
 
 
 @register

@@ -72,7 +72,11 @@ class Compensator:
         if guard and "within" not in guard["parameters"]:
             # A file of format 2 does not say where else it may have begun: it says RUN_IN for ever.
             own = guard["parameters"]
-            own |= {"within": -1.0 if own["unknown"] else inf, "slack": own["rounding"], "decides": 0}
+            own |= {
+                "within": -1.0 if own["unknown"] else inf,
+                "slack": own["rounding"],
+                "decides": 0,
+            }
         self.trained: tuple[float, float] | None = (
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )

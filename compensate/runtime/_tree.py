@@ -28,7 +28,7 @@ def error_of(tree: Tree) -> Callable[[float], float]:
 
 
 class Guard(NamedTuple):
-    """The guard of a file, with a state of its own: (value, status, clipped, apart) to what is given out."""
+    """The guard of a file, with its own state: (value, status, clipped, apart) to what is given out."""
 
     limited: Callable[[float, int, bool, float], float]
     state: Any

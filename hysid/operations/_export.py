@@ -13,6 +13,7 @@ from compensate import (
     GuaranteedCompensator,
     Origin,
     Quantity,
+    estimate,
     invert,
 )
 from compensate.export._export import Program, wider
@@ -20,7 +21,11 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
-from .._invert import error_of, longest_sequence
+from .._invert import error_of, guard_of, longest_sequence
+from .._run_in import run_in_of
+
+HALF = 0.5
+"""Share of OK estimates below which an export says so: `if (status == OK)` then seldom runs in a robot."""
 
 
 def export(
@@ -50,7 +55,8 @@ def export(
             fix="Export a fit of one input that changes over time.",
         )
     record = fitted.train
-    error = error_of(fitted).around(invert(fitted.model))
+    learnt = error_of(fitted)
+    error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
     rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
     program = Program(
@@ -65,17 +71,24 @@ def export(
         error=error,
         band=_band(folder, error, data.get("sha256") or ""),
         trained=fitted.trained,
+        past=guard["past"],
+        deviation=guard["deviation"],
         beyond=beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),
         time_unit=record.time_unit,
     )
     files, notes = _written(program, targets, real)
+    assert program.guard is not None
+    run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    notes.append(run_in.sentence(record.time_unit))
+    if run_in.share < HALF:
+        notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
-        "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
+        "trained": list(fitted.trained), "beyond": beyond, "date": date or None, **run_in.document,
     }  # fmt: skip
 
 

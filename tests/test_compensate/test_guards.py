@@ -29,7 +29,6 @@ from hysteresis import (
     Burgers,
     GeneralizedMaxwell,
     InputError,
-    LinearSponge,
     MonotoneCurve,
     Preisach,
     Record,
@@ -225,19 +224,22 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
         known = np.asarray(found.status) == Status.OK
         worst = max(worst, float(np.abs(np.asarray(found.value) - u)[known].max(initial=0.0)))
         ok += int(known[120:].sum())
-    assert worst <= 1.5 * deviation  # the truth lies between the starts, but for branches that cross
+    assert (
+        worst <= 1.5 * deviation
+    )  # the truth lies between the starts, but for branches that cross
     assert ok > 0.9 * 4 * 120
 
 
 def test_a_model_without_memory_has_no_run_in():
     own = invert(MODELS["curve"], trained=(0.0, 1.0), start="unknown")
-    assert isinstance(own, GuardedCompensator) and not own.starts
+    assert isinstance(own, GuardedCompensator)
+    assert not own.starts
     assert np.asarray(own.simulate(None, [0.5]).status).tolist() == [Status.OK]
 
 
 def test_noise_at_an_end_is_not_told():
     """A sensor that rests at its trained end is OK while its band of 90 % holds that end."""
-    y = np.array([0.0, 0.5, 1.0 + 0.0015, 1.0 + 0.0025])  # in inputs 1.0, 2.5 per mille of slope 0.001
+    y = np.array([0.0, 0.5, 1.0 + 0.0015, 1.0 + 0.0025])  # inputs, for a slope of 1
     model = MonotoneCurve(np.array([0.0, 1.0]), np.array([1.0]), 0.0)
     found = invert(model, trained=(0.0, 1.0), deviation=0.0012).simulate(None, y)
     assert np.asarray(found.status).tolist() == [0, 0, 0, Status.EXTRAPOLATED]

@@ -72,9 +72,7 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
     guarded = made.document["guard"] and made.document["guard"]["parameters"]
     found = [v for v in golden["value"] if v is not None]
     span = max(found) - min(found)
-    told = (
-        max(guarded["slack"], TOLERANCE * (guarded["high"] - guarded["low"])) if guarded else 0.0
-    )
+    told = max(guarded["slack"], TOLERANCE * (guarded["high"] - guarded["low"])) if guarded else 0.0
     seen = [k for k, v in enumerate(golden["value"]) if v is not None]
     readings = (np.array(golden["reading"])[seen] - p["offset"]) * factor
     steps = np.diff(reversible)

@@ -1,0 +1,136 @@
+"""When an exported compensator says OK, and whether that is true."""
+
+import tempfile
+BASE=True
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import hysid
+import identify
+from compensate import CalibratedCompensator, Past, Status, calibrated, invert, runtime
+from hysid.operations._demo import demo_data
+from hysid.operations._export import export
+from hysteresis import Preisach, Record
+from hysteresis.preisach import GaussianDensity
+from hysteresis.rigs import FoamBlock
+from tests.problems import INVERTIBLE
+
+from .._measure import Row, judged, noted
+
+FOAMS = Path(__file__).parents[3] / "shared/data/foam-midsole-compression/tidy.csv"
+MODELS, STARTS, ROWS, TURN, NOISE = 10, 100, 256, 8, 0.003
+"""Models, histories before the first reading of each, rows, rows between turning points, and noise in parts
+of the readings' range."""
+
+
+def rows(quick: bool) -> list[Row]:
+    """OK shares of exported files over their own records, and OK estimates that are far off."""
+    shares = {name: _ok_share(fit) for name, fit in _fits(quick)}
+    found = [
+        judged(
+            f"OK share, own record, unknown start, after the first full cycle: {name}",
+            share, 0.9, at_least=True,
+        )
+        for name, share in shares.items()
+    ]  # fmt: skip
+    if not FOAMS.exists():
+        found.append(noted("OK share, measured foams", np.nan, reason="no measured data at hand"))
+    return [*found, *_false(2 if quick else MODELS, 10 if quick else STARTS)]
+
+
+def _fits(quick: bool) -> Iterator[tuple[str, identify.FitResult]]:
+    with tempfile.TemporaryDirectory() as folder:
+        record = hysid.read_csv(
+            demo_data(Path(folder)), input="force (N)", output="displacement (mm)", time="time (s)"
+        )
+    yield "demo", hysid.fit(record, test_cycles=3)
+    yield "grid to 90 %", hysid.fit(_grid(), "Preisach", test_cycles=2)
+    for k, thickness in enumerate((20.0, 30.0, 40.0, 60.0)[: 1 if quick else 4]):
+        t, force, gap, _ = FoamBlock(thickness_mm=thickness).five_cycles(noise=0.05, seed=k)
+        yield (
+            f"virtual foam of {thickness:g} mm",
+            hysid.fit(Record.from_arrays(force, gap, t), test_cycles=1),
+        )
+    if FOAMS.exists() and not quick:
+        whole = hysid.read_csv(
+            FOAMS, input="force_N", output="compression_mm", time="time_s", group="sample"
+        )
+        for label, rows_ in list(whole.sequences())[:4]:
+            one = Record.from_arrays(
+                whole.input[rows_], whole.output[rows_], whole.time[rows_], mask=whole.mask[rows_]
+            )
+            yield f"foam {label}", hysid.fit(one, test_cycles=3)
+
+
+def _grid() -> Record:
+    """Thirty runs to 0.9 of what a sensor was trained on once, by a bell of relays that is none of a grid."""
+    model = Preisach(GaussianDensity(0.0, 1.0, 1.0, 0.5, 0.1, 0.15, 0.1), reversible=np.full(8, 0.05))
+    ends = np.concatenate([[0.0, 1.0, 0.0], np.tile([0.9, 0.0], 29)])
+    u = np.interp(np.arange(0, len(ends) - 1, 1 / 40), np.arange(len(ends)), ends)
+    y = np.asarray(model.simulate(None, u))
+    noise = 0.002 * np.ptp(y) * np.random.default_rng(1).standard_normal(len(y))
+    return Record.from_arrays(u, y + noise)
+
+
+def _ok_share(fit: identify.FitResult) -> float:
+    """Of the exported file over the record it was made of, after the first full cycle of each sequence."""
+    with tempfile.TemporaryDirectory() as folder:
+        fit.save(Path(folder) / "fit")
+        export(Path(folder) / "fit", {"runtime": Path(folder) / "it.json"})
+        it = runtime.load(Path(folder) / "it.json")
+    record, ok = fit.train, []
+    for _, rows_ in record.sequences():
+        it.reset()
+        time = np.arange(len(record), dtype=float) if record.time is None else record.time
+        dt = np.diff(time[rows_], prepend=time[rows_.start])
+        run = zip(dt.tolist(), record.output[rows_].tolist(), strict=True)
+        status = np.array([it.step(*now).status for now in run])
+        cycle = record.cycle[rows_]
+        later = record.mask[rows_] & (cycle > cycle.min())
+        ok += (status[later] == Status.OK).tolist()
+    return float(np.mean(ok))
+
+
+def _walk(random: np.random.Generator, low: float, high: float, rows: int) -> np.ndarray:
+    """Between turning points that are drawn anew, eight rows apart."""
+    turns = random.uniform(low, high, rows // TURN + 2)
+    return np.interp(np.arange(rows) / TURN, np.arange(len(turns)), turns)
+
+
+def _false(models: int, starts: int) -> list[Row]:
+    """Estimates with status OK that miss by more than three deviations."""
+    chosen = INVERTIBLE[:: max(len(INVERTIBLE) // models, 1)][:models]
+    wrong = known = 0
+    for problem in chosen:
+        model, random = problem.model(), np.random.default_rng(4)
+        low, high = problem.low, problem.high
+        t, span = np.arange(2.0 * ROWS) * 0.5, high - low
+        u = _walk(random, low, high, ROWS)
+        y = np.asarray(model.simulate(t[:ROWS], u))
+        sigma = NOISE * np.ptp(y)
+        record = Record.from_arrays(u, y + sigma * random.standard_normal(ROWS), t[:ROWS])
+        band = calibrated(invert(model, trained=(low, high)), record)
+        deviation = float(np.median(np.asarray(band.error)))
+        guarded = invert(
+            model, trained=(low, high), start="unknown", past=Past(t[:ROWS], u), deviation=deviation
+        )
+        own: CalibratedCompensator = band.around(guarded)
+        miss = count = base_miss = 0
+        for _ in range(starts):
+            both = _walk(random, low, high, 2 * ROWS)
+            reading = np.asarray(model.simulate(t, both))[ROWS:]
+            reading = reading + sigma * random.standard_normal(ROWS)
+            found = own.simulate(t[:ROWS], reading)
+            if BASE: 
+                allr=np.asarray(model.simulate(t, both)); allr=allr+ sigma*np.random.default_rng(9).standard_normal(2*ROWS)
+                g=band.around(invert(model,trained=(low,high),deviation=deviation)); f2=g.simulate(t,allr)
+                base_miss+=int((np.abs(np.asarray(f2.value)-both)>3*np.asarray(f2.deviation))[ROWS:].sum())
+            ok = np.asarray(found.status) == Status.OK
+            off = np.abs(np.asarray(found.value) - both[ROWS:]) > 3 * np.asarray(found.deviation)
+            miss, count = miss + int((ok & off).sum()), count + int(ok.sum())
+        print(f"  {problem.name}: {miss} of {count} OK, of {starts * ROWS}, base {base_miss} dev/range {deviation/(high-low):.4f}", flush=True)
+        wrong, known = wrong + miss, known + count
+    text = f"false OK, % of OK estimates beyond 3 deviations: {models * starts} starts, {models} models"
+    return [judged(text, 100 * wrong / max(known, 1), 1.0)]
