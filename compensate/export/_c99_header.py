@@ -84,6 +84,7 @@ class _Header:
         d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
+        whole = self.root, self.error, self.guard, *self.others
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
@@ -93,7 +94,7 @@ class _Header:
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard, *self.others) if p) + 60:,}",
+            operations=f"{sum(p.cost['find'] for p in whole if p) + 60:,}",
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip

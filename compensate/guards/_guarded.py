@@ -226,7 +226,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             status = jnp.where(status == Status.EXTRAPOLATED, Status.OK, status)
         sound = (status == Status.OK) | (status == Status.FLAT)
         status, sound = jnp.where(late & sound, Status.EXTRAPOLATED, status), sound & ~late
-        status = jnp.where(sound & (apart > self.within), Status.RUN_IN, status)
+        status = jnp.where(sound & ~(apart <= self.within), Status.RUN_IN, status)
         beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
         clipped = jnp.isfinite(y) & (seen != y)
         status = jnp.where((beyond | clipped) & sound, Status.EXTRAPOLATED, status)

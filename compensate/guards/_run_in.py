@@ -22,7 +22,7 @@ from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, scan_steps
 
-PAST = 2000
+PAST = 8160
 """Rows to which the training is thinned: paths keep their length, and plain Python takes a second."""
 
 WAY = 16

@@ -81,7 +81,6 @@ def export(
     files, notes = _written(program, targets, real)
     assert program.guard is not None
     run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
-    notes.append(run_in.sentence(record.time_unit))
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     if not fitted.trusted:
@@ -89,6 +88,7 @@ def export(
     return {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
         "trained": list(fitted.trained), "beyond": beyond, "date": date or None, **run_in.document,
+        "text": run_in.sentence(record.time_unit),
     }  # fmt: skip
 
 
@@ -127,7 +127,7 @@ def _oscillator(
     )
     return {
         "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
-        "start": "known", "date": None,
+        "start": "known", "date": None, "text": "",
     }  # fmt: skip
 
 
