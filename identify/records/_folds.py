@@ -83,9 +83,9 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     once, see `_by_amplitude`; but none whose inputs lie beyond those of all others, because a memory knows
     nothing there. In a single one the last cycle is held out; of eight cycles or more the third quarter,
     from a fit to those before, and then the last, because what creeps or settles shows over many cycles
-    only. The first may be a conditioning cycle where two more follow. Of a record without two cycles the last
-    quarter is held out, or pieces of every branch where that quarter shows a branch for the first time: what
-    a memory does there no other row tells.
+    only. The first may be a conditioning cycle where two more follow. Of a record without two cycles the
+    last quarter is held out, or pieces of every branch where that quarter is the first to show its branch:
+    what a memory does there no other row tells.
     """
     label = np.full(len(record), -1)
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
@@ -135,9 +135,7 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
             piece = np.arange(np.sum(branch == leg)) * PIECES // np.sum(branch == leg)
             # Pieces of neighbouring branches at the same inputs are not held out together.
             label[rows[branch == leg]] = (piece + leg * GROUPS // 2) % GROUPS
-        folds = tuple(
-            Fold(tuple(p for p in range(GROUPS) if p != k), (k,)) for k in range(GROUPS)
-        )
+        folds = tuple(Fold(tuple(p for p in range(GROUPS) if p != k), (k,)) for k in range(GROUPS))
         how = "pieces of every branch, held out in turn, as each branch is passed once"
         return Parts(label, folds, None, how)
     label[rows] = late
