@@ -304,7 +304,8 @@ def _parameters(
     tau = np.sort(1 / np.asarray(model.chain().rates))
     listed, values = [], []
     for k, name in enumerate(answer.names):
-        field, number = (name, 0) if name in about else (name[:-1], int(name[-1]))
+        field = name if name in about else name.rstrip("0123456789")
+        number = int(name[len(field) :] or 0)
         unit, value = about[field]
         value = float(value[number - 1] if number else value)
         known = error[k] < UNKNOWN

@@ -14,6 +14,10 @@ from ._order_selection import orders, resolved, thinned
 from ._prony_series import Fitted, Input, Kind, Problem, Way
 
 
+A_DECADE = 2
+"""Time constants in each decade at most: closer ones are told apart by no noise above a millionth."""
+
+
 class Order(NamedTuple):
     """One row of the table of orders.
 
@@ -108,7 +112,7 @@ def spectrum(
     input: Any = None,
     way: Way | None = None,
     relative: bool = True,
-    most: int = 8,
+    most: int | None = None,
 ) -> Spectrum:
     """The discrete spectrum of time constants behind a record.
 
@@ -121,7 +125,8 @@ def spectrum(
 
     - `t`, `y`: times and outputs of one sequence, shape `(samples,)`.
     - `kind`: `"creep"`, displacement under a force, or `"relaxation"`, force under a displacement.
-    - `order`: this many time constants; None for as many as the evidence supports, up to `most`.
+    - `order`: this many time constants; None for as many as the evidence supports, up to `most`:
+      by default 8, or `A_DECADE` in each decade of a longer record.
     - `input`: the force (creep) or displacement (relaxation), linear between samples; None for a unit
       step at t = 0, when y is the compliance J or the modulus G.
     - `way`: how the input came to a unit hold from t = 0 on, without an `input`; None for a step.
@@ -152,6 +157,8 @@ def spectrum(
     weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
     problem = Problem(Input(kind, t if u is None else t - t[0], u, way), y, weights)
     step, span = resolved(problem.input)
+    if most is None:
+        most = max(8, int(A_DECADE * np.log10(span / step)))
     fits = orders(problem, step, span, most if order is None else order)
     noise = estimate_noise([fits[-1].residuals], fits[-1].parameters)
     evidence = [_evidence(fitted, noise) for fitted in fits]

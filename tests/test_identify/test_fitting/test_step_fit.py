@@ -198,3 +198,15 @@ def test_the_way_to_a_hold_is_in_the_model(truth: Any, ramp: float, smooth: bool
     np.testing.assert_allclose(
         found.predict(found.train)[rows], (found.train.output + found.residuals)[rows], rtol=1e-5
     )
+
+
+def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:
+    """Twelve decades of time: eight time constants leave 1.4 % of the reading."""
+    tau = 10.0 ** np.arange(-1, 11)
+    truth = GeneralizedMaxwell(1.0, 3.0 * np.exp(-0.1 * (np.arange(12) - 5) ** 2) + 0.3, tau)
+    t = np.geomspace(0.01, 1e11, 120)
+    y = np.asarray(truth.relaxation_modulus(t))
+    y = y * (1 + 0.001 * np.random.default_rng(3).normal(size=len(t)))
+    found = fit_step(record(t, y, 1.0))
+    assert found.metrics["train"].relative_percent < 0.12
+    assert {"E10", "tau10"} <= {p.name for p in found.parameters}
