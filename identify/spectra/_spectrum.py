@@ -13,7 +13,6 @@ from ._extrapolation import Allowed, allowed
 from ._order_selection import orders, resolved, thinned
 from ._prony_series import Fitted, Input, Kind, Problem, Way
 
-
 A_DECADE = 2
 """Time constants in each decade at most: closer ones are told apart by no noise above a millionth."""
 
