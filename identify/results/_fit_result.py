@@ -48,7 +48,8 @@ class Parameter(NamedTuple):
       "inseparable" from others, the ends between which the data leave it open; None where there is none.
     - `repeatability`: standard error of the best value from what differs between cycles, three or more, of
       the fitted rows. It says how well the best parameters are known; `stderr` takes what the model misses
-      for noise, and says how far it is from the material.
+      for noise, and says how far it is from the material. Where no noise explains the residuals, `low` and
+      `high` are by this one, with Student's quantile: 90 % of such tests give a line in there.
     """
 
     name: str
@@ -300,7 +301,7 @@ def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
     if p.repeatability is not None:
-        error += f" ({p.repeatability:.2g} from cycle to cycle)"
+        error = f" +- {p.repeatability:.2g} from cycle to cycle ({p.stderr:.2g} with the misfit)"
     word = "open:" if p.status == "inseparable" else "90 %:"
     interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (
