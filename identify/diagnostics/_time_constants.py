@@ -1,9 +1,13 @@
-"""Time constants that a record cannot show: longer than it lasts, shorter than a sampling step."""
+"""Time constants that a record cannot show: longer than it lasts, shorter than its sampling steps."""
 
 import numpy as np
 
 from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
 from hysteresis._note import warning
+
+
+SHOWN = 3
+"""Steps no longer than a time constant that show it: a value and its end are two rows, how it decays a third."""
 
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
@@ -16,8 +20,9 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     if not isinstance(model, AbstractViscoelastic) or record.time is None:
         return []
     spans = [float(np.ptp(record.time[rows])) for _, rows in record.sequences()]
-    steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
-    span, step = max(spans), float(np.median(np.concatenate(steps)))
+    steps = np.concatenate([np.diff(record.time[rows]) for _, rows in record.sequences()])
+    # Where rows lie closer after a step of the input, they show what the usual distance would not.
+    span, step = max(spans), float(np.sort(steps)[min(SHOWN, len(steps)) - 1])
     found, unit = [], record.time_unit
     with np.errstate(divide="ignore"):
         constants = 1 / np.asarray(model.chain().rates)
@@ -28,7 +33,7 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
         than = f"longer than the record ({span:.3g} {unit})"
         mend = "measure longer holds"
         if not slow:
-            than = f"shorter than a sampling step ({step:.3g} {unit})"
+            than = f"shorter than the sampling steps ({step:.3g} {unit})"
             mend = "sample faster"
         seen = "dashpot" if slow == model.creeps else "spring"
         said = f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"

@@ -8,7 +8,7 @@ import pytest
 import identify
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
 from identify import fit_step
-from identify.internal import kind_of, stepped
+from identify.internal import kind_of, stepped, told_by_the_change
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
@@ -21,6 +21,13 @@ def record(t: np.ndarray, y: np.ndarray, step: float = FORCE) -> Record:
     return Record.from_arrays(
         np.full(len(t), step), y, t,
         input_name="force", output_name="x", input_unit="N", output_unit="mm",
+    )  # fmt: skip
+
+
+def stretched(t: np.ndarray, y: np.ndarray, step: float) -> Record:
+    return Record.from_arrays(
+        np.full(len(t), step), y, t,
+        input_name="x", output_name="force", input_unit="mm", output_unit="N",
     )  # fmt: skip
 
 
@@ -55,7 +62,7 @@ def test_creep_under_a_press():
 def test_relaxation():
     y = 0.2 * np.asarray(RELAXING.relaxation_modulus(T))
     noise = 1 + 0.002 * np.random.default_rng(1).normal(size=len(T))
-    fit = fit_step(record(T, y * noise, 0.2))
+    fit = fit_step(stretched(T, y * noise, 0.2))
     assert isinstance(fit.model, GeneralizedMaxwell)
     found = {p.name: p.value for p in fit.parameters}
     assert list(found) == ["E_inf", "E1", "tau1", "E2", "tau2"]
@@ -64,7 +71,7 @@ def test_relaxation():
 
 def test_a_liquid_has_no_spring():
     y = np.asarray(GeneralizedMaxwell(0.0, [1.0, 4.0], [0.4, 20.0]).relaxation_modulus(T))
-    fit = fit_step(record(T[T < 100], y[T < 100], 1.0))
+    fit = fit_step(stretched(T[T < 100], y[T < 100], 1.0))
     spring = next(p for p in fit.parameters if p.name == "E_inf")
     # Without noise what is left of a spring is the normal equations' rounding.
     assert spring.status == "at bound" or spring.value < 1e-3
@@ -166,6 +173,21 @@ def test_what_is_no_step(given: Record, code: str):
         fit_step(given)
 
 
-def test_kind_is_told_by_the_direction_of_the_step():
-    assert kind_of(record(T, GOOD)) == "creep"
-    assert kind_of(record(T, GOOD[::-1])) == "relaxation"
+def test_kind_is_told_by_what_is_held_and_else_by_the_change():
+    """A load that rises under a held deformation swells or is still loaded: it has no spectrum."""
+    u = np.full(len(T), FORCE)
+    up, down = GOOD, GOOD[::-1]
+    for units, rises, falls in (
+        (("N", "mm"), "creep", None), (("MPa", "percent"), "creep", None), (("mm", "N"), None, "relaxation"),
+        (("mm/mm", "kPa"), None, "relaxation"), (("N", "V"), "creep", "relaxation"),
+        (("1", "1"), "creep", "relaxation"),
+    ):  # fmt: skip
+        for y, kind in ((up, rises), (down, falls)):
+            held = Record.from_arrays(u, y, T, input_unit=units[0], output_unit=units[1])
+            if kind is not None:
+                assert kind_of(held) == kind
+                said = told_by_the_change(held, kind)
+                assert [note.code for note in said] == ["kind-by-change"] * (units[1] in "1V")
+                continue
+            with pytest.raises(InputError, match="neither creep"):
+                kind_of(held)
