@@ -97,5 +97,3 @@ def told_by_the_change(record: Record, kind: Kind) -> tuple[Note, ...]:
 def counted(record: Record) -> Bool[np.ndarray, " samples"]:
     """Rows that count and have an output."""
     return record.mask & np.isfinite(record.output)
-
-

@@ -290,7 +290,12 @@ def test_a_zero_that_jumps_is_told_from_a_snap_that_comes_back():
     snapping = y + 6 * (u > 7)
     tared = y - 13.0 * (np.arange(len(t)) >= 231)
     codes = {}
-    for name, x in {"none": y, "snap": snapping, "tare": tared, "both": snapping + tared - y}.items():
+    for name, x in {
+        "none": y,
+        "snap": snapping,
+        "tare": tared,
+        "both": snapping + tared - y,
+    }.items():
         found = check_identifiable(Record.from_arrays(u, x, t, time_unit="s"))
         codes[name] = [note.code for note in found]
         if name in ("tare", "both"):
