@@ -50,7 +50,7 @@ class Rig:
     """One virtual laboratory: a sponge on its stage, a soft armour and a rigid one on the same sensor.
 
     The stage's records carry reading noise; the specimen is the same in all laboratories, as no
-    paper says how sponges differ. With `inside` the physics is close to our models, or one of them: the sponge
+    paper says how sponges differ. With `inside` the physics is close to our models, or is one: the sponge
     has stops, the sensor is a matrix with plays, and the frame sags in one smooth bump.
     """
 

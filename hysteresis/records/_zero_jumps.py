@@ -13,7 +13,7 @@ LEAST = 0.02
 """Of the output's range: a smaller step of the zero changes no model."""
 
 SUDDEN = 5.0
-"""Times the largest of the steps beside it that a jump is: what material and sensor do takes several rows."""
+"""Times the largest of the steps beside it that a jump is: material and sensor take several rows."""
 
 BESIDE = 5
 """Rows on either side that are looked at."""
@@ -62,7 +62,7 @@ def zero_jumps(record: AbstractRecord) -> list[ZeroJump]:
 
 
 def _sudden(u: Float[np.ndarray, " rows"], y: Float[np.ndarray, " rows"]) -> list[ZeroJump]:
-    """Steps of the output that neither its other steps nor those of the input explain, the largest first."""
+    """Steps of the output that neither its own nor the input's steps beside them explain, the largest first."""
     good = np.isfinite(y)
     if good.sum() < len(y):
         y = np.interp(np.arange(len(y)), np.flatnonzero(good), y[good]) if good.any() else 0 * u

@@ -5,9 +5,8 @@ import numpy as np
 from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
 from hysteresis._note import warning
 
-
 SHOWN = 3
-"""Steps no longer than a time constant that show it: a value and its end are two rows, how it decays a third."""
+"""Steps no longer than a time constant that show it: one has its ends, the others show how it decays."""
 
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:

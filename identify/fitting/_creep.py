@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95

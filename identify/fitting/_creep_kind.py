@@ -71,9 +71,9 @@ def kind_of(record: Record) -> Kind:
         moves = "grows" if change > 0 else "shrinks"
         raise InputError(
             "not-a-step",
-            f"{record.output_name} {moves} by {abs(change * record.input[0]):.3g} {record.output_unit} while"
-            f" {record.input_name} is held: neither creep, in which a deformation grows, nor relaxation, in"
-            " which a load falls.",
+            f"{record.output_name} {moves} by {abs(change * record.input[0]):.3g} {record.output_unit}"
+            f" while {record.input_name} is held: neither creep, in which a deformation grows, nor"
+            " relaxation, in which a load falls.",
             place=record.source,
             cause="the input was still moving, the specimen swells, shrinks or recovers, or the sensor"
             " drifts.",

@@ -283,7 +283,7 @@ def test_warnings():
 
 
 def test_a_zero_that_jumps_is_told_from_a_snap_that_comes_back():
-    """A tare keeps its step; a specimen that snaps does so in every cycle, and a lone ramp tells neither."""
+    """A tare keeps its step; a specimen snaps in every cycle, and a lone ramp tells neither."""
     t = np.arange(0, 8 * np.pi, 0.05)
     u = 5 - 5 * np.cos(t)
     y = 2 * u + np.sin(t) + 0.02 * np.random.default_rng(0).normal(size=len(t))

@@ -178,8 +178,9 @@ def test_kind_is_told_by_what_is_held_and_else_by_the_change():
     u = np.full(len(T), FORCE)
     up, down = GOOD, GOOD[::-1]
     for units, rises, falls in (
-        (("N", "mm"), "creep", None), (("MPa", "percent"), "creep", None), (("mm", "N"), None, "relaxation"),
-        (("mm/mm", "kPa"), None, "relaxation"), (("N", "V"), "creep", "relaxation"),
+        (("N", "mm"), "creep", None), (("MPa", "percent"), "creep", None),
+        (("mm", "N"), None, "relaxation"), (("mm/mm", "kPa"), None, "relaxation"),
+        (("N", "V"), "creep", "relaxation"),
         (("1", "1"), "creep", "relaxation"),
     ):  # fmt: skip
         for y, kind in ((up, rises), (down, falls)):
