@@ -62,7 +62,7 @@ def zero_jumps(record: AbstractRecord) -> list[ZeroJump]:
 
 
 def _sudden(u: Float[np.ndarray, " rows"], y: Float[np.ndarray, " rows"]) -> list[ZeroJump]:
-    """Steps of the output that neither its own nor the input's steps beside them explain, the largest first."""
+    """Steps of the output that stand out, where those of the input do not; the largest first."""
     good = np.isfinite(y)
     if good.sum() < len(y):
         y = np.interp(np.arange(len(y)), np.flatnonzero(good), y[good]) if good.any() else 0 * u

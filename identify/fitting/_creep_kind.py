@@ -3,33 +3,13 @@
 import numpy as np
 from jaxtyping import Bool
 
-from hysteresis import InputError, Note, Record, conversion
+from hysteresis import InputError, Note, Record
 
+from ..records._loads import kind_of_units
 from ..spectra._prony_series import Kind
 
 MOVES = 3.0
 """An output that changes by less than this times its noise neither creeps nor relaxes."""
-
-LOADS = ("N", "Pa", "N*m")
-DEFORMATIONS = ("m", "rad", "percent")
-"""One unit of each quantity. A ratio, as of a strain, is one only beside a load."""
-
-
-def kind_of_units(record: Record) -> Kind | None:
-    """Creep where a load is held and a deformation is read, relaxation where it is the other way round.
-
-    None where the units do not say: they are unknown, or neither of the two is a load.
-    """
-    units = record.input_unit, record.output_unit
-    is_load, deforms = (
-        [any(conversion(unit, one) is not None for one in known) for unit in units]
-        for known in (LOADS, DEFORMATIONS)
-    )
-    # "1" may be any quantity that nobody named.
-    deforms = [yes and unit != "1" for yes, unit in zip(deforms, units, strict=True)]
-    if is_load[0] and deforms[1]:
-        return "creep"
-    return "relaxation" if deforms[0] and is_load[1] else None
 
 
 def kind_of(record: Record) -> Kind:
