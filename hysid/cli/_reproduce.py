@@ -32,7 +32,8 @@ def reproduce(
     epochs: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Training epochs of kim2018's networks (default: the paper's 1,000)."
+            min=1,
+            help="Training epochs of kim2018's networks of one contact (default: the paper's 1,000); those of two train for a tenth.",
         ),
     ] = None,
     quick: Annotated[

@@ -82,7 +82,8 @@ def write_report(
         file or folder / TARGET,
         title=_report_step.title(case)
         if of_step
-        else f"{case.output[:1].upper()}{case.output[1:]} from {case.input}",
+        else f"{case.output[:1].upper()}{case.output[1:]} from {case.input}"
+        + ("" if case.fit.detail.is_linear else f" by {case.fit.name}"),
         subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
         f" {data['rows_test']:,} held-out rows"
         + (", synthetic data of a virtual rig" if is_synthetic(data.get("sha256")) else ""),

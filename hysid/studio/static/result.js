@@ -137,7 +137,7 @@ export class ResultPanel {
     return h("section", { class: "card", "aria-labelledby": "parameters-title" },
       h("h2", { id: "parameters-title" }, "What the model is made of"),
       h("p", { class: "soft" }, found.model + (hidden > 0 ? `. ${hidden} of its sums are left out: the data do not determine them one by one.` : "")),
-      rows.length > 0 && h("details", { class: "same" }, h("summary", {}, "Its parameters"), table(more > 0 ? `The first ${rows.length} of ${found.parameters.length} parameters` : "Values with their standard errors", ["Parameter", "value", "standard error", "status"], rows)),
+      rows.length > 0 && h("details", { class: "same", open: hidden === 0 }, h("summary", {}, "Its parameters"), table(more > 0 ? `The first ${rows.length} of ${found.parameters.length} parameters` : "Values with their standard errors", ["Parameter", "value", "standard error", "status"], rows)),
       curves.sliders.length > 0 && [h("h3", {}, "What each one does"), this.sliders(curves.sliders)],
       h("h3", {}, "Posterior"), this.posterior(found),
       sameLines(this.look.equivalents.posterior));
