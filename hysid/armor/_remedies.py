@@ -16,7 +16,7 @@ REMEDIES = {
     "wrong-unit": "fit the cover from force to displacement, with their units in the headers, and check the"
     " units of the shape.",
     "no-unit": "fit the cover again with the units in the headers, as force (N) and displacement (mm).",
-    "not-a-mesh": "mend the mesh where it was drawn (closed, triangles counter-clockwise seen from outside),"
+    "not-a-mesh": "mend the mesh where it was drawn (closed, its triangles counter-clockwise from outside),"
     " and write it again as STL or OBJ.",
     "missing-extra": "pip install 'hysid[mesh]', or give a box instead of a mesh.",
 }

@@ -33,7 +33,7 @@ def reproduce(
         int | None,
         typer.Option(
             min=1,
-            help="Training epochs of kim2018's networks of one contact (default: the paper's 1,000); those of two train for a tenth.",
+            help="Training epochs of kim2018's network (default: the paper's 1,000).",
         ),
     ] = None,
     quick: Annotated[

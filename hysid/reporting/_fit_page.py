@@ -196,7 +196,8 @@ def in_words(case: Case) -> str:
 
 
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates, made_of, data,
+    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
+    made_of, data,
 )  # fmt: skip
 MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
     _motion.response, _motion.hysteresis, parameters, posterior, _motion.residuals, _motion.classes,

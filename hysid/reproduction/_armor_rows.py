@@ -17,7 +17,7 @@ from ._armor import (
 )
 from ._published import PREDICTED, TUNED, Published, finding
 
-STAGE = "A finite-difference foam, one block for all rigs, read by a stage with 0.05 mm of noise."
+STAGE = "A foam in layers, one block for all rigs, read by a stage with 0.05 mm of noise."
 SHEET = "The sheet around the probe is stiffer than a block, by one factor for these three numbers."
 BODY = "The sensor's ratings, gauges and mounting are assumed: the paper prints 1 % of its ratings alone."
 
@@ -117,7 +117,7 @@ def findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
             seen <= 0.05 * len(rigs) + 2 * np.sqrt(0.05 * 0.95 * len(rigs)) and told == len(rigs),
         ),
         finding(
-            "Sponges of 50 and 30 mm are more linear than one of 10 mm, which is strongly nonlinear (fig 10).",
+            "Sponges of 50 and 30 mm are more linear than one of 10 mm, with strong nonlinearity (fig 10).",
             "Without reading noise the first loading leaves its line by "
             + ", ".join(f"{x:.2f} % at {h:g} mm" for h, x in bent.items())
             + f" of its range. Strongly is taken for {STRONGLY:g} times as much as the others.",
@@ -131,15 +131,15 @@ def findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
         finding(
             "Errors at points 10, 29, 48 and 67, in the middle of the surface, are ascribed to the frame, "
             "which deforms most there (fig 12).",
-            f"Approximation 1 errs by {middle.mean():.1f} mm there and by {rest.mean():.1f} mm elsewhere, a "
-            f"difference of {more.mean():.2f} mm with a standard error of {chance:.2f} mm.",
+            f"Approximation 1 errs by {middle.mean():.1f} mm there and by {rest.mean():.1f} mm elsewhere: "
+            f"a difference of {more.mean():.2f} mm with a standard error of {chance:.2f} mm.",
             more.mean() > 2 * chance,
         ),
         finding(
             "The average error of each approximation is below 5 mm, and no error above 10 mm (fig 12).",
-            f"The averages are {', '.join(f'{x:.1f}' for x in averages)} mm in the mean over the rigs, and "
-            f"all are below 5 mm in {sum(max(row) < 5 for row in errors)} of {len(rigs)}. The largest error of a "
-            f"rig is {largest.mean():.1f} mm in the mean, and at most 10 mm in {sum(largest <= 10)} of them.",
+            f"The averages are {', '.join(f'{x:.1f}' for x in averages)} mm in the mean over the rigs, all "
+            f"of them below 5 mm in {sum(max(row) < 5 for row in errors)} of {len(rigs)}. The largest error of "
+            f"a rig is {largest.mean():.1f} mm in the mean, and at most 10 mm in {sum(largest <= 10)} of them.",
             np.max(averages) < 5 and largest.mean() <= 10,
         ),
         finding(

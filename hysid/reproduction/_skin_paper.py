@@ -27,8 +27,8 @@ RIG = (
 )
 
 TRAINED = (
-    "The networks of (A) are trained for {0:,} epochs, those of the paper for 1,000; in (D) the paper's recurrent "
-    "ones for {1:,} at most, of which it prints no number, and ours for {2:,}."
+    "The networks of (A) are trained for {0:,} epochs, those of the paper for 1,000; in (D) the paper's "
+    "recurrent ones for {1:,} at most, of which it prints no number, and ours for {2:,}."
 )
 
 

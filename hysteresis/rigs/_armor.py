@@ -161,7 +161,7 @@ class ArmorRig:
         parts = {
             "cover": FoamBlock(),
             "frame": PlateFrame(),
-            "sheet": 0.915,
+            "sheet": 0.9,
         }
         return cls(seed=seed, **parts | changes)
 
