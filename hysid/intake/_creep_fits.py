@@ -39,7 +39,7 @@ def check_step(record: Record) -> dict[str, Any]:
     assert record.time is not None
     t = record.time[rows]
     decades = float(np.log10(t[-1] / t[t > 0][0]))
-    warnings = []
+    warnings = [str(note) for note in identify.internal.told_by_the_change(record, kind)]
     if decades < 1:
         warnings.append(
             f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"

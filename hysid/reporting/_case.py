@@ -63,7 +63,7 @@ class Table(NamedTuple):
 @dataclass
 class Section:
     """A heading and what is under it: text, tables, small charts, pictures, notes, then parts with headings
-    of their own."""
+    of their own. Below a `folded` one nothing is seen until it is clicked."""
 
     title: str
     text: list[str] = field(default_factory=list)
@@ -72,6 +72,7 @@ class Section:
     small: list[Small] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     parts: list["Section"] = field(default_factory=list)
+    folded: bool = False
 
     @property
     def id(self) -> str:

@@ -1,10 +1,9 @@
-"""Time constants that a record cannot show: longer than it lasts, shorter than a sampling step."""
+"""Time constants that a record cannot show: longer than it lasts, shorter than its sampling steps."""
 
 import numpy as np
 
 from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
 from hysteresis._note import warning
-
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     """A note for every branch whose time constant lies outside the times that the record shows.
@@ -36,7 +35,7 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
         than = f"longer than the record ({span:.3g} {unit})"
         mend = "measure longer holds"
         if not slow:
-            than = f"shorter than a sampling step ({step:.3g} {unit})"
+            than = f"shorter than the sampling steps ({step:.3g} {unit})"
             mend = "sample faster"
         seen = "dashpot" if slow == model.creeps else "spring"
         said = f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
@@ -18,17 +18,16 @@ from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
-from ..spectra._prony_series import Input, Kind, Way
+from ..spectra._prony_series import Input, Way
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
 from ._baselines import baselines_of_hold
+from ._creep_kind import counted, kind_of, told_by_the_change
 from ._verdict import check_purpose, judge
 
 AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
 FIRST_ROW = "step-at-first-row"
 """Code of the note that says so."""
-MOVES = 3.0
-"""An output that changes by less than this times its noise neither creeps nor relaxes."""
 NODES = 400
 """Rows of the way to a hold that its spectrum sees, the last ones densest: the rest is nearly forgotten."""
 UNKNOWN = 2.0
@@ -129,41 +128,6 @@ def is_at_first_row(record: Record) -> bool:
     return any(note.code == FIRST_ROW for note in record.history)
 
 
-def kind_of(record: Record) -> Kind:
-    """Creep or relaxation: does the output go on in the direction of the step, or come back?
-
-    Raises `InputError` where the output is on the other side of zero, or does not move.
-    """
-    rows = _counted(record)
-    y = record.output[rows] / record.input[rows]
-    if len(y) < 8:
-        raise InputError(
-            "too-few-rows",
-            f"{len(y)} rows count: a spectrum needs at least 8.",
-            place=record.source,
-        )
-    if np.median(y) <= 0:
-        raise InputError(
-            "not-a-step",
-            f"{record.output_name} is on the other side of 0 than the step.",
-            place=record.source,
-            cause="the sign convention of one of them.",
-            fix="turn the step's sign (--step VALUE).",
-        )
-    tenth = -(-len(y) // 10)
-    change = float(np.median(y[-tenth:]) - np.median(y[:tenth]))
-    noise = record.summary()["output"]["noise"] / abs(record.input[-1])
-    if abs(change) <= MOVES * noise:
-        raise InputError(
-            "no-excitation",
-            f"{record.output_name} changes by {abs(change * record.input[-1]):.3g}, about its noise:"
-            " neither creep nor relaxation.",
-            place=record.source,
-            fix="choose another column (--output COL), or measure for longer.",
-        )
-    return "creep" if change > 0 else "relaxation"
-
-
 def fit_step(
     record: Record,
     *,
@@ -180,8 +144,9 @@ def fit_step(
     are not fitted: there a material's stiffness may change with its strain. Without a way the load came at
     once.
 
-    An output that rises with time is a displacement under a constant force: `GeneralizedKelvinVoigt`.
-    One that falls is a force under a constant displacement: `GeneralizedMaxwell`. Errors are weighed by
+    A deformation under a constant load creeps: `GeneralizedKelvinVoigt`. A load under a constant
+    deformation relaxes: `GeneralizedMaxwell`. The units of input and output say which of them is held;
+    where they do not, an output that rises is taken for creep, and a note says so. Errors are weighed by
     1 / output; the number of time constants is that of the greatest evidence. See `spectrum`.
 
     **Arguments:**
@@ -218,7 +183,7 @@ def fit_step(
     elif test is not None:
         test = stepped(test)
     kind = kind_of(record)
-    rows = _counted(record)
+    rows = counted(record)
     assert record.time is not None
     y, way = record.output[rows] / record.input[rows], way_of(record)
     found = spectrum(record.time[rows], y, kind, way=way)
@@ -227,11 +192,12 @@ def fit_step(
         _result(found, row, answer, record, test, seed)
         for row, answer in zip(found.table, found.answers, strict=True)
     ]
-    counted = replace(record, mask=rows)
-    judged_on = None if test is None else replace(test, mask=_counted(test))
-    baselines = baselines_of_hold(counted, parts(counted), judged_on)
+    held = replace(record, mask=rows)
+    judged_on = None if test is None else replace(test, mask=counted(test))
+    baselines = baselines_of_hold(held, parts(held), judged_on)
     chosen = fits.pop(found.order)
-    chosen = replace(chosen, notes=found.notes, detail=DiscreteSpectrum(found))
+    notes = (*found.notes, *told_by_the_change(record, kind))
+    chosen = replace(chosen, notes=notes, detail=DiscreteSpectrum(found))
     chosen = replace(chosen, baselines=baselines, purpose=purpose)
     if test is not None:
         chosen = replace(chosen, extrapolation=extrapolation(chosen, chosen.predict(test)))
@@ -253,14 +219,14 @@ def _result(
     found: Spectrum, row: Order, answer: Answer, record: Record, test: Record | None, seed: int
 ) -> FitResult:
     """One order as a fit."""
-    rows, model = _counted(record), answer.model
+    rows, model = counted(record), answer.model
     residuals = np.where(rows, _outputs(found, answer, record) - record.output, np.nan)
     figures = {"train": metrics(record.output, record.output + residuals, rows), "test": None}
     test_blocks = None
     if test is not None:
-        predicted, counted = _outputs(found, answer, test), _counted(test)
-        figures["test"] = metrics(test.output, predicted, counted)
-        test_blocks = np.array(block_errors((predicted - test.output)[counted]))
+        predicted, held_out = _outputs(found, answer, test), counted(test)
+        figures["test"] = metrics(test.output, predicted, held_out)
+        test_blocks = np.array(block_errors((predicted - test.output)[held_out]))
     listed, covariance = _parameters(found, answer, record)
     return FitResult(
         name=f"{type(model).__name__} of order {row.order}",
@@ -327,7 +293,7 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
     if test is None:
         return None
     assert test.time is not None
-    rows = _counted(test)
+    rows = counted(test)
     value, low, high = found.predict(test.time[rows])
     y, noise = test.output[rows] / test.input[rows], NORMAL_95 * found.noise.sigma * value
     share = float(np.mean((low - noise <= y) & (y <= high + noise)))
@@ -336,7 +302,3 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
         f"{100 * share:.0f} % of the held-out rows, up to {last:.3g} times the record's span, lie"
     )
     return share, f"{said} in the 90 % range of what the record leaves open."
-
-
-def _counted(record: Record) -> Bool[np.ndarray, " samples"]:
-    return record.mask & np.isfinite(record.output)

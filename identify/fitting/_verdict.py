@@ -28,9 +28,6 @@ TIMES = 2.0
 SHARE = 0.1
 """Of the held-out rows: so many beyond the trained range are named."""
 
-HARMLESS = ("jittered-time",)
-"""Codes of warnings about the data that no model suffers from: steps in time are taken as they are."""
-
 LEFT = 0.5
 """Part of the width of the loops that a fit may leave and still pass."""
 
@@ -75,8 +72,7 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     _held_out(fit, found)
     _parameters(fit, found)
     found.cautions.extend(unseen_time_constants(fit.model, fit.train))
-    for note in map(Note.of, warnings):
-        (found.facts if note.code in HARMLESS else found.cautions).append(note)
+    found.cautions.extend(map(Note.of, warnings))
     _noise(fit, found)
     if fit.purpose == "compensate":
         text = "The compensator was not tried. hysid.fit, hysid fit and hysid qualify try it."
