@@ -65,7 +65,7 @@ def _fits(quick: bool) -> Iterator[tuple[str, identify.FitResult]]:
 
 
 def _grid() -> Record:
-    """Thirty runs to 0.9 of what a sensor was trained on once, by a bell of relays that is none of a grid."""
+    """Thirty runs to 0.9 of what a sensor was trained on once, by relays that are off every grid."""
     model = Preisach(
         GaussianDensity(0.0, 1.0, 1.0, 0.5, 0.1, 0.15, 0.1), reversible=np.full(8, 0.05)
     )

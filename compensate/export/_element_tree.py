@@ -360,7 +360,8 @@ def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
         "drift",
         {
             "count": len(model.levels), "levels": model.levels, "drift": model.rates, "least": model.least,
-            "length": model.length + model.least, "offset": model.offset,
+            "most": min(model.most - model.least, 1e30), "length": model.length + model.least,
+            "offset": model.offset,
         },
         {"begun": 0, "u": 0.0, "path": 0.0},
     )  # fmt: skip
@@ -372,9 +373,10 @@ def _(model: TimeDrift, eps: float, depth: int) -> Tree:
     rates = 1 / np.asarray(model.times)
     return node(
         "time_drift",
-        {"count": len(rates), "rates": rates, "ends": model.rates, "offset": model.offset},
+        {"count": len(rates), "rates": rates, "ends": model.rates, "most": min(model.most, 1e30),
+         "offset": model.offset},
         {"begun": 0, "elapsed": 0.0},
-    )
+    )  # fmt: skip
 
 
 @_tree.register

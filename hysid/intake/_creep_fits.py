@@ -8,7 +8,8 @@ import identify
 from hysteresis import InputError, Record
 
 MEANINGLESS = {
-    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "starts": 32,
+    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "drift": "auto",
+    "starts": 32,
     "noise": "auto", "parameters": {}, "period": None, "oversampling": 20,
 }  # fmt: skip
 """Options of `fit` that a step knows nothing of, and what they are where they are not given."""

@@ -5,6 +5,7 @@ import numpy as np
 from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
 from hysteresis._note import warning
 
+
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     """A note for every branch whose time constant lies outside the times that the record shows.
 

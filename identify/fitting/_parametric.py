@@ -31,7 +31,7 @@ from ..parametric._multistart import (
     thinned_rows,
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
-from ..records._folds import held_out_errors
+from ..records._folds import earned, held_out_errors
 from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
@@ -41,10 +41,6 @@ from ._training_data import TrainingData
 
 THINNED = 1000
 """Rows on which a start is looked for; a record of up to twice as many is not thinned."""
-
-EARNED = 0.8
-"""Of the held-out mean square, that of an rms error a tenth less: what leaving a cycle out has to reach. A
-line is as far from every cycle; without the first it is another line, not a better one."""
 
 EXACT = 1e-8
 """Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
@@ -145,7 +141,7 @@ def least_squares(
 
     The search for a start runs on about a thousand rows, side by side, from the free vectors in `first` and
     from `starts` others about the first of them. The best are refined on every row. The fit leaves out a
-    conditioning cycle where that predicts the held-out one better.
+    conditioning cycle where that takes away a part of the held-out error, see `earned`.
 
     Raises `InputError` where no start gives a finite output.
     """
@@ -183,7 +179,7 @@ def least_squares(
 
     choices = (False,) if parts.conditioning is None else (False, True)
     blocks = {drop: blocks_of(drop) for drop in choices}
-    dropped = True in blocks and bool(blocks[True].mean() < EARNED * blocks[False].mean())
+    dropped = len(choices) > 1 and earned(blocks[False], blocks[True])
     optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
         name, data, template, bounds, settings, prepared, measured, tried, optimum,
@@ -233,7 +229,6 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
         settings=fit.settings,
         train=data.record,
         starts=fit.starts,
-        notes=judged.notes,
         clocks=data.clocks,
         channels=data.channels,
         seed=fit.seed,

@@ -1,6 +1,5 @@
 """Fitting a Preisach model on a grid: shape, resolution and prior strength, then the weights."""
 
-import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TypeAlias
@@ -11,7 +10,7 @@ from jaxtyping import Float
 from hysteresis import Record
 from hysteresis.preisach import Initial
 
-from ..records._folds import Parts, best_of, simplest
+from ..records._folds import Parts, best_of, earned, simplest
 from ..records._orientation import output_falls
 from ._cross_validation import STRENGTHS, Choice
 from ._linear_fit import LinearFit
@@ -73,23 +72,23 @@ def fit_preisach(
 
     Among the choices whose held-out error is above the best one's by less than the standard error
     of that difference, paired by blocks of rows, the simplest is taken: fewer cells, then a stronger prior.
-    A conditioning cycle is left out of the fit where that predicts the held-out one better.
+    A conditioning cycle is left out of the fit where that takes away a part of the held-out error, see
+    `earned`.
     """
     parts = parts.merged
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
     low, high = float(u.min()), float(u.max())
     scale, centre = float(np.ptp(y)) * (-1 if output_falls(record) else 1), float(y.mean())
-    drops = (False,) if parts.conditioning is None else (False, True)
 
-    def tried(meaning: GridUnknowns, strengths: Iterable[float]) -> list[Tried]:
-        problem = PreisachProblem(record, parts, meaning)
-        pairs = list(itertools.product(strengths, drops))
+    def tried(
+        problem: PreisachProblem, strengths: Iterable[float], dropped: bool = False
+    ) -> list[Tried]:
+        strengths = list(strengths)
+        blocks = problem.held_out_errors([(strength, dropped) for strength in strengths])
         return [
-            Choice(problem, strength, blocks, dropped=dropped)
-            for (strength, dropped), blocks in zip(
-                pairs, problem.held_out_errors(pairs), strict=True
-            )
+            Choice(problem, strength, own, dropped=dropped)
+            for strength, own in zip(strengths, blocks, strict=True)
         ]
 
     coarse, *finer = cells
@@ -98,7 +97,11 @@ def fit_preisach(
         for leading in leadings
         for initial in initials
     ]
-    choices = [choice for shape in shapes for choice in tried(shape, STRENGTHS)]
+    choices = [
+        choice
+        for shape in shapes
+        for choice in tried(PreisachProblem(record, parts, shape), STRENGTHS)
+    ]
     best = _best(choices)
     shape = best.problem.meaning
 
@@ -122,7 +125,8 @@ def fit_preisach(
             )
             if n > 2 * coarse and 2 * meaning.count > len(u):
                 break
-            choices = choices + tried(meaning, (best.strength * k for k in (10.0, 1.0, 0.1, 0.01)))
+            problem = PreisachProblem(record, parts, meaning)
+            choices = choices + tried(problem, (best.strength * k for k in (10.0, 1.0, 0.1, 0.01)))
             best = _best(choices)
             if best.blocks.mean() > BETTER * before.blocks.mean():
                 break
@@ -136,12 +140,15 @@ def fit_preisach(
         meaning = GridUnknowns(
             coarse, low, high, shape.leading, shape.initial, scale, dead_band, None, centre, nodes
         )
-        steep = tried(meaning, STRENGTHS)
+        steep = tried(PreisachProblem(record, parts, meaning), STRENGTHS)
         if _best(steep).blocks.mean() < BETTER * best.blocks.mean():
             choices = path(steep, lambda n: steep_nodes(u, y, n))
             best = _best(choices)
-    same = [c for c in choices if c.dropped == best.dropped]
-    return _fitted(simplest(same, best), final=True)
+    chosen = simplest(choices, best)
+    if parts.conditioning is not None:
+        (fewer,) = tried(chosen.problem, [chosen.strength], dropped=True)
+        chosen = fewer if earned(chosen.blocks, fewer.blocks) else chosen
+    return _fitted(chosen, final=True)
 
 
 def _best(choices: list[Tried]) -> Tried:

@@ -37,17 +37,24 @@ class Parts(NamedTuple):
     - `folds`: the hold-outs, none where the record is too short for one.
     - `conditioning`: the part that a fit may leave out as conditioning, if any: the first cycle.
     - `how`: in words.
+    - `kept`: the parts that the fit at last learns from; None for all, see `latest`.
     """
 
     label: Int[np.ndarray, " samples"]
     folds: tuple[Fold, ...]
     conditioning: int | None
     how: str
+    kept: tuple[int, ...] | None = None
 
     @property
     def all(self) -> tuple[int, ...]:
         """Every part."""
         return tuple(np.flatnonzero(np.bincount(self.label[self.label >= 0])).tolist())
+
+    @property
+    def fitted(self) -> tuple[int, ...]:
+        """Those that the fit learns from at last."""
+        return self.all if self.kept is None else self.kept
 
     def without_conditioning(self, which: tuple[int, ...], dropped: bool) -> tuple[int, ...]:
         """These parts, less the conditioning one where it is `dropped`."""
@@ -62,6 +69,7 @@ class Parts(NamedTuple):
         """
 
         sides = [set(side) for fold in self.folds for side in fold]
+        sides += [] if self.kept is None else [set(self.kept)]
         role = {p: (p == self.conditioning, *(p in side for side in sides)) for p in self.all}
         kinds = list(dict.fromkeys(role.values()))
         new = {p: kinds.index(role[p]) for p in role}
@@ -73,7 +81,8 @@ class Parts(NamedTuple):
             for fold in self.folds
         )
         conditioning = None if self.conditioning is None else new.get(self.conditioning)
-        return Parts(label, folds, conditioning, self.how)
+        kept = None if self.kept is None else tuple(sorted({new[p] for p in self.kept}))
+        return Parts(label, folds, conditioning, self.how, kept)
 
 
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
@@ -284,6 +293,16 @@ def simplest(trials: Iterable[Tried], best: Tried | None = None) -> Tried:
     trials = list(trials)
     best = best_of(trials) if best is None else best
     return next(trial for trial in trials if as_good(trial.blocks, best.blocks))
+
+
+LEAST_GAIN = 0.05
+"""Share of the squared held-out error that a further part of a model, or fewer rows, must take away."""
+
+
+def earned(before: Float[np.ndarray, " blocks"], after: Float[np.ndarray, " blocks"]) -> bool:
+    """Whether a choice takes away enough of the held-out error, beyond the standard error of that."""
+    gains = after.mean() <= (1 - LEAST_GAIN) * before.mean()
+    return bool(gains) and not as_good(before, after)
 
 
 def as_good(blocks: Float[np.ndarray, " blocks"], least: Float[np.ndarray, " blocks"]) -> bool:

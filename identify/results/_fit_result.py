@@ -36,6 +36,9 @@ from ._metrics import Metrics
 from ._motion_detail import Motion
 from ._trained_condition import TrainedCondition, trained_condition
 
+SEAM = 0.01
+"""Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
+
 Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
 
 PURPOSES = ("predict", "compensate", "constants")
@@ -271,11 +274,16 @@ class FitResult:
         return float(seen.min()), float(seen.max())
 
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
-        """Rows with an input, a channel of it, or a condition outside those that counted in the fit."""
+        """Rows with an input, a channel of it, or a condition outside those that counted in the fit.
+
+        The verdict, `predict` and everything else that says what is beyond asks here. Less than a hundredth
+        of the trained range is no extrapolation.
+        """
         u, (low, high) = self.combined(record).input, self.trained
-        outside = (u < low) | (u > high)
-        if self.channels is not None and record.channels:
-            outside |= beyond(record, self.channels)
+        seam = SEAM * (high - low)
+        outside = (u < low - seam) | (u > high + seam)
+        if self.channels is not None and {*self.channels.names} <= {*record.columns}:
+            outside |= beyond(record, self.channels, SEAM)
         if (condition := self.condition) is not None:
             outside |= condition.beyond(record)
         return outside
