@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Status, estimate, invert
+from compensate import Status, estimate
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
 
-from .._invert import longest_of
+from .._invert import exported
+from .._run_in import run_in_of
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
@@ -52,7 +53,7 @@ def predict(
     source = selection.read(file)
     selection, compared, said = for_new_file(selection, source, inverse)
     folders = folders_of(folder, document)
-    table, measured_all, found_all, flagged = [], [], [], 0
+    table, measured_all, found_all, flagged, run_in = [], [], [], 0, None
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
@@ -68,6 +69,8 @@ def predict(
         if inverse:
             values, status = _run_backwards(fitted, record)
             words = [Status(int(s)).name for s in status]
+            run_in = run_in_of(status, record)
+            said.append(run_in.sentence(record.time_unit))
         elif motion is not None:
             values = motion.steady(record) if steady else motion.from_rest(record)
             words = _outside(fitted, record)
@@ -102,7 +105,9 @@ def predict(
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
     with atomic_file(target) as new, open_csv(new) as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
-    return {**figures, "flagged": flagged, "rows": len(table), "notes": said, "file": str(target)}
+    known = {} if run_in is None else {"compensator": run_in.document}
+    result = {**figures, "flagged": flagged, "rows": len(table), "notes": said}
+    return result | known | {"file": str(target)}
 
 
 def _motion(
@@ -162,10 +167,8 @@ def _between(fitted: identify.FitResult, record: Record) -> list[str]:
 
 
 def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """The compensator over each sequence, from the virgin state, limited to the trained inputs."""
+    """The compensator over each sequence, as it is exported."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    found = estimate(
-        invert(fitted.model, trained=fitted.trained, longest=longest_of(fitted.train)), record
-    )
+    found = estimate(exported(fitted), record)
     value, status = np.asarray(found.value), np.asarray(found.status)
     return fitted.clocks.undone(record, value), status

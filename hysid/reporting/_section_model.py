@@ -73,11 +73,11 @@ def density(case: Case) -> Section:
     assert isinstance(model.density, GridDensity)
     density, (input_unit, output_unit) = model.density, case.units
     n = density.cells
-    edges = np.linspace(density.low, density.high, n + 1)
-    width = edges[1] - edges[0]
+    edges = density.edges
+    width = np.diff(edges)
     lower = np.tri(n, dtype=bool)
     weights = np.asarray(density.weights)
-    area = width**2 * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
+    area = np.outer(width, width) * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
     excited = excited_cells(model, fit.train, fit.used)
     labels = (
         label("switch-down threshold β", input_unit),

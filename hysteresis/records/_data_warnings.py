@@ -1,14 +1,15 @@
-"""Readings that are probably not what they seem: clipped by a sensor, swapped, turned in sign."""
+"""Readings that are probably not what they seem: clipped, tared within the run, swapped, turned in sign."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._format import quantity
+from .._format import duration, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
+from ._zero_jumps import zero_jumps
 
 WIDER = 3.0
 """Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
@@ -51,8 +52,8 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
     Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
     2 % of its range, and twice as far as where the output stays as it is elsewhere, in steps of an encoder
     or behind a backlash; the input where, in one run of rows, the output goes 2 % of its range beyond
-    both ends and comes back: in a hold it creeps one way. Zero and the value of the first row are
-    the rest, not a limit.
+    both ends and comes back: in a hold it creeps one way, and single readings err. Zero and the value of
+    the first row are the rest, not a limit.
     """
     u, y, found = record.input, record.output, []
     for role, x in (("output", y), ("input", u)):
@@ -90,7 +91,25 @@ def suspicions(record: AbstractRecord) -> list[Note]:
             f"{others} while the {other} moves; {mend}."
         )
         found.append(warning("saturation", said))
-    return found + _created_energy(record)
+    return [*found, *_zero_jumps(record), *_created_energy(record)]
+
+
+def _zero_jumps(record: AbstractRecord) -> list[Note]:
+    """One note on the jumps of the zero, with the first of them."""
+    jumps = zero_jumps(record)
+    if not jumps:
+        return []
+    row, size = jumps[0]
+    at = record.lines(np.array([row]))
+    if record.time is not None:
+        at += f" ({duration(float(record.time[row]), record.time_unit)})"
+    more = f", and at {len(jumps) - 1} more rows" if jumps[1:] else ""
+    said = (
+        f"The zero of the output jumps by {quantity(size, record.output_unit)} at {at}{more}, while the "
+        "input moves on: with the jump taken out, the branches before and behind it lie on each other. "
+        "Fit the rows on one side of it alone (--exclude-lines FIRST-LAST), or correct the file."
+    )
+    return [warning("zero-jump", said)]
 
 
 def _created_energy(record: AbstractRecord) -> list[Note]:
@@ -150,6 +169,7 @@ def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
 
 
 def _bulge(y: np.ndarray) -> float:
-    """How far a series goes beyond both its ends."""
+    """How far a quarter of a series lies beyond both its ends, on one side."""
     ends = y[[0, -1]]
-    return float(max(np.max(y) - ends.max(), ends.min() - np.min(y)))
+    low, high = np.quantile(y, [0.25, 0.75])
+    return float(max(high - ends.max(), ends.min() - low))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._format import duration, quantity
+from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._change import change_warnings
@@ -41,17 +41,11 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         problem = f"Input range {quantity(span, unit)} is about the noise; nothing to identify."
         raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
     found = []
-    if (steps := _steps(record)).size:
-        low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
-        if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
-            low, high = (duration(x, record.time_unit) for x in (steps.min(), steps.max()))
-            said = f"The clock is uneven (dt {low} to {high}): models take it as it is, oscillators need"
-            found.append(warning("jittered-time", f"{said} an even one (Record.resample)."))
     if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
         way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
         said = (
-            f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
-            "fit the sponge (LinearSponge), or measure the way back."
+            f"Input only {way}: no {other}loading branch, so nothing tells hysteresis from a curve; "
+            "measure the way back."
         )
         found.append(warning("one-way-input", said))
     found = [*change_warnings(record), *found, *suspicions(record)]

@@ -294,6 +294,8 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "extrapolation": None if fit.extrapolation is None else fit.extrapolation.document,
         "purpose": fit.purpose,
         "detail": {"kind": fit.detail.kind},
+        "characteristics": [one._asdict() for one in fit.characteristics],
+        "determined": [p.name for p in fit.determined],
         "skipped": fit.skipped,
         "data": {
             "source": record.source,

@@ -27,9 +27,6 @@ TIMES = 2.0
 SHARE = 0.1
 """Of the held-out rows: so many beyond the trained range are named."""
 
-HARMLESS = ("jittered-time",)
-"""Codes of warnings about the data that no model suffers from: steps in time are taken as they are."""
-
 FIRST = ("zero-jumps", "zero-moves")
 """Codes of warnings that come before the error: no model of new runs is right under them."""
 
@@ -74,9 +71,7 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     _parameters(fit, found)
     found.cautions.extend(unseen_time_constants(fit.model, fit.train))
     notes = [*map(Note.of, warnings)]
-    for note in notes:
-        if note.code not in FIRST:
-            (found.facts if note.code in HARMLESS else found.cautions).append(note)
+    found.cautions.extend(note for note in notes if note.code not in FIRST)
     _noise(fit, found)
     if fit.purpose == "compensate":
         text = "The compensator was not tried. hysid.fit, hysid fit and hysid qualify try it."

@@ -34,6 +34,9 @@ WIDE = 1.5
 """The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
 straight one by enough to be tried."""
 
+NO_ZERO = ("degC", "degF")
+"""Units whose zero is a convention: the logarithm and the reciprocal of such a value mean nothing."""
+
 CONDITIONED = tuple(part for part in PARTS if part not in DRIFTS)
 """A condition may change slowly in a run, so a drift is not told from its effect."""
 
@@ -100,6 +103,7 @@ class ConditionedProblem(Problem):
         most = COUNTS[-1] if trained is None else min(COUNTS[-1], len(trained))
         self.counts = (*(count for count in COUNTS if count < most), most)
         wide = self.ends[0] > 0 and self.ends[1] > WIDE * self.ends[0]
+        wide = wide and record.conditions[name] not in NO_ZERO
         self.axes = AXES if wide else AXES[:1]
         self.axis, self.knot_count = "linear", 2
         self.inside_at: dict[float, Bool[np.ndarray, " unknowns"]] = {}

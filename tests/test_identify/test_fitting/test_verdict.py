@@ -349,3 +349,13 @@ def test_time_constants_that_a_record_cannot_show_are_told(eta: float, bound: fl
     _, constant, limit = numbers(verdict, "unseen-time-constant")
     assert (constant, limit) == (pytest.approx(eta, rel=0.006), pytest.approx(bound, rel=0.006))
     assert f"identifiable only as {part};" in verdict.reasons[0]
+
+
+def test_rows_that_lie_close_after_a_step_show_a_short_time_constant():
+    """The usual distance of rows on a logarithmic clock says nothing of those just after the step."""
+    t = np.r_[0.0, np.geomspace(1e-3, 1e3, 90)]
+    creep = Record.from_arrays(np.ones(len(t)), t, t)
+    said = unseen_time_constants(Burgers(E1=1.0, eta1=100.0, E2=1.0, eta2=0.02), creep)
+    assert not [note for note in said if "shorter" in note]
+    said = unseen_time_constants(Burgers(E1=1.0, eta1=100.0, E2=1.0, eta2=1e-5), creep)
+    assert [note for note in said if "shorter" in note]
