@@ -11,6 +11,11 @@ from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Level
 
+from .._invert import invert as invert_fit
+
+BAND, TWICE = 0.9, 2.0
+"""What a band of 1.645 deviations says that it holds, and times that share of misses which is too many."""
+
 
 def fitted_to_compensate(record: Record, *models: Any, **options: Any) -> identify.FitResult:
     """`identify.fit`, and for the purpose "compensate" a compensator that is tried and judged too."""
@@ -24,14 +29,33 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
 
     FAIL: the model has no inverse, an estimate is not finite, or the straight line from output to input
     that was fitted to the training rows has a smaller rms error, by more than the standard error of the
-    difference. The error of the compensator is the first reason.
+    difference. CAUTION: the specimen still changes, because a compensator runs for longer than its record;
+    the band of the estimates misses twice as many held-out inputs as it says. The error of the compensator
+    is the first reason.
     """
     level, reasons = _compensator(fit)
-    verdict = fit.verdict.at_most(level)
+    verdict = fit.verdict.at_most(level).at_most(
+        "CAUTION" if "drift" in fit.verdict.codes else "PASS"
+    )
+    if level != "FAIL" and fit.test is not None:
+        band = band_reason(invert_fit(fit).coverage)
+        verdict = verdict.at_most("PASS" if band is None else "CAUTION")
+        reasons += [] if band is None else [band]
     verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
     fit = replace(fit, purpose="compensate", verdict=verdict)
     own = replace(fit, candidates=())
     return replace(fit, candidates=(own, *fit.candidates[1:]))
+
+
+def band_reason(coverage: float) -> Note | None:
+    """What to say of a 90 % band that holds this part of the held-out inputs; None where it is right."""
+    if not coverage < 1 - TWICE * (1 - BAND):
+        return None
+    text = (
+        f"The {100 * BAND:.0f} % band of the estimates holds {100 * coverage:.0f} % of the held-out"
+    )
+    text += " inputs."
+    return Note("band", text, {"says": BAND, "coverage": coverage})
 
 
 def _compensator(fit: identify.FitResult) -> tuple[Level, list[Note]]:
