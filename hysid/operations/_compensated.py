@@ -38,7 +38,7 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
         "CAUTION" if "drift" in fit.verdict.codes else "PASS"
     )
     if level != "FAIL" and fit.test is not None:
-        band = band_reason(invert_fit(fit).coverage)
+        band = band_reason(getattr(invert_fit(fit), "coverage", float("nan")))
         verdict = verdict.at_most("PASS" if band is None else "CAUTION")
         reasons += [] if band is None else [band]
     verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
