@@ -227,7 +227,7 @@ class Problem:
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
     def _reached(self, which: tuple[int, ...], whole: CompositionUnknowns) -> tuple[float, float]:
-        """Path and time at which what drifts in these parts stopped: the end, of several runs the middle."""
+        """Path and time at which what drifts in these parts stopped: the end, of several runs a middle."""
         rows = np.isin(self.label, which)
         end = np.median if self.several and not whole.keeps_drift else np.max
         return float(end(self.memory.path[rows])), float(end(self.memory.elapsed[rows]))
