@@ -17,6 +17,7 @@ from ._header_facts import (
     clock,
     condition,
     facts,
+    motions,
     origin,
     quantity,
     tables,
@@ -85,7 +86,7 @@ class _Header:
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(), dt="dt, " if rates else "",
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN",
+            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
@@ -344,7 +345,7 @@ class _Header:
         }}"""
         e = self.error.number if self.error else 0
         deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
             if self.error else ""
         )  # fmt: skip
         text = f"""\

@@ -213,6 +213,8 @@ class Program:
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        # The error may depend on the speed where the model does not.
+        counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
             raise InputError(
                 "no-time", "This model depends on the rate, and no times were given.",
@@ -246,11 +248,12 @@ class Program:
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates,
-            "longest": self._longest(t) if rates else None,
+            "limits": [float(low), float(high)], "rates": counts_time,
+            "longest": self._longest(t) if counts_time else None,
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
+            "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {

@@ -300,7 +300,7 @@ class _Step:
             self._set("waited", real(0.0))
             self._set("begun", graph.constant(1, "int"))
             if self.error:
-                self._set("deviation", self.write.call(self.error, "deviation", value))
+                self._set("deviation", self.write.call(self.error, "deviation", passed, value))
             if self.guard:
                 value = self.write.call(
                     self.guard, "limited", passed, value, status, graph.cast(clipped, "int")
