@@ -22,6 +22,7 @@ from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
 from .._invert import error_of, longest_sequence
+from ._compensated import judged_compensator
 
 
 def export(
@@ -50,7 +51,11 @@ def export(
             place=str(folder),
             fix="Export a fit of one input that changes over time.",
         )
-    record = fitted.train
+    record, judged = fitted.train, judged_compensator(fitted)
+    # The verdict is on what is exported: on the compensator, too.
+    if fitted.purpose != "compensate":
+        better = [note for note in judged.reasons if note.code != "compensator-error"]
+        verdict = verdict.at_most(judged.level, *better)
     error = error_of(fitted).around(invert(fitted.model))
     rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
@@ -76,6 +81,7 @@ def export(
         done = write_to(target, program, path, None if target == "runtime" else real)
         files[target] = str(done.path)
         notes += [note for note in done.notes if note not in notes]
+    notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {

@@ -12,7 +12,7 @@ from hysteresis import InputError, Record
 from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
-from ._compensated import fitted_to_compensate
+from ._compensated import fitted_to_compensate, with_compensator
 from ._several_fits import together
 
 
@@ -55,7 +55,7 @@ def fit(
         if value:
             say(f"{selection.each} = {value}")
         try:
-            result = run(train, test=test, progress=say)
+            result = with_compensator(run(train, test=test, progress=say))
         except InputError as error:
             faults[value] = error
             continue
