@@ -45,8 +45,6 @@ from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._degrading_bouc_wen import LEAST_SLOPE
-from ..uncertainty._calibrated import CalibratedCompensator
-from ..uncertainty._motion import error_parameters
 from ._node import Tree, node
 from ._oscillator_tree import oscillator_node
 from ._preisach_tree import preisach_node, preisach_parts
@@ -67,22 +65,6 @@ def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 
 def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
     """`program_of` a model that is known to have an inverse, or is only run forwards."""
     return _tree(model, float(np.finfo(precision).eps), depth)
-
-
-def error_tree(found: CalibratedCompensator) -> Tree:
-    """The error of a model, by level, branch and motion, as an element."""
-    falling, rising = np.asarray(found.error)
-    return node(
-        "error",
-        {
-            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
-            "width": found.width, **error_parameters(found.motions, found.width),
-        },
-        {
-            "begun": 0, "follower": 0.0, "up": 1, "moved": 0, "known": 0, "last": 0.0, "before": 0.0,
-            "earlier": 0.0, "begin": 0.0, "elapsed": 0.0, "speed": 0.0,
-        },
-    )  # fmt: skip
 
 
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:

@@ -26,10 +26,10 @@ from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
-from ._band import banded
+from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import write
-from ._element_tree import error_tree, guard_tree, tree_of
+from ._element_tree import guard_tree, tree_of
 from ._node import ONE_WAY, Tree
 from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion

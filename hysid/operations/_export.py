@@ -21,8 +21,8 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
+from .._compensator import judged_compensator
 from .._invert import error_of, longest_sequence
-from ._compensated import judged_compensator
 
 
 def export(

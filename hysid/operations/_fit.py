@@ -9,10 +9,11 @@ from typing import Any
 import identify
 from hysteresis import InputError, Record
 
+from .._compensator import with_compensator
 from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
-from ._compensated import fitted_to_compensate, with_compensator
+from ._compensated import fitted_to_compensate
 from ._several_fits import together
 
 

@@ -12,9 +12,9 @@ from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from identify import excited_cells
 
+from .._compensator import with_compensator
 from .._invert import error_of
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ..operations._compensated import with_compensator
 from ._case import Case, Link, Section, Table, picture
 
 MEANINGS = {
