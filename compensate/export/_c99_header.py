@@ -17,6 +17,7 @@ from ._header_facts import (
     clock,
     condition,
     facts,
+    motions,
     origin,
     quantity,
     tables,
@@ -89,7 +90,7 @@ class _Header:
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN",
+            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
@@ -340,7 +341,7 @@ class _Header:
             beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
             if self.error else ""
         )  # fmt: skip
         text = f"""\

@@ -44,7 +44,6 @@ from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._degrading_bouc_wen import LEAST_SLOPE
-from ..uncertainty._calibrated import CalibratedCompensator
 from ._node import Tree, node
 from ._oscillator_tree import oscillator_node
 from ._preisach_tree import preisach_node, preisach_parts
@@ -65,19 +64,6 @@ def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 
 def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
     """`program_of` a model that is known to have an inverse, or is only run forwards."""
     return _tree(model, float(np.finfo(precision).eps), depth)
-
-
-def error_tree(found: CalibratedCompensator) -> Tree:
-    """The error of a model, by level and branch, as an element."""
-    falling, rising = np.asarray(found.error)
-    return node(
-        "error",
-        {
-            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
-            "width": found.width,
-        },
-        {"begun": 0, "follower": 0.0, "up": 1},
-    )  # fmt: skip
 
 
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:

@@ -27,10 +27,10 @@ from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
-from ._band import banded
+from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import write
-from ._element_tree import error_tree, guard_tree, tree_of
+from ._element_tree import guard_tree, tree_of
 from ._node import ONE_WAY, Tree
 from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
@@ -228,6 +228,8 @@ class Program:
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        # The error may depend on the speed where the model does not.
+        counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
             raise InputError(
                 "no-time", "This model depends on the rate, and no times were given.",
@@ -261,12 +263,13 @@ class Program:
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates,
-            "longest": self._longest(t) if rates else None,
+            "limits": [float(low), float(high)], "rates": counts_time,
+            "longest": self._longest(t) if counts_time else None,
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
             "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
+            "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {

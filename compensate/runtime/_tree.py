@@ -20,10 +20,11 @@ KINDS = (
 )  # fmt: skip
 
 
-def error_of(tree: Tree) -> Callable[[float], float]:
-    """The standard deviation of an estimate, with a state of its own."""
+def error_of(tree: Tree) -> Callable[[float, float], float]:
+    """The standard deviation of an estimate, (dt, value), with a state of its own."""
     element: Any = module_of("error")
-    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    p = _made(element.Parameters, element.ANY_MOTION | tree["parameters"])
+    s = _made(element.State, element.UNMOVED | tree["state"])
     return partial(element.deviation, p, s)
 
 

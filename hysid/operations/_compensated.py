@@ -1,15 +1,12 @@
-"""The verdict on a fit that is to compensate: its compensator against a straight line."""
+"""The verdict on a fit that is to compensate: its compensator against simple inverses."""
 
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 import identify
-from compensate import Status, estimate, invert
-from hysteresis import InputError, Note, Record
-from hysteresis._format import quantity
-from hysteresis._verdict import Level
+from hysteresis import Record
+
+from .._compensator import judged_compensator
 
 
 def fitted_to_compensate(record: Record, *models: Any, **options: Any) -> identify.FitResult:
@@ -24,51 +21,13 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
 
     FAIL: the model has no inverse, an estimate is not finite, or the straight line from output to input
     that was fitted to the training rows has a smaller rms error, by more than the standard error of the
-    difference. The error of the compensator is the first reason.
+    difference. CAUTION: only a cubic of the output, one for either way it goes, has. The error of the
+    compensator is the first reason.
     """
-    level, reasons = _compensator(fit)
-    verdict = fit.verdict.at_most(level)
-    verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
-    fit = replace(fit, purpose="compensate", verdict=verdict)
+    found = judged_compensator(fit)
+    verdict = fit.verdict.at_most(found.level)
+    verdict = verdict._replace(reasons=(*found.reasons, *verdict.reasons))
+    kept = (fit.compensator or {}) | found.document
+    fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)
     own = replace(fit, candidates=())
     return replace(fit, candidates=(own, *fit.candidates[1:]))
-
-
-def _compensator(fit: identify.FitResult) -> tuple[Level, list[Note]]:
-    record, rows, where = fit.train, fit.used, "the training rows"
-    if fit.test is not None:
-        record, rows, where = fit.test, fit.test.mask, "the held-out rows"
-    try:
-        if fit.channels is not None:
-            count = len(fit.channels.names)
-            said = f"{count} inputs cannot be recovered from one output."
-            raise InputError("not-invertible", said)
-        found = estimate(invert(fit.model, trained=fit.trained), record)
-    except InputError as error:
-        return "FAIL", [Note("not-invertible", f"There is no compensator: {error.problem}")]
-    value, status = np.asarray(found.value), np.asarray(found.status)
-    error, line = (value - record.input)[rows], (_line(fit, record) - record.input)[rows]
-    if not np.isfinite(error).all() or (status[rows] == Status.INVALID).any():
-        count = int((~np.isfinite(error) | (status[rows] == Status.INVALID)).sum())
-        said = f"The compensator has no estimate in {count} of {rows.sum()} rows."
-        return "FAIL", [Note("not-finite", said)]
-    unit = record.input_unit
-    of_both = [quantity(float(np.sqrt(np.mean(x**2))), unit, 3) for x in (error, line)]
-    said = f"The compensator estimates {record.input_name} on {where} to {of_both[0]} rms"
-    said += f" ({quantity(float(np.abs(error).max()), unit, 3)} at most)"
-    blocks = (np.array(identify.internal.block_errors(x)) for x in (line, error))
-    worse = identify.internal.root_difference(*blocks)
-    least = 1e-9 * float(np.ptp(record.input[rows]))
-    if worse is not None and worse.value > max(worse.error, least):
-        apart = f"{quantity(worse.value, unit, 2)} +- {quantity(worse.error, unit, 2)}"
-        text = f"A straight line from {record.output_name} is better: {of_both[1]} rms, less by {apart}."
-        return "FAIL", [Note("compensator-error", f"{said}."), Note("worse-than-line", text)]
-    text = f"{said}; a straight line fitted to the training rows to {of_both[1]}."
-    return "PASS", [Note("compensator-error", text)]
-
-
-def _line(fit: identify.FitResult, record: Record) -> np.ndarray:
-    """The input that the straight line through the fitted rows, from output to input, gives of each row."""
-    u, y = fit.train.input[fit.used], fit.train.output[fit.used]
-    slope, level = np.polyfit(y - y.mean(), u, 1)
-    return level + slope * (record.output - y.mean())

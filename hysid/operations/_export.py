@@ -21,6 +21,7 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
+from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
 from .._run_in import run_in_of
 
@@ -54,7 +55,11 @@ def export(
             place=str(folder),
             fix="Export a fit of one input that changes over time.",
         )
-    record = fitted.train
+    record, judged = fitted.train, judged_compensator(fitted)
+    # The verdict is on what is exported: on the compensator, too.
+    if fitted.purpose != "compensate":
+        better = [note for note in judged.reasons if note.code != "compensator-error"]
+        verdict = verdict.at_most(judged.level, *better)
     learnt = error_of(fitted)
     error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
     rows = longest_sequence(record, record.mask & np.isfinite(record.output))
@@ -83,6 +88,7 @@ def export(
     run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
+    notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {

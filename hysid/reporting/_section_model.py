@@ -5,11 +5,15 @@ from collections import Counter
 import numpy as np
 
 from compensate import Status
+from compensate.export._header_facts import learnt_on
+from compensate.uncertainty._motion import error_parameters
 from hysteresis import InputError, Preisach
 from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from identify import excited_cells
 
+from .._compensator import with_compensator
+from .._invert import error_of
 from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Link, Section, Table, picture
 
@@ -148,6 +152,7 @@ def compensator(case: Case) -> Section:
     counts = Counter(int(s) for s in trip.status[trip.counted])
     said = [f"{k:,} {MEANINGS[Status(s)]}" for s, k in counts.most_common()]
     section.text.append(f"Status of the {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
+    _beside(case, section)
     if len(record) < len(whole):
         last = trip.first + len(record) - 1
         section.notes.append(
@@ -182,3 +187,38 @@ def compensator(case: Case) -> Section:
         )
     )
     return section
+
+
+def _beside(case: Case, section: Section) -> None:
+    """The errors of simple inverses, what the band holds, and for which motions it was learnt."""
+    fit, unit = with_compensator(case.fit), case.units[0]
+    found = fit.compensator
+    assert found is not None
+    if found["refused"] is not None:
+        return
+    rows = [
+        (
+            name,
+            quantity(one["rmse"], unit),
+            quantity(one["nrmse_percent"], "%"),
+            quantity(one["max_abs"], unit),
+        )
+        for name, one in (("compensator", found), *((b["name"], b) for b in found["baselines"]))
+    ]
+    caption = "Simple inverses on the same rows, fitted to the training rows."
+    columns = ("Inverse", "Error, rms", "Of the range", "At most")
+    section.tables.append(Table(caption, columns, rows, strong=0))
+    if found["better"]:
+        section.notes.append(
+            f"Backwards, {' and '.join(found['better'])} is better than the model."
+        )
+    if "band" not in found:
+        return
+    band = error_of(fit)
+    known = learnt_on(error_parameters(band.motions, band.width))
+    said = f"Its deviation was learnt {known}. Where the last two turns or the speed are others, it grows."
+    if np.isfinite(band.coverage):
+        said += f" 1.645 deviations hold {number(100 * band.coverage)} % of the held-out rows."
+    if band.coverage_before < band.coverage:
+        said += f" It was widened, because before it held {number(100 * band.coverage_before)} %."
+    section.text.append(said)
