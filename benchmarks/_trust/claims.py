@@ -53,7 +53,9 @@ def _text(name: str) -> str:
 
 def _strains(seed: int = 0) -> np.ndarray:
     turns = np.random.default_rng(seed).uniform(0, 0.9, 12)
-    return np.concatenate([np.linspace(a, b, 20) for a, b in zip(turns[:-1], turns[1:], strict=True)])
+    return np.concatenate(
+        [np.linspace(a, b, 20) for a, b in zip(turns[:-1], turns[1:], strict=True)]
+    )
 
 
 def _slip(x: np.ndarray, length: float) -> np.ndarray:
@@ -163,7 +165,9 @@ def no_false_phrase() -> bool:
     """None of the sentences that were false stands in code, docs, cards or the changelog."""
     places = [ROOT / "CHANGELOG.md", ROOT / "README.md"]
     for folder in ("docs", "datasets", "hysteresis", "identify", "compensate", "hysid", "tests"):
-        places += [f for f in (ROOT / folder).rglob("*") if f.suffix in (".md", ".py", ".j2", ".toml")]
+        places += [
+            f for f in (ROOT / folder).rglob("*") if f.suffix in (".md", ".py", ".j2", ".toml")
+        ]
     texts = (" ".join(place.read_text(encoding="utf-8").split()) for place in places)
     return not any(phrase in text for text in texts for phrase in FALSE)
 
@@ -186,7 +190,9 @@ def armor_page_is_virtual() -> bool:
     with tempfile.TemporaryDirectory() as out:
         found = solver.solve(force, moment)
         title = f"One press{VIRTUAL}"
-        save_touches(Path(out), shell_of(solver.shape), presses.time, force, moment, found, title=title)
+        save_touches(
+            Path(out), shell_of(solver.shape), presses.time, force, moment, found, title=title
+        )
         page = Path(view(Path(out))["file"]).read_text(encoding="utf-8")
     source = (ROOT / "hysid/reproduction/_armor_touches.py").read_text(encoding="utf-8")
     return "virtual" in page.partition("</h1>")[0] and "{VIRTUAL}" in source
@@ -197,7 +203,9 @@ def armor_recommends_options() -> bool:
     from typer.main import get_command
 
     commands = get_command(app).commands["armor"].commands  # type: ignore[attr-defined]
-    has = {name for name in ("calibrate", "solve") for p in commands[name].params for name in p.opts}
+    has = {
+        name for name in ("calibrate", "solve") for p in commands[name].params for name in p.opts
+    }
     named = {o for fix in REMEDIES.values() for o in re.findall(r"(?<!\S)--[a-z-]+", fix)}
     named -= {"--input", "--output"}  # those of hysid fit, which is named beside them
     return named <= has | {"--out"} and not any("(model" in fix for fix in REMEDIES.values())
@@ -228,7 +236,9 @@ def rows(quick: bool) -> list[Row]:
     """Each claim with a 1 where it is true, and how many are not."""
     claims = [claim for claim in CLAIMS if not (quick and claim in SLOW)]
     true = {claim: bool(claim()) for claim in claims}
-    found = [judged(f"{ROW}: not true, of {len(true)}", float(sum(not x for x in true.values())), 0.0)]
+    found = [
+        judged(f"{ROW}: not true, of {len(true)}", float(sum(not x for x in true.values())), 0.0)
+    ]
     for claim, is_true in true.items():
         about = (claim.__doc__ or "").split("\n")[0]
         found.append(judged(f"  {about}", float(is_true), 1.0, at_least=True))

@@ -137,7 +137,8 @@ def facts(case: Case) -> list[tuple[str, str]]:
 def made_of(case: Case) -> Section:
     """The technical sum of parts, with the parameters that the data determine."""
     section = parameters(case)
-    section.text.insert(0, f"{case.fit.name}. {in_words(case)}")
+    solver = "Its weights come from non-negative least squares."
+    section.text.insert(0, f"{case.fit.name}. {in_words(case)} {solver}")
     section.title, section.folded = "What the model is made of", True
     return section
 
