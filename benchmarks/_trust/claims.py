@@ -8,6 +8,7 @@ import re
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ FALSE = (
 """What was said once and is not so."""
 
 LAYERS = {50.0: (0.08, 0.60), 10.0: (0.04, 0.19)}
-"""Of `FoamBlock`'s docstring: thickness in mm -> height left of the highest and of the lowest layer at 20 N."""
+"""Of `FoamBlock`'s docstring: thickness in mm -> height left of the first and the last layer at 20 N."""
 
 
 def _text(name: str) -> str:
@@ -53,9 +54,7 @@ def _text(name: str) -> str:
 
 def _strains(seed: int = 0) -> np.ndarray:
     turns = np.random.default_rng(seed).uniform(0, 0.9, 12)
-    return np.concatenate(
-        [np.linspace(a, b, 20) for a, b in zip(turns[:-1], turns[1:], strict=True)]
-    )
+    return np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(turns)])
 
 
 def _slip(x: np.ndarray, length: float) -> np.ndarray:
