@@ -38,7 +38,7 @@ def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Character
 
 
 def test_figures_of_a_known_loop():
-    x, force, t = rig(hold=30.0, softer=0.1, drift=0.3)
+    x, force, t = rig(softer=0.1, drift=0.3)
     found = told(record_of(force, x, t))
     # Branches that do not meet are joined by one step at either end, and a drift is spread over a loop.
     assert found["stiffness"].value == pytest.approx(0.95 * STIFFNESS, rel=0.02)
@@ -47,8 +47,10 @@ def test_figures_of_a_known_loop():
     assert found["energy a cycle"].unit == "N * mm"
     assert found["softening"].value == pytest.approx(10, abs=0.5)
     assert found["zero drift"].value == pytest.approx(0.3, abs=0.02)
-    assert found["relaxation time"].value == pytest.approx(TAU, rel=0.02)
-    assert all(one.error == pytest.approx(0, abs=1e-9) for one in found.values())
+    errors = [one.error for one in found.values() if one.value is not None]
+    assert errors == pytest.approx([0.0] * 5, abs=1e-9)
+    x, force, t = rig(hold=30.0)
+    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.05)
 
 
 def test_stiffness_is_load_over_deformation_whichever_is_the_input():
