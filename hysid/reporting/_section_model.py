@@ -45,6 +45,11 @@ def posterior(case: Case) -> Section:
     section.text.append(
         f"{ensembles * draws:,} draws by {posterior.method}, in {posterior.seconds:.3g} s. {believed}"
     )
+    if fit.detail.is_linear:
+        section.text.append(
+            "emcee samples the noise, its correlation and the prior's strength alone; the weights are drawn"
+            " given those, each draw by non-negative least squares."
+        )
     columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
     rows: list[tuple[str | Link, ...]] = [
         (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")

@@ -30,6 +30,9 @@ COUNTED = 0.9
 END = 0.02
 """Of a cycle's range of inputs: rows so close to an end belong to it."""
 
+LEVELS, MARGIN = 33, 0.05
+"""Of the input, at which the middle between the branches is taken, and the part left out at either end."""
+
 HELD, HELD_ROWS = 0.02, 8
 """A hold: so many rows in which the input stays within this part of its range."""
 
@@ -77,8 +80,8 @@ def characteristics(
 ) -> tuple[Characteristic, ...]:
     """The figures of a record and of a model that leaves these residuals on its `used` rows.
 
-    - stiffness: load over deformation between the ends of a cycle, where the units tell them apart;
-      otherwise the slope, output over input.
+    - stiffness: of the line through the middle of the loop, load over deformation where the units tell
+      them apart; otherwise the slope, output over input.
     - loop width: mean distance of the branches. energy a cycle: the loop's area.
     - softening: change of the stiffness from the first of these cycles to the last.
     - zero drift: change of the output at the cycle's lowest input, likewise.
@@ -167,9 +170,17 @@ def _cycles(
 
 def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]) -> _Cycle:
     low, high = float(u.min()), float(u.max())
-    top, bottom = u >= high - END * (high - low), u <= low + END * (high - low)
-    rise = u[top].mean() - u[bottom].mean()
-    slope = (y[:, top].mean(1) - y[:, bottom].mean(1)) / rise
+    turn = int(np.argmax(np.abs(u - u[0])))
+    legs = [
+        leg[np.argsort(u[leg], kind="stable")]
+        for leg in (np.arange(turn + 1), np.arange(turn, len(u)))
+    ]
+    ends = max(u[leg[0]] for leg in legs), min(u[leg[-1]] for leg in legs)
+    # Close to its ends a branch is still that of the leg before.
+    levels = ends[0] + (ends[1] - ends[0]) * np.linspace(MARGIN, 1 - MARGIN, LEVELS)
+    middle = np.mean([[np.interp(levels, u[leg], one[leg]) for one in y] for leg in legs], axis=0)
+    slope = np.polyfit(levels, middle.T, 1)[0]
+    bottom = u <= low + END * (high - low)
     sums = [loop_sums(u, one, np.ones(len(u), bool)) for one in y]
     area = np.array([abs(net) for net, _, _ in sums])
     common = np.array([span for _, _, span in sums])
