@@ -57,13 +57,6 @@ class Change(NamedTuple):
         return abs(self.rate) > SURE * self.error
 
 
-class Jump(NamedTuple):
-    """A zero that jumps between two rows while the input moves on: the later row, and by how much."""
-
-    row: int
-    size: float
-
-
 def change(record: AbstractRecord) -> Change | None:
     """Compare the cycles of the sequence that has most of one kind; None where there are fewer than four.
 
@@ -88,50 +81,10 @@ def change(record: AbstractRecord) -> Change | None:
     return Change(rate, error, len(means), levels.duration, moved, first, last)
 
 
-def jump(record: AbstractRecord) -> Jump | None:
-    """The row before which the zero jumps once and stays, while the input moves on as it did; else None.
-
-    The step is larger than any other one of the sequence, less what its neighbours change, by a factor
-    of three, and the cycles after it lie as far from those before it, to within half of it. The steep
-    flanks of a loop come again in every cycle, and a gap in the record moves the input too.
-    """
-    for _, rows in record.sequences():
-        levels = _levels(record, rows)
-        if levels is None:
-            continue
-        u, y = record.input[rows], record.output[rows]
-        step, way = np.diff(y), np.abs(np.diff(u))
-        size = np.abs(np.where(np.isfinite(step), step, 0.0))
-        at = int(size.argmax())
-        near = np.r_[max(at - 3, 0) : at, at + 1 : min(at + 4, len(step))]
-        by = float(step[at] - np.nanmedian(step[near]))
-        others = np.delete(size, np.r_[max(at - 1, 0) : min(at + 2, len(size))])
-        if abs(by) < 3 * others.max(initial=0.0) or way[at] > 2 * way[near].max():
-            continue
-        number = record.cycle[rows.start + at]
-        zeros = np.nanmedian(levels.apart, axis=1)
-        before, after = zeros[levels.numbers < number], zeros[levels.numbers > number]
-        if len(before) and len(after):
-            shift = np.median(after) - np.median(before)
-            if abs(shift - by) < abs(by) / 2:
-                return Jump(rows.start + at + 1, by)
-    return None
-
-
 def change_warnings(record: AbstractRecord) -> list[Note]:
-    """A zero that jumps, or that moves by 15 % of the output's range, each a sentence with its fix."""
+    """A zero that moves by 15 % of the output's range, as a sentence with its fix."""
     y, unit = record.output, record.output_unit
     span = float(np.ptp(y[np.isfinite(y)])) if np.isfinite(y).any() else 0.0
-    if (found := jump(record)) is not None and abs(found.size) > MOVED * span:
-        at = f"at row {found.row + 1}"
-        if record.time is not None:
-            at += f" ({record.time[found.row]:.6g} {record.time_unit})"
-        said = (
-            f"The zero of the output jumps by {quantity(found.size, unit, 3)} {at}, while the input moves"
-            " on: was the sensor tared there? Fit the rows before and after it apart (--exclude-lines),"
-            " or correct the column."
-        )
-        return [warning("zero-jumps", said, {"row": found.row + 1, "size": found.size})]
     one = change(record)
     if one is None or abs(one.moved) < MOVED * span:
         return []

@@ -48,7 +48,10 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
             "measure the way back."
         )
         found.append(warning("one-way-input", said))
-    found = [*change_warnings(record), *found, *suspicions(record)]
+    others = suspicions(record)
+    # A zero that jumps moves, too; either is told first.
+    first = [note for note in others if note.code == "zero-jump"] or change_warnings(record)
+    found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
         said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
