@@ -37,8 +37,8 @@ class Judged(NamedTuple):
 
 
 def with_compensator(fit: identify.FitResult) -> identify.FitResult:
-    """The fit with what fit.json says of its compensator: figures, simple inverses, the band, and when it is
-    OK where it is switched on at the first row."""
+    """The fit with what fit.json says of its compensator: figures, simple inverses, the band, and when it
+    is OK where it is switched on at the first row."""
     if fit.compensator is None or "baselines" not in fit.compensator:
         kept = (fit.compensator or {}) | judged_compensator(fit).document
         fit = replace(fit, compensator=kept)

@@ -24,7 +24,7 @@ from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
-from ..catalogue._synthetic import is_synthetic
+from .._synthetic import is_synthetic
 from ._calibration import calibrate_armor
 from ._description import Description, read_description
 from ._remedies import with_remedies
