@@ -11,7 +11,8 @@ from hysteresis import InputError, Note
 from hysteresis._format import quantity
 from hysteresis._verdict import Level
 
-from ._invert import error_of
+from ._invert import exported
+from ._run_in import run_in_of
 
 AT_ONCE = 20_000
 """Rows up to which the band is learnt with the fit; a longer record's at its first use."""
@@ -36,13 +37,16 @@ class Judged(NamedTuple):
 
 
 def with_compensator(fit: identify.FitResult) -> identify.FitResult:
-    """The fit with what fit.json says of its compensator: figures, simple inverses, and the band."""
+    """The fit with what fit.json says of its compensator: figures, simple inverses, the band, and when it
+    is OK where it is switched on at the first row."""
     if fit.compensator is None or "baselines" not in fit.compensator:
         kept = (fit.compensator or {}) | judged_compensator(fit).document
         fit = replace(fit, compensator=kept)
     assert fit.compensator is not None
     if fit.compensator["refused"] is None and len(fit.train) <= AT_ONCE:
-        error_of(fit)
+        status = estimate(exported(fit), fit.train).status
+        kept = fit.compensator | run_in_of(np.asarray(status), fit.train).document
+        fit = replace(fit, compensator=kept)
     return fit
 
 

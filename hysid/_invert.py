@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import AbstractCompensator, CalibratedCompensator, LeftOut, calibrated
+from compensate import (
+    AbstractCompensator,
+    CalibratedCompensator,
+    LeftOut,
+    Past,
+    calibrated,
+)
 from compensate import invert as invert_model
 from compensate.guards._guarded import longest_step
 from compensate.uncertainty._band_words import in_words, of_words
@@ -41,6 +47,9 @@ def invert(
 
     The band is learnt once, and saved with the fit: whatever uses it shows the same one.
 
+    With `start="unknown"`, as `hysid export` writes it, the status is RUN_IN while estimates that begin
+    where the training may have left a specimen differ by more than the usual deviation.
+
     **Arguments:** a fit of one input, or a model; the others are those of `compensate.invert`. `beyond` and
     `start` choose another guard, `trained` and `longest` other limits.
 
@@ -55,10 +64,28 @@ def invert(
     if not isinstance(fit_or_model, FitResult):
         return invert_model(fit_or_model, *arguments, **options)
     fit = fit_or_model
-    own_guard = {"trained": fit.trained, "longest": longest_of(fit.train)}
-    guarded = invert_model(fit.model, *arguments, **(own_guard | options))
-    learnt = replace(error_of(fit), has_draws=False, units=guarded.units)
+    learnt = error_of(fit)
+    guarded = invert_model(fit.model, *arguments, **(guard_of(fit, learnt) | options))
+    learnt = replace(learnt, has_draws=False, units=guarded.units)
     return learnt.around(guarded)
+
+
+def exported(fit: FitResult) -> AbstractCompensator:
+    """The compensator as `hysid export` writes it: switched on at any time."""
+    return invert(fit, start="unknown")
+
+
+def guard_of(fit: FitResult, error: CalibratedCompensator) -> dict[str, Any]:
+    """What a fit's compensator is guarded by: options of `compensate.invert`."""
+    used = fit.train.mask & np.isfinite(fit.train.output)
+    rows = longest_sequence(fit.train, used)
+    times = None if fit.train.time is None else fit.train.time[rows]
+    return {
+        "trained": fit.trained,
+        "longest": longest_of(fit.train),
+        "past": Past(times, fit.train.input[rows]),
+        "deviation": float(np.median(np.asarray(error.error))),
+    }
 
 
 def error_of(fit: FitResult) -> CalibratedCompensator:

@@ -7,7 +7,7 @@ from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import parts_of
+from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
 from ._cost import cost
@@ -52,6 +52,9 @@ class _Header:
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.others = [
+            self._part(begun(document["tree"], iter(states))) for states in document["starts"]
+        ]
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
@@ -79,19 +82,20 @@ class _Header:
         return "\n\n".join(section for section in sections if section)
 
     def _about(self) -> str:
-        d, rates = self.document, self.document["rates"]
+        d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
+        whole = self.root, self.error, self.guard, *self.others
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
-            stem_upper=self.stem.upper(), dt="dt, " if rates else "",
+            stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
             unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
+            operations=f"{sum(p.cost['find'] for p in whole if p) + 60:,}",
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
@@ -127,7 +131,8 @@ class _Header:
 
     def _constants(self, part: _Part) -> str:
         home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
-        first = next(p.number for p in self.parts if p.tree is part.tree)
+        own = part.tree["parameters"]
+        first = next(p.number for p in self.parts if p.tree.get("parameters") is own)
         if first != part.number:  # the same parameters with another memory
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
@@ -159,8 +164,8 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        trees = {id(p.tree): p.tree.get("parameters", {}).values() for p in self.parts}
-        return sum(len(v) if isinstance(v, list) else 1 for of in trees.values() for v in of)
+        own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
+        return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
     # The state
 
@@ -314,7 +319,6 @@ class _Header:
         stem, upper, real, k = self.stem, self.stem.upper(), self.real, self.root.number
         low, high = (self._number(v, "real") for v in self.document["limits"])
         zero, rates = self._number(0, "real"), self.document["rates"]
-        time = f"{real} dt, " if rates else ""
         longest = self._number(self.document.get("longest") or LONGEST, "real") if rates else ""
         # Not !(dt <= 0): a dt that is NaN is no time.
         passing = f"""\
@@ -324,25 +328,17 @@ class _Header:
             s->waited = {longest};
         }}
     }}
-""" if rates else ""  # fmt: skip
+""" if rates else "    (void)dt;\n"  # fmt: skip
         held = f"{real} condition, " if self.condition else ""
         takes = "".join(
             f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
             for p in self.parts if p.tree["kind"] == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        strange = f"""
-        if (passed >= {longest}
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}""" if rates else ""  # fmt: skip
+        beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
         if self.condition:
             first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            strange += f"""
-        if ((condition < {first} || condition > {last})
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}"""
+            beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
             f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
@@ -351,7 +347,7 @@ class _Header:
         text = f"""\
 /* One reading in, one estimate and its deviation out; what it is worth is returned. */
 static inline int {stem}_step(
-    {stem}_state *s, {time}{real} reading, {held}{real} *estimate, {real} *deviation)
+    {stem}_state *s, {real} dt, {real} reading, {held}{real} *estimate, {real} *deviation)
 {{
     int status = {upper}_INVALID;
 {passing}    if ({usable}) {{
@@ -360,7 +356,8 @@ static inline int {stem}_step(
             seen = {high};
         }}
         {real} passed = s->begun ? s->waited : {zero};{takes}
-        s->estimate = {stem}_{k}_find(s, passed, seen);{strange}
+        s->estimate = {stem}_{k}_find(s, passed, seen);
+        int beyond = {beyond};
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
 {self._guarded()}
@@ -374,11 +371,15 @@ static inline int {stem}_step(
         if not self.predicts:
             return text
         nearest, farthest = (self._number(v, "real") for v in self.document["inputs"])
+        others = "".join(
+            f"\n    (void){stem}_{other.number}_move(s, passed, input);" for other in self.others
+        )
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
  * changes nothing; one far beyond the trained ones is taken for the nearer end. */
-static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and f", {real} condition"})
+static inline {real} {stem}_predict(
+    {stem}_state *s, {real} dt, {real} input{held and f", {real} condition"})
 {{
 {passing}    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
         return ({real})NAN;
@@ -390,7 +391,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         input = {farthest};
     }}
     s->estimate = input;{takes.replace("        (", "    (")}
-    {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
+    {real} passed = s->begun ? s->waited : {zero};
+    {real} reading = {stem}_{k}_move(s, passed, input);{others}
     s->waited = {zero};
     s->begun = 1;
     return reading;
@@ -402,13 +404,23 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         if not self.guard:
             return f"""\
         status = s->n{k}.status;
-        if (status == {upper}_OK && seen != reading) {{
+        if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
             status = {upper}_EXTRAPOLATED;
         }}"""
-        g = self.guard.number
+        g, real, size = self.guard.number, self.real, "fabsf" if self.single else "fabs"
+        away = "".join(
+            f"""\
+        {{
+            {real} away = {size}({stem}_{other.number}_find(s, passed, seen) - s->estimate);
+            apart = away > apart ? away : apart;
+        }}
+"""
+            for other in self.others
+        )
         text = f"""\
-        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, passed, s->estimate, s->n{k}.status, seen != reading);
+        {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
+{away}        s->estimate = {stem}_guard_limited(
+            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart);
         status = s->n{g}.status;"""
         if self.guard.tree["beyond"] != "nan":
             return text
@@ -422,7 +434,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         n, rates = len(golden["reading"]), self.document["rates"]
         given = ["dt"] * rates + ["reading"] + ["condition"] * bool(self.condition) + ["value"]
         at = f"{stem.upper()}_AT"
-        passed = "".join(f"{at}({name}, k), " for name in given[:-1])
+        passed = "" if rates else f"{self._number(0, 'real')}, "
+        passed += "".join(f"{at}({name}, k), " for name in given[:-1])
         arrays = "\n".join(
             f"    static const {real} {k}[{n}] {stem.upper()}_TABLE = {self._list(golden[k])};"
             for k in given

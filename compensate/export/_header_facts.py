@@ -15,7 +15,7 @@ HEAD = """\
 
     {stem}_state state;
     {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
+    int status = {stem}_step(&state, dt, reading, {held}&estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
@@ -50,13 +50,13 @@ def trained(document: dict[str, Any], stem: str) -> str:
         f" The model was trained on {p['low']:.6g} to {p['high']:.6g};"
         f" an estimate beyond {BEYOND[guard['beyond']]},\n{upper}_EXTRAPOLATED."
     )
-    if not p["unknown"]:
+    if not (starts := len(document["starts"])):
         return text
-    wait = f", and {p['time']:.4g} of dt have passed" if p["time"] else ""
-    ends = "there was a reading"
-    if p["bottom"] < p["top"]:
-        ends = f"an estimate was at most {p['bottom']:.6g}, another at least {p['top']:.6g}"
-    return f"{text}\nAfter a reset the status is {upper}_RUN_IN until {ends}{wait}."
+    return (
+        f"{text}\nAfter a reset the status is {upper}_RUN_IN until estimates that begin in {starts} other"
+        f" state{'s' * (starts > 1)} are at most\n{p['within']:.3g} away: then it no longer matters what"
+        " came before."
+    )
 
 
 def motions(document: dict[str, Any]) -> str:
@@ -82,9 +82,9 @@ def learnt_on(p: Mapping[str, Any]) -> str:
 
 
 def clock(document: dict[str, Any], stem: str) -> str:
-    """What dt is, and how long it may be; nothing where no rate matters."""
+    """What dt is, and how long it may be."""
     if not document["rates"]:
-        return ""
+        return "dt: time since the last call, which this model does not need: any number.\n"
     longest = document.get("longest") or LONGEST
     return (
         f"dt: time since the last call, in the unit of the model's times, at most {longest:.6g}; a"

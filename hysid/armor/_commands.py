@@ -24,11 +24,13 @@ from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
+from .._synthetic import is_synthetic
 from ._calibration import calibrate_armor
 from ._description import Description, read_description
+from ._remedies import with_remedies
 from ._tables import read_presses, read_wrenches
 from ._touches import FILE as TOUCHES
-from ._touches import save_touches, shell_of
+from ._touches import VIRTUAL, save_touches, shell_of
 
 DOCUMENT, ARRAYS = "calibration.json", "calibration.npz"
 RUNTIME, CONTACTS = "armor.json", "contacts.csv"
@@ -45,6 +47,7 @@ UNCALIBRATED = (
 )
 
 
+@with_remedies
 def calibrate(
     presses: Path, sponge: Path, shape: Path, out: Path, *, unit: str | None = None,
     overwrite: bool = False,
@@ -90,6 +93,7 @@ def calibrate(
     }  # fmt: skip
 
 
+@with_remedies
 def solve(
     wrenches: Path, out: Path, *, sponge: Path | None = None, shape: Path | None = None,
     calibrated: Path | None = None, unit: str | None = None, stream: bool = False,
@@ -130,9 +134,10 @@ def solve(
     _write_contacts(out / CONTACTS, table.time, table.line, found, covariance)
     wrench = uncertain.armor.sensor.read(readings)
     time = np.arange(float(len(readings))) if table.time is None else table.time
+    title = wrenches.name + (VIRTUAL if is_synthetic(table.sha256) else "")
     save_touches(
         out, shell_of(uncertain.armor.solver.shape), time, np.asarray(wrench.force),
-        np.asarray(wrench.moment), contact, title=wrenches.name, covariance=covariance,
+        np.asarray(wrench.moment), contact, title=title, covariance=covariance,
     )  # fmt: skip
     runtime, notes = _exported(uncertain.armor, out / RUNTIME, material)
     if calibrated is None:

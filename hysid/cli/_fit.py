@@ -68,6 +68,14 @@ def fit(
             " nothing.",
         ),
     ] = "auto",
+    drift: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("auto", "keep"),
+            help="auto: a drift explains the training rows and is not in the model; keep: it is in the"
+            " model, and stops at its last value.",
+        ),
+    ] = "auto",
     noise: Annotated[
         str,
         typer.Option(
@@ -124,9 +132,9 @@ def fit(
     out = out or (file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit"))
     document = _fit.fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
-        conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
-        purpose=purpose, allow_float32=allow_float32, parameters=parameters_said(config, parameter),
-        period=period, oversampling=oversampling,
+        conditioning=conditioning, clocks=clocks, drift=drift, noise=noise, starts=starts,
+        seed=seed, purpose=purpose, allow_float32=allow_float32,
+        parameters=parameters_said(config, parameter), period=period, oversampling=oversampling,
     )  # fmt: skip
     lines = verdict_lines(document)
     if "each" not in document:

@@ -4,9 +4,11 @@ from dataclasses import replace
 from typing import Any
 
 import identify
-from hysteresis import Record
+from compensate.uncertainty._calibrated import LEAST_COVERAGE
+from hysteresis import Note, Record
 
 from .._compensator import judged_compensator
+from .._invert import error_of
 
 
 def fitted_to_compensate(record: Record, *models: Any, **options: Any) -> identify.FitResult:
@@ -21,13 +23,28 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
 
     FAIL: the model has no inverse, an estimate is not finite, or the straight line from output to input
     that was fitted to the training rows has a smaller rms error, by more than the standard error of the
-    difference. CAUTION: only a cubic of the output, one for either way it goes, has. The error of the
-    compensator is the first reason.
+    difference. CAUTION: only a cubic of the output, one for either way it goes, has; the specimen still
+    changes, because a compensator runs for longer than its record; the band of the estimates had to be
+    widened to hold the held-out inputs. The error of the compensator is the first reason.
     """
     found = judged_compensator(fit)
-    verdict = fit.verdict.at_most(found.level)
-    verdict = verdict._replace(reasons=(*found.reasons, *verdict.reasons))
+    reasons = [*found.reasons]
+    changes = "drift" in fit.verdict.codes
+    verdict = fit.verdict.at_most(found.level).at_most("CAUTION" if changes else "PASS")
+    if found.level != "FAIL" and (band := band_reason(error_of(fit).coverage_before)) is not None:
+        verdict, reasons = verdict.at_most("CAUTION"), [*reasons, band]
+    verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
     kept = (fit.compensator or {}) | found.document
     fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)
     own = replace(fit, candidates=())
     return replace(fit, candidates=(own, *fit.candidates[1:]))
+
+
+def band_reason(coverage: float) -> Note | None:
+    """What to say of a 90 % band that held this part of the held-out inputs; None where it is right."""
+    if not coverage < LEAST_COVERAGE:
+        return None
+    text = f"The 90 % band of the estimates held {100 * coverage:.0f} % of the held-out inputs."
+    return Note(
+        "band", f"{text} It was widened to hold nine tenths.", {"says": 0.9, "coverage": coverage}
+    )

@@ -15,7 +15,8 @@ from hysteresis import InputError, Record
 from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
 
-from .._invert import invert
+from .._invert import exported
+from .._run_in import run_in_of
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
@@ -55,7 +56,7 @@ def predict(
     source = selection.read(file)
     selection, compared, said = for_new_file(selection, source, inverse)
     folders = folders_of(folder, document)
-    table, measured_all, found_all, flagged, bands = [], [], [], 0, {}
+    table, measured_all, found_all, flagged, run_in, bands = [], [], [], 0, None, {}
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
@@ -71,6 +72,8 @@ def predict(
         if inverse:
             values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)
             words = [Status(int(s)).name for s in status]
+            run_in = run_in_of(status, record)
+            said.append(run_in.sentence(record.time_unit))
         elif motion is not None:
             values = motion.steady(record) if steady else motion.from_rest(record)
             words = _outside(fitted, record)
@@ -107,9 +110,9 @@ def predict(
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
     with atomic_file(target) as new, open_csv(new) as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
-    band = {"band": bands.get("", bands)} if inverse else {}
+    known = {} if run_in is None else {"band": bands.get("", bands), "compensator": run_in.document}
     counts = {"flagged": flagged, "rows": len(table)}
-    return {**figures, **counts, **band, "notes": said, "file": str(target)}
+    return {**figures, **counts, **known, "notes": said, "file": str(target)}
 
 
 def _motion(
@@ -171,10 +174,10 @@ def _between(fitted: identify.FitResult, record: Record) -> list[str]:
 def _run_backwards(
     fitted: identify.FitResult, record: Record, compared: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float | None]]:
-    """Estimates, deviations and statuses of the compensator over each sequence, from the virgin state, and
-    what its band holds."""
+    """Estimates, deviations and statuses of the compensator over each sequence, as it is exported,
+    and what its band holds."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    band = invert(fitted)
+    band = exported(fitted)
     assert isinstance(band, CalibratedCompensator)
     found = estimate(band, record)
     here = band_holds(band, fitted.clocks.applied(record))[0] if compared else np.nan

@@ -26,7 +26,7 @@ from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
 
-from .._invert import error_of, longest_of
+from .._invert import error_of, exported
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit
@@ -113,7 +113,7 @@ def _of_one(
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     # Estimates are of the input on the model's clock.
     record = fitted.clocks.applied(record)
-    compensator = invert(fitted.model, trained=fitted.trained, longest=longest_of(fitted.train))
+    compensator = exported(fitted)
     ensemble, facts = None, []
     if lag := fitted.clocks.lag:
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"

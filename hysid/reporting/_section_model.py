@@ -45,6 +45,11 @@ def posterior(case: Case) -> Section:
     section.text.append(
         f"{ensembles * draws:,} draws by {posterior.method}, in {posterior.seconds:.3g} s. {believed}"
     )
+    if fit.detail.is_linear:
+        section.text.append(
+            "emcee samples the noise, its correlation and the prior's strength alone; the weights are drawn"
+            " given those, each draw by non-negative least squares."
+        )
     columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
     rows: list[tuple[str | Link, ...]] = [
         (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")
@@ -77,11 +82,11 @@ def density(case: Case) -> Section:
     assert isinstance(model.density, GridDensity)
     density, (input_unit, output_unit) = model.density, case.units
     n = density.cells
-    edges = np.linspace(density.low, density.high, n + 1)
-    width = edges[1] - edges[0]
+    edges = density.edges
+    width = np.diff(edges)
     lower = np.tri(n, dtype=bool)
     weights = np.asarray(density.weights)
-    area = width**2 * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
+    area = np.outer(width, width) * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
     excited = excited_cells(model, fit.train, fit.used)
     labels = (
         label("switch-down threshold β", input_unit),

@@ -307,6 +307,8 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         **({} if fit.compensator is None else {"compensator": fit.compensator}),
         "purpose": fit.purpose,
         "detail": {"kind": fit.detail.kind},
+        "characteristics": [one._asdict() for one in fit.characteristics],
+        "determined": [p.name for p in fit.determined],
         "skipped": fit.skipped,
         "data": {
             "source": record.source,
