@@ -233,7 +233,7 @@ def calibrated(
     visits, visit = np.unique(group * ways + place, return_inverse=True)
     of_visit, rows = visits // ways, np.bincount(visit)
 
-    def facts(variance: np.ndarray) -> np.ndarray:
+    def facts(variance: np.ndarray, r: np.ndarray = r) -> np.ndarray:
         """Likelihoods averaged within a visit, whose samples err alike, so that a visit counts once."""
         found = -(np.log(variance) + r**2 / variance) / 2
         return np.stack([np.bincount(visit, row) for row in found]) / rows
@@ -272,10 +272,14 @@ def calibrated(
     wider = 1.0
     if len(left_out) and (n := len(np.unique(of_visit))) > 1:
         open_to = float(stdtrit(n - 1, 0.95)) * np.sqrt(1 + 1 / n) / NORMAL_95
-        least = _scale(r, own, more)
-        wider = float(np.clip(_scale(r, unseen, more), least, open_to * least))
+        inside = _scale(r, own, more)
+        wider = float(np.clip(_scale(r, unseen, more), inside, open_to * inside))
+    # On rows that it has not seen no model errs less than on those that it has; left-out rows of a motion
+    # unlike all others tell of the growth only.
+    fitted = (runs[0][0] - record.input)[counted]
+    least = error(facts(spread**2 + candidates[:, None] ** 2, fitted), every)
     errors, scores = (
-        np.sqrt(ahead) * wider * errors,
+        np.sqrt(ahead) * np.maximum(wider * errors, least),
         np.abs(r) / np.hypot(np.sqrt(more), wider * unseen),
     )
     half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))

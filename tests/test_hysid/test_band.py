@@ -21,7 +21,7 @@ from hysid.operations._predict import predict
 from hysid.operations._qualify import qualify
 from hysid.reporting._fit_page import write_report
 from hysid.soft_sensor._estimate_fit import estimate_by_fit
-from hysteresis import LinearSponge, Preisach, Record
+from hysteresis import BoucWen, LinearSponge, Record
 
 RANDOM = np.random.default_rng(8)
 TIME = np.arange(600) / 100
@@ -96,18 +96,15 @@ def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_say
     assert (origin["verdict"], "worse-than-line" in origin["codes"]) == ("FAIL", True)
 
 
-def test_errors_of_a_cycle_that_is_most_of_the_record_do_not_widen_the_band():
-    """Two thirds of the rows are one slow cycle; a model without them is another one."""
-    ends = [0.0, 10.0, 0.0, 7.0, 0.0, 9.0, 0.0, 8.0, 0.0]
-    rows = [400, 400, *[60] * 6]
-    parts = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(ends, ends[1:], rows, strict=False)
-    ]
-    u = np.append(np.concatenate(parts), 0.0)
-    y = np.interp(u, [0, 2, 5, 10], [0, 3, 5, 6]) + 0.02 * RANDOM.normal(size=len(u))
-    fit = hysid.fit(Record.from_arrays(u, y), "Preisach", conditioning="keep", noise="gaussian")
-    assert isinstance(fit.model, Preisach)
-    band = hysid.invert(fit)
-    off = np.abs(np.asarray(band.simulate(None, y).value) - u)
-    half = 1.645 * np.asarray(band.simulate(None, y).deviation)
-    assert half.mean() < 3 * np.quantile(off, 0.9)
+@pytest.mark.thorough
+def test_a_cycle_that_alone_tells_a_parameter_does_not_widen_the_band():
+    """Without the one large cycle nothing says where the model yields: what it does there then is no error
+    of the fit. Half widths were 800 to 2,400 times the 90 % quantile of the errors."""
+    u = np.interp(np.arange(161) / 20, np.arange(9), [0.0, 1.0, 0.0, 1.1, 0.0, 10.0, 0.0, 1.0, 0.0])
+    truth = BoucWen(k=1.0, alpha=0.2, yield_at=3.0, n=1.5)
+    y = np.asarray(truth.simulate(None, u)) + 0.02 * RANDOM.normal(size=len(u))
+    record = Record.from_arrays(u, y)
+    fit = hysid.fit(record, truth, noise="gaussian", starts=1, conditioning="keep")
+    found = hysid.invert(fit).simulate(None, y)
+    off, half = np.abs(np.asarray(found.value) - u), 1.645 * np.asarray(found.deviation)
+    assert 0.6 < half.mean() / np.quantile(off, 0.9) < 2
