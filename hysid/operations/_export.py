@@ -23,7 +23,7 @@ from hysteresis import InputError, with_condition
 
 from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
-from .._run_in import run_in_of
+from .._run_in import RunIn, run_in_of
 
 HALF = 0.5
 """Share of OK estimates below which an export says so: `if (status == OK)` then seldom runs in a robot."""
@@ -85,7 +85,10 @@ def export(
     )
     files, notes = _written(program, targets, real)
     assert program.guard is not None
-    run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    if start == "unknown" and "ok_share" in (fitted.compensator or {}):
+        run_in = RunIn.of(fitted.compensator)
+    else:
+        run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
