@@ -126,7 +126,7 @@ def export_runtime(
     **Example:**
 
         >>> done = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u))
-        >>> round(compensate.runtime.load(done.path).step(float(model.simulate(t, u)[0])).value, 6)
+        >>> round(compensate.runtime.load(done.path).step(0.01, float(model.simulate(t, u)[0])).value, 6)
         0.0
     """
     return Program(model, readings, **options).write_runtime(path)
