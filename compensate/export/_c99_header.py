@@ -242,12 +242,11 @@ class _Header:
             bodies = self._wrapped(part)
         else:
             home = self.elements[kind]
-            for name in ("look", "move", "find"):
+            for name in ("look", "move", "follow", "find"):
                 if name in home.functions:
                     dt = "dt, " if home.takes_time(name) else ""
-                    bodies[name] = [
-                        f"    return {home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
-                    ]
+                    call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
+                    bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
         return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
 
     def _wrapped(self, part: _Part) -> dict[str, list[str]]:
@@ -280,7 +279,11 @@ class _Header:
         search = home.specialised("search", given, done)
         found = [
             f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
-            f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
+            *(
+                f"    {self._call(i, 'follow')};" if "follow" in i.cost
+                else f"    (void){self._call(i, 'move')};" for i in part.inner
+            ),
+            "    return value;",
         ]  # fmt: skip
         looks = [self._function(k, name, body) for name, body in both.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
@@ -298,7 +301,8 @@ class _Header:
 
     def _function(self, k: int, name: str, body: list[str]) -> str:
         stem, real = self.stem, self.real
-        head = f"static inline {real} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
+        given = "void" if name == "follow" else real
+        head = f"static inline {given} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
         uses = "\n".join(body)
         spare = [
             f"    (void){v};"
