@@ -19,6 +19,7 @@ from ._header_facts import (
     facts,
     origin,
     quantity,
+    spent,
     tables,
     trained,
 )
@@ -26,6 +27,9 @@ from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
+
+AROUND = 60
+"""Operations of a step around its nodes."""
 
 
 class _Part(NamedTuple):
@@ -90,10 +94,14 @@ class _Header:
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
+            bound=f"{self._bound():,}", operations=spent(d),
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
+
+    def _bound(self) -> int:
+        """Operations of a step, at most."""
+        return sum(p.cost["find"] for p in (self.root, self.error, self.guard) if p) + AROUND
 
     # Elements and their constants
 
