@@ -13,7 +13,6 @@ from ..runtime._elements import _search, module_of
 from ..runtime._tree import KINDS
 from ._operation_count import CALL, OF_A_NODE, own_operations
 
-
 TRACED = 200
 """Steps that are traced; one takes some tenths of a millisecond."""
 
