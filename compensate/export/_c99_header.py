@@ -20,6 +20,7 @@ from ._header_facts import (
     motions,
     origin,
     quantity,
+    spent,
     tables,
     trained,
 )
@@ -27,6 +28,9 @@ from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
+
+AROUND = 60
+"""Operations of a step around its nodes."""
 
 
 class _Part(NamedTuple):
@@ -85,7 +89,6 @@ class _Header:
         d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
-        whole = self.root, self.error, self.guard, *self.others
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
@@ -95,10 +98,15 @@ class _Header:
             real="float" if self.single else "double", state=self._size(),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in whole if p) + 60:,}",
+            bound=f"{self._bound():,}", operations=spent(d),
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
+
+    def _bound(self) -> int:
+        """Operations of a step, at most."""
+        whole = self.root, self.error, self.guard, *self.others
+        return sum(p.cost["find"] for p in whole if p) + AROUND
 
     # Elements and their constants
 
@@ -248,12 +256,11 @@ class _Header:
             bodies = self._wrapped(part)
         else:
             home = self.elements[kind]
-            for name in ("look", "move", "find"):
+            for name in ("look", "move", "follow", "find"):
                 if name in home.functions:
                     dt = "dt, " if home.takes_time(name) else ""
-                    bodies[name] = [
-                        f"    return {home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
-                    ]
+                    call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
+                    bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
         return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
 
     def _wrapped(self, part: _Part) -> dict[str, list[str]]:
@@ -286,7 +293,11 @@ class _Header:
         search = home.specialised("search", given, done)
         found = [
             f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
-            f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
+            *(
+                f"    {self._call(i, 'follow')};" if "follow" in i.cost
+                else f"    (void){self._call(i, 'move')};" for i in part.inner
+            ),
+            "    return value;",
         ]  # fmt: skip
         looks = [self._function(k, name, body) for name, body in both.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
@@ -304,7 +315,8 @@ class _Header:
 
     def _function(self, k: int, name: str, body: list[str]) -> str:
         stem, real = self.stem, self.real
-        head = f"static inline {real} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
+        given = "void" if name == "follow" else real
+        head = f"static inline {given} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
         uses = "\n".join(body)
         spare = [
             f"    (void){v};"

@@ -24,8 +24,9 @@ deviation: its standard deviation{unknown}; a null pointer for none.{motions}
 nothing: the last estimate is held. {stem}_reset is the state before the first sample;
 {stem}_self_test replays what the file was made with. {predict}{origin}
 
-Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
-{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
+Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant.
+{operations}No step can take more than {bound} operations (arithmetic, comparisons, look-ups,
+assignments; a call of math.h for 250): a bound, which no reading need reach.
 """
 
 STATUSES = {
@@ -146,6 +147,16 @@ def tables(upper: str) -> str:
 #define {upper}_AT(table, k) (table)[k]
 #define {upper}_COPY(to, from) (void)(*(to) = *(from))
 #endif"""
+
+
+def spent(document: dict[str, Any]) -> str:
+    """The operations of a step as they were counted; nothing where they were not."""
+    if not (found := document.get("operations")):
+        return ""
+    return (
+        f"A step took {found['mean']:,.0f} operations in the mean and {found['most']:,} at most, counted on"
+        f" {found['readings']:,} readings.\n"
+    )
 
 
 def quantity(one: dict[str, str]) -> str:
