@@ -40,15 +40,17 @@ def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Character
 def test_figures_of_a_known_loop():
     x, force, t = rig(softer=0.1, drift=0.3)
     found = told(record_of(force, x, t))
-    # Branches that do not meet are joined by one step at either end, and a drift is spread over a loop.
     assert found["stiffness"].value == pytest.approx(0.95 * STIFFNESS, rel=0.02)
-    assert found["loop width"].value == pytest.approx(WIDTH, rel=0.06)
-    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.06)
-    assert found["energy a cycle"].unit == "N * mm"
     assert found["softening"].value == pytest.approx(10, abs=0.5)
     assert found["zero drift"].value == pytest.approx(0.3, abs=0.02)
     errors = [one.error for one in found.values() if one.value is not None]
     assert errors == pytest.approx([0.0] * 5, abs=1e-9)
+    x, force, t = rig()
+    found = told(record_of(force, x, t))
+    # Branches that do not meet are joined by one step at either end.
+    assert found["loop width"].value == pytest.approx(WIDTH, rel=0.02)
+    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.02)
+    assert found["energy a cycle"].unit == "N * mm"
     x, force, t = rig(hold=30.0)
     assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.05)
 
