@@ -17,7 +17,7 @@ from ._run_in import run_in_of
 AT_ONCE = 20_000
 """Rows up to which the band is learnt with the fit; a longer record's at its first use."""
 
-BETTER = {
+BETTER: dict[str, tuple[Level, str, str]] = {
     "straight line": ("FAIL", "worse-than-line", "A straight line from {output} is better"),
     "cubic per branch": (
         "CAUTION",
@@ -68,8 +68,8 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
         found = estimate(invert(fit.model, trained=fit.trained), record)
     except InputError as error:
         text = f"There is no compensator: {error.problem}"
-        reasons = (Note("not-invertible", text),)
-        return Judged("FAIL", reasons, refused | {"refused": "not-invertible"})
+        none_made = (Note("not-invertible", text),)
+        return Judged("FAIL", none_made, refused | {"refused": "not-invertible"})
     rows = rows & np.isfinite(record.output) & np.isfinite(record.input)
     value, status = np.asarray(found.value), np.asarray(found.status)
     error = (value - record.input)[rows]
@@ -87,7 +87,10 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
             "nrmse_percent": 100 * rmse / span,
         }
 
-    own, level, reasons, better, simple = figures(error), "PASS", [], [], []
+    own, simple = figures(error), []
+    level: Level = "PASS"
+    reasons: list[Note] = []
+    better: list[str] = []
     for name, estimates in identify.internal.backwards(fit.train, fit.used, record):
         off = (estimates - record.input)[rows]
         simple.append({"name": name, **figures(off)})

@@ -1,5 +1,6 @@
 """Whether the band that a fit shows holds: on other motions, on the same, and as all consumers tell it."""
 
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,6 @@ import numpy as np
 
 import identify
 from compensate import CalibratedCompensator, estimate
-from compensate.runtime import load
 from hysid import invert
 from hysid.intake._selection import Selection
 from hysid.operations._demo import demo_data
@@ -193,17 +193,20 @@ def _agreement(quick: bool) -> Row:
     """Coverages of one fit's held-out rows: those of invert, fit.json, predict, qualify and the export."""
     model = "LinearSponge" if quick else "Preisach"
     with tempfile.TemporaryDirectory() as out:
-        folder, columns = Path(out) / "fit", {"input": "force (N)", "output": "displacement (mm)"}
-        file = demo_data(Path(out))
-        chosen = Selection(**columns, time="time (s)", test_where=("cycle=11,12,13",))
+        folder, file = Path(out) / "fit", demo_data(Path(out))
+        chosen = Selection(
+            "force (N)", "displacement (mm)", "time (s)", test_where=("cycle=11,12,13",)
+        )
         document = fit_file(file, chosen, folder, model=model)
+        band = invert(identify.load(folder))
+        assert isinstance(band, CalibratedCompensator)
         told = [
             document["compensator"]["band"]["coverage"],
-            invert(identify.load(folder)).coverage,
+            band.coverage,
             predict(folder, file, inverse=True)["band"]["held_out"],
             qualify(folder, file)["band"],
         ]
         export(folder, {"runtime": Path(out) / "it.json"})
-        told.append(load(Path(out) / "it.json").coverage)
+        told.append(json.loads((Path(out) / "it.json").read_text())["coverage"])
     apart = max(told) - min(told)
     return judged("the consumers' coverages of the same rows: apart by", apart, 0.0)

@@ -279,13 +279,15 @@ def calibrated(
     )
     half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
     symmetric = np.concatenate([-half[::-1], half])
-    learnt = (jnp.asarray(part) for part in (middles, errors, symmetric))
+    levels_of, errors_of, scores_of = (jnp.asarray(p) for p in (middles, errors, symmetric))
     motions = motions._replace(growth=factor * motions.growth)
     last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
     share, lasts = _lasting(
         np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
     )
-    return CalibratedCompensator(compensator, *learnt, width, motions, share=share, lasts=lasts)
+    return CalibratedCompensator(
+        compensator, levels_of, errors_of, scores_of, width, motions, share=share, lasts=lasts
+    )
 
 
 def checked(band: CalibratedCompensator, record: Record) -> CalibratedCompensator:

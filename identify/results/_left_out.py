@@ -1,7 +1,8 @@
 """What a fit would have been without one cycle, or one sequence: its errors there are those of new rows.
 
 Residuals of the rows that a model was fitted to are too small, the more so the more weights it has. So
-every cycle is left out in turn; what was chosen for the fit (parts, grid, prior strength) is kept.
+every cycle is left out in turn, a long one in pieces; what was chosen for the fit (parts, grid, prior
+strength) is kept.
 """
 
 from collections.abc import Iterator
