@@ -1,6 +1,5 @@
 """A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
 
-import ctypes
 from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
@@ -10,6 +9,7 @@ from ..runtime._status import Status
 from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
+from ._c99_state import size_of, state_in_c
 from ._cost import cost
 from ._header_facts import (
     HEAD,
@@ -75,7 +75,14 @@ class _Header:
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.tree),
-            self._state(),
+            state_in_c(
+                self.parts,
+                self.elements,
+                self.stem,
+                self._number(self.document["start"], "real"),
+                self._list,
+                self._number,
+            ),
             *(self._functions(part) for part in self.parts),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
@@ -95,7 +102,7 @@ class _Header:
             reading=reading, estimate=estimate, low=low, high=high,
             unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
-            real="float" if self.single else "double", state=self._size(),
+            real="float" if self.single else "double", state=size_of(self.parts, self.elements, self.single),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
             bound=f"{self._bound():,}", operations=spent(d),
@@ -174,61 +181,6 @@ class _Header:
     def _tables(self) -> int:
         own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
         return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
-
-    # The state
-
-    def _state(self) -> str:
-        fields, values = [], []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            if kind == "series":
-                fields.append(f"    struct {{ int status; }} n{part.number};")
-                values.append("        {0}")
-                continue
-            home = self.elements[kind]
-            fields.append(f"    {home.prefix}_state n{part.number};")
-            given = [
-                self._list(value) if t == "Reals" else self._number(value, t)
-                for k, t in home.structures["State"].items()
-                for value in [part.tree["state"][k]]
-            ]  # fmt: skip
-            values.append("        {" + ", ".join(given) + "}")
-        stem = self.stem
-        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
-        fields.append("    int begun;")
-        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
-        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
-        body = ",\n".join(values)
-        return "\n".join(
-            [
-                comment("Everything that changes; the caller keeps it.", ""),
-                "typedef struct {", *fields, f"}} {stem}_state;", "",
-                f"static inline void {stem}_reset({stem}_state *s)", "{",
-                f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
-                f"    {stem.upper()}_COPY(s, &initial);", "}",
-            ]
-        )  # fmt: skip
-
-    def _size(self) -> int:
-        """sizeof, by the rules that C compilers share."""
-        real = ctypes.c_float if self.single else ctypes.c_double
-        members: list[tuple[str, Any]] = []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
-            if kind != "series":
-                same = [p.tree["state"] for p in self.parts if p.tree["kind"] == kind]
-                fields = [
-                    (k, ctypes.c_int if t == "int" else real if t != "Reals"
-                     else real * max(1, *(len(state[k]) for state in same)))
-                    for k, t in self.elements[kind].structures["State"].items()
-                ]  # fmt: skip
-            members.append(
-                (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
-            )
-        members += [(name, real) for name in ("estimate", "deviation", "waited")]
-        members.append(("begun", ctypes.c_int))
-        return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
 
     # Functions of the nodes
 
