@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
-from ..records._folds import Parts, held_out_errors, thinned
+from ..records._folds import Parts, held_out_errors, is_earned, thinned
 
 MOST = 20_000
 """Rows that a baseline is fitted to, at most: evenly from all."""
@@ -78,7 +78,7 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
 
     drops = (False,) if parts.conditioning is None else (False, True)
     blocks = {drop: blocks_of(drop) for drop in drops}
-    drop = min(blocks, key=lambda drop: blocks[drop].mean() if len(blocks[drop]) else 0.0)
+    drop = is_earned(blocks)
     rows = rows_of(parts.all, drop)
     unknowns = baseline.fitted(seen, y, thinned(rows, MOST))
     used = np.zeros(len(record), bool)

@@ -31,7 +31,7 @@ from ..parametric._multistart import (
     thinned_rows,
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
-from ..records._folds import held_out_errors
+from ..records._folds import held_out_errors, is_earned
 from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
@@ -41,10 +41,6 @@ from ._training_data import TrainingData
 
 THINNED = 1000
 """Rows on which a start is looked for; a record of up to twice as many is not thinned."""
-
-EARNED = 0.8
-"""Of the held-out mean square, that of an rms error a tenth less: what leaving a cycle out has to reach. A
-line is as far from every cycle; without the first it is another line, not a better one."""
 
 EXACT = 1e-8
 """Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
@@ -183,7 +179,7 @@ def least_squares(
 
     choices = (False,) if parts.conditioning is None else (False, True)
     blocks = {drop: blocks_of(drop) for drop in choices}
-    dropped = True in blocks and bool(blocks[True].mean() < EARNED * blocks[False].mean())
+    dropped = is_earned(blocks)
     optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
         name, data, template, bounds, settings, prepared, measured, tried, optimum,
@@ -301,7 +297,9 @@ def _errors(
         found = _plainest(free, at, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
-    evidence = {} if found is None else found.over_the_best
+    # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
+    tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
+    evidence = tried if found is None else found.over_the_best
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         covariance = covariance_of(found.root, 1.0)
         return _Errors(
