@@ -238,11 +238,11 @@ def _fed_exported(problem: Problem, path: Path) -> tuple[int, float]:
     spiked, limited = np.where(huge, 1e300, fed), np.where(huge, compensator.limits[1], fed)
     try:
         value = np.array(
-            [compensator.step(*x).value for x in zip(spiked.tolist(), step, strict=True)]
+            [compensator.step(*x).value for x in zip(step, spiked.tolist(), strict=True)]
         )
         compensator.reset()
         same = np.array(
-            [compensator.step(*x).value for x in zip(limited.tolist(), step, strict=True)]
+            [compensator.step(*x).value for x in zip(step, limited.tolist(), strict=True)]
         )
     except Exception as error:
         print(f"{problem.name}: {error}", file=sys.stderr)

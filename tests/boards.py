@@ -53,7 +53,7 @@ int main(void)
         memcpy_P(&reading, &readings[k], sizeof reading);
         over = 0;
         TCNT1 = 0;
-        int status = {stem}_step(&state, {dt}reading, &estimate{deviation});
+        int status = {stem}_step(&state, (real){dt!r}, reading, &estimate, 0);
         uint16_t ticks = TCNT1;
         uint32_t cycles = ((uint32_t)over << 16) + ticks;
         uint32_t bits;
@@ -85,7 +85,7 @@ class OnBoard(NamedTuple):
         return self.words.astype(np.uint32).view(np.float32)
 
 
-def on_avr(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoard:
+def on_avr(header: Path, readings: np.ndarray, dt: float = 0.0) -> OnBoard:
     """An ATmega328 at 16 MHz: what it gives for some readings, floats or integers of fixed point."""
     stem = header.stem
     words = ", ".join(f"{y!r}" for y in readings.tolist())
@@ -94,7 +94,7 @@ def on_avr(header: Path, readings: np.ndarray, dt: float | None = None) -> OnBoa
     source.write_text(
         ON_AVR.format(
             stem=stem, n=len(readings), readings=words, real="int32_t" if fixed else f"{stem}_real",
-            dt="" if dt is None else f"({stem}_real){dt!r}, ", deviation="" if fixed else ", 0",
+            dt=dt,
         )
     )  # fmt: skip
     program = source.with_suffix(".elf")
@@ -190,15 +190,14 @@ SECTIONS
 
 
 def on_cortex_m4(
-    header: Path, readings: np.ndarray, dt: float | None = None, learner: int | None = None
+    header: Path, readings: np.ndarray, dt: float = 0.0, learner: int | None = None
 ) -> OnBoard:
     """A Cortex-M4 with its unit for float, in QEMU: `cycles` are the instructions of a step, or of an
     update of the node `learner` by a reference."""
     stem, fixed = header.stem, readings.dtype.kind == "i"
     source = header.with_name(f"{stem}_arm.c")
-    time = "" if dt is None else f"({stem}_real){dt!r}, "
-    step = f"return {stem}_step(&state, {time}reading, estimate{'' if fixed else ', 0'});"
-    before = f"(void){stem}_step(&state, {time}readings[k], &estimate, 0);"
+    step = f"return {stem}_step(&state, (real){dt!r}, reading, estimate, 0);"
+    before = f"(void){stem}_step(&state, (real){dt!r}, readings[k], &estimate, 0);"
     update = (
         f"{stem}_adaptive_learn(&{stem}_{learner}, &state.n{learner}, reading);"
         f" *estimate = state.n{learner}.theta[2]; return 0;"

@@ -29,7 +29,7 @@ void run(long n, const double *dt, const double *y, const double *c, double *u, 
     (void)c;
     for (long k = 0; k < n; ++k) {{
         real value, deviation;
-        status[k] = {stem}_step(&s, {dt}(real)y[k], {c}&value, &deviation);
+        status[k] = {stem}_step(&s, (real)dt[k], (real)y[k], {c}&value, &deviation);
         u[k] = (double)value;
         off[k] = (double)deviation;
     }}
@@ -68,10 +68,9 @@ void learn(
 {{
     {stem}_state s;
     {stem}_reset(&s);
-    (void)dt;
     for (long k = 0; k < n; ++k) {{
         real value;
-        (void){stem}_learn(&s, {dt}(real)y[k], (real)known[k], &value, 0);
+        (void){stem}_learn(&s, (real)dt[k], (real)y[k], (real)known[k], &value, 0);
         u[k] = (double)value;
         lost[k] = (double){stem}_lost(&s);
         advice[k] = {stem}_advice(&s);
@@ -85,19 +84,14 @@ class Compiled:
 
     def __init__(self, header: Path, compiler: str = "gcc", flags: tuple[str, ...] = ("-O2",)):
         self.text, stem = header.read_text("utf-8"), header.stem
-        dt = (
-            "(real)dt[k], "
-            if f"    {stem}_state *s, {stem}_real dt, {stem}_real reading" in self.text
-            else ""
-        )
         c = "(real)c[k], " if f"{stem}_real condition" in self.text else ""
         known = f"double {stem}_predict(" in self.text.replace(f"{stem}_real", "double")
-        predict = (
-            f"(double){stem}_predict(&s, {dt}(real)u[k]{c and ', (real)c[k]'})" if known else "u[k]"
-        )
+        held = c and ", (real)c[k]"
+        back = f"(double){stem}_predict(&s, (real)dt[k], (real)u[k]{held})"
+        predict = back if known else "u[k]"
         source = header.with_suffix(".c")
         code = SOURCE + (LEARNING if f"{stem}_learn(" in self.text else "")
-        source.write_text(code.format(stem=stem, dt=dt, c=c, predict=predict), "utf-8")
+        source.write_text(code.format(stem=stem, c=c, predict=predict), "utf-8")
         library = header.with_suffix(f".{compiler}.so")
         command = [
             compiler,

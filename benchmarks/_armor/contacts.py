@@ -206,7 +206,7 @@ def _streams(steps: int) -> list[Row]:
         armor = load_armor(export_armor(solver, Path(folder) / "armor.json"))
     t, both = (0.01 * k).tolist(), np.hstack([force, moment]).tolist()
     compiled = [_timed(stream.step, *now) for now in zip(t, force, moment, strict=True)]
-    plain = [_timed(armor.step, *now) for now in zip(t, both, strict=True)]
+    plain = [_timed(armor.step, *now) for now in zip([0.01] * steps, both, strict=True)]
     away = [
         np.abs(np.array(b.point) - a.point).max()
         for (a, _), (b, _) in zip(compiled, plain, strict=True)

@@ -65,13 +65,13 @@ static void timing(void)
         }
         double begin = now();
         for (int k = 0; k < STEPS; ++k) {
-            y[k] = it_predict(&s, u[k]);
+            y[k] = it_predict(&s, 0.01, u[k]);
         }
         forward[b] = (now() - begin) / STEPS;
         begin = now();
         for (int k = 0; k < STEPS; ++k) {
             double value;
-            it_step(&r, y[k], &value, 0);
+            it_step(&r, 0.01, y[k], &value, 0);
             sink += value;
         }
         backward[b] = (now() - begin) / STEPS;
@@ -90,11 +90,11 @@ static void soak(long steps)
     it_reset(&s);
     it_reset(&fresh);
     for (long k = 0; k < steps; ++k) {
-        it_step(&s, HIGH * (2.0 * uniform() - 1.0), &a, 0);
+        it_step(&s, 0.01, HIGH * (2.0 * uniform() - 1.0), &a, 0);
     }
     for (int k = 0; k < 7; ++k) {
-        it_step(&s, path[k], &a, 0);
-        it_step(&fresh, path[k], &b, 0);
+        it_step(&s, 0.01, path[k], &a, 0);
+        it_step(&fresh, 0.01, path[k], &b, 0);
         worst = fabs(a - b) > worst ? fabs(a - b) : worst;
     }
     printf("%.9g\\n", worst);
@@ -110,7 +110,7 @@ static void fuzz(long steps)
         double x = uniform(), kind = 16.0 * uniform(), value;
         double y = kind < 1.0 ? (double)NAN : kind < 2.0 ? (double)INFINITY : kind < 3.0 ? 1e300 * (x - 0.5)
             : kind < 4.0 ? (x - 0.5) * 1e-300 : 4.0 * HIGH * (x - 0.5);
-        int status = it_step(&s, y, &value, 0);
+        int status = it_step(&s, 0.01, y, &value, 0);
         wrong += !isfinite(value) || status < IT_OK || status > IT_INVALID;
     }
     printf("%ld\\n", wrong);
@@ -123,10 +123,10 @@ static void worst(int step)
     double value;
     it_reset(&s);
     for (int k = 0; k < 62; ++k) {
-        it_step(&s, (k % 2 ? -1.0 : 1.0) * HIGH * (1.0 - k / 64.0), &value, 0);
+        it_step(&s, 0.01, (k % 2 ? -1.0 : 1.0) * HIGH * (1.0 - k / 64.0), &value, 0);
     }
     if (step) {
-        it_step(&s, HIGH, &value, 0);
+        it_step(&s, 0.01, HIGH, &value, 0);
     }
     printf("%.9g\\n", value);
 }
@@ -211,8 +211,8 @@ def _bad_samples(compensator: Any, readings: list[float], found: list[float]) ->
     hit = (random.random(len(readings)) < 0.01).tolist()
     for reading, wanted, spoilt, is_hit in zip(readings, found, bad, hit, strict=True):
         if is_hit:
-            changed += compensator.step(spoilt).status is not Status.INVALID
-        changed += compensator.step(reading).value != wanted
+            changed += compensator.step(0.01, spoilt).status is not Status.INVALID
+        changed += compensator.step(0.01, reading).value != wanted
     return judged("estimates that NaN and infinities between the samples change", changed, 0)
 
 

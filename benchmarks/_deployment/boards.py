@@ -52,7 +52,7 @@ def _on(
     with tempfile.TemporaryDirectory() as place:
         out = write_to("arduino", program, Path(place) / "sensor", real).path
         header = out / "src" / "sensor.h"
-        dt = STEP if rated else None
+        dt = STEP if rated else 0.0
         run = on_avr if board == "ATmega328" else on_cortex_m4
         if real == "fixed":
             given, number = integers(header, y)

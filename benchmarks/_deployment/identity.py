@@ -86,7 +86,7 @@ def in_python(one: Stream, folder: Path) -> np.ndarray:
     compensator, q = load(written(one, "runtime", folder / "it.json")), one.quarter
 
     def run(rows: slice) -> list[float]:
-        return [compensator.step(reading, STEP).value for reading in one.y[rows].tolist()]
+        return [compensator.step(STEP, reading).value for reading in one.y[rows].tolist()]
 
     first = run(slice(0, 2 * q))
     compensator.reset()
@@ -186,14 +186,12 @@ def in_onnx(one: Stream, folder: Path) -> np.ndarray:
     options.intra_op_num_threads = 1
     session = onnxruntime.InferenceSession(str(file), options, ["CPUExecutionProvider"])
     begin = np.array(json.loads(session.get_modelmeta().custom_metadata_map["initial_state"]))
-    rated = {"dt": np.asarray(STEP)} if len(session.get_inputs()) > 2 else {}
 
     def run(rows: slice, state: np.ndarray) -> tuple[list[float], np.ndarray]:
         found = []
         for y in one.y[rows]:
-            value, _, _, state = session.run(
-                None, {"reading": np.asarray(y), "state": state} | rated
-            )
+            fed = {"dt": np.asarray(STEP), "reading": np.asarray(y), "state": state}
+            value, _, _, state = session.run(None, fed)
             found.append(float(value))
         return found, state
 

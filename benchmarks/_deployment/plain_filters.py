@@ -76,7 +76,7 @@ def plain_rows(
         sensor = load(file)
     assert isinstance(sensor, Compensator)
     assert sensor.lasting is not None
-    estimates = [sensor.step(float(y), dt) for y in readings][-count * (each + lead) :]
+    estimates = [sensor.step(dt, float(y)) for y in readings][-count * (each + lead) :]
     value, deviation = (
         np.array([getattr(one, name) for one in estimates]).reshape(count, -1)[:, lead:]
         for name in ("value", "deviation")

@@ -5,6 +5,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 import compensate
 import identify
 
@@ -20,7 +22,11 @@ int main(void)
     for (int round = 0; round < 7; ++round) {
         struct timespec a, b;
         clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &a);
-        for (int k = 0; k < STEPS; ++k) { sum += plant_step(&s, plant_forces[k & 1023]); }
+        for (int k = 0; k < STEPS; ++k) {
+            double y;
+            (void)plant_step(&s, PERIOD, plant_forces[k & 1023], &y, 0);
+            sum += y;
+        }
         clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &b);
         const double took = 1e6 * (double)(b.tv_sec - a.tv_sec) + 1e-3 * (double)(b.tv_nsec - a.tv_nsec);
         best = took < best ? took : best;
@@ -44,12 +50,25 @@ def microseconds(fit: identify.FitResult, steps: int) -> float | None:
     motion = fit.detail.recorded
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        compensate.export_oscillator(motion.model, folder / "plant.h", motion.dt, motion.force)
+        times = motion.dt * np.arange(len(motion.force))
+        compensate.export_c(motion.model, folder / "plant.h", motion.force, times=times)
         values = ", ".join(map(repr, motion.force[:1024].tolist()))
         forces = f"static const double plant_forces[1024] = {{{values}}};\n"
-        source = SOURCE.replace("STEPS", str(steps)).replace("int main", forces + "int main", 1)
+        source = (
+            SOURCE.replace("STEPS", str(steps))
+            .replace("PERIOD", repr(float(motion.dt)))
+            .replace("int main", forces + "int main", 1)
+        )
         (folder / "run.c").write_text("#define _POSIX_C_SOURCE 199309L\n" + source)
-        command = [compiler, "-O2", "-std=c99", "-o", str(folder / "run"), str(folder / "run.c")]
+        command = [
+            compiler,
+            "-O2",
+            "-std=c99",
+            "-o",
+            str(folder / "run"),
+            str(folder / "run.c"),
+            "-lm",
+        ]
         subprocess.run(command, check=True)
         found = subprocess.run([str(folder / "run")], check=True, capture_output=True, text=True)
     wrong, took, _ = found.stdout.split()

@@ -126,7 +126,7 @@ def by_chain(taught: Calibration) -> Callable[[], Feedback]:
 
     def start() -> Feedback:
         compensator.reset()
-        return lambda z: compensator.step(z, DT).value
+        return lambda z: compensator.step(DT, z).value
 
     return start
 

@@ -65,7 +65,7 @@ def _timed(model: AbstractModel, t: np.ndarray, z: np.ndarray) -> tuple[float, f
     found, taken = [], []
     for first in range(0, len(rows), BLOCK):
         begin = time.perf_counter_ns()
-        found += [runtime.step(reading, dt) for reading, dt in rows[first : first + BLOCK]]
+        found += [runtime.step(dt, reading) for reading, dt in rows[first : first + BLOCK]]
         taken.append((time.perf_counter_ns() - begin) / len(rows[first : first + BLOCK]))
     value = np.array([one.value for one in found])
     off = np.abs(value - np.asarray(estimator.simulate(t, z).value)).max() / HIGH_N

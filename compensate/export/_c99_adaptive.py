@@ -86,14 +86,13 @@ def find(home: Element, stem: str, k: int, fitted: int, done: dict[str, str]) ->
 def called(home: Element, k: int, document: Tree) -> str:
     """What is called from outside: a reading with its true input, and what is said of the compensator."""
     real, prefix, stem = home.real, home.prefix, home.stem
-    time = f"{real} dt, " if document["rates"] else ""
     held = f"{real} condition, " if document.get("condition") else ""
-    passed = ("dt, " if time else "") + "reading, " + ("condition, " if held else "")
+    passed = "dt, reading, " + ("condition, " if held else "")
     return f"""\
 /* As {stem}_step, of a reading whose true input, the reference, is known: the compensator learns from it.
  * The estimate is made before. A reference that is not finite is none. */
 static inline int {stem}_learn(
-    {stem}_state *s, {time}{real} reading, {held}{real} reference, {real} *estimate, {real} *deviation)
+    {stem}_state *s, {real} dt, {real} reading, {held}{real} reference, {real} *estimate, {real} *deviation)
 {{
     s->n{k}.known = isfinite(reference) ? 1 : 0;
     s->n{k}.reference = s->n{k}.known ? reference : s->n{k}.reference;

@@ -1,15 +1,15 @@
 """A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
 
-import ctypes
 from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import parts_of
+from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
+from ._c99_state import size_of, state_in_c
 from ._cost import cost
 from ._header_facts import (
     HEAD,
@@ -17,8 +17,10 @@ from ._header_facts import (
     clock,
     condition,
     facts,
+    motions,
     origin,
     quantity,
+    spent,
     tables,
     trained,
 )
@@ -26,6 +28,9 @@ from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
+
+AROUND = 60
+"""Operations of a step around its nodes."""
 
 
 class _Part(NamedTuple):
@@ -51,6 +56,9 @@ class _Header:
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.others = [
+            self._part(begun(document["tree"], iter(states))) for states in document["starts"]
+        ]
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
@@ -67,7 +75,14 @@ class _Header:
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.tree),
-            self._state(),
+            state_in_c(
+                self.parts,
+                self.elements,
+                self.stem,
+                self._number(self.document["start"], "real"),
+                self._list,
+                self._number,
+            ),
             *(self._functions(part) for part in self.parts),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
@@ -78,22 +93,28 @@ class _Header:
         return "\n\n".join(section for section in sections if section)
 
     def _about(self) -> str:
-        d, rates = self.document, self.document["rates"]
+        d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
-            stem_upper=self.stem.upper(), dt="dt, " if rates else "",
+            stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN",
+            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
-            real="float" if self.single else "double", state=self._size(),
+            real="float" if self.single else "double",
+            state=size_of(self.parts, self.elements, self.single),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in (self.root, self.error, self.guard) if p) + 60:,}",
+            bound=f"{self._bound():,}", operations=spent(d),
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
+
+    def _bound(self) -> int:
+        """Operations of a step, at most."""
+        whole = self.root, self.error, self.guard, *self.others
+        return sum(p.cost["find"] for p in whole if p) + AROUND
 
     # Elements and their constants
 
@@ -126,7 +147,8 @@ class _Header:
 
     def _constants(self, part: _Part) -> str:
         home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
-        first = next(p.number for p in self.parts if p.tree is part.tree)
+        own = part.tree["parameters"]
+        first = next(p.number for p in self.parts if p.tree.get("parameters") is own)
         if first != part.number:  # the same parameters with another memory
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
@@ -158,63 +180,8 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        trees = {id(p.tree): p.tree.get("parameters", {}).values() for p in self.parts}
-        return sum(len(v) if isinstance(v, list) else 1 for of in trees.values() for v in of)
-
-    # The state
-
-    def _state(self) -> str:
-        fields, values = [], []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            if kind == "series":
-                fields.append(f"    struct {{ int status; }} n{part.number};")
-                values.append("        {0}")
-                continue
-            home = self.elements[kind]
-            fields.append(f"    {home.prefix}_state n{part.number};")
-            given = [
-                self._list(value) if t == "Reals" else self._number(value, t)
-                for k, t in home.structures["State"].items()
-                for value in [part.tree["state"][k]]
-            ]  # fmt: skip
-            values.append("        {" + ", ".join(given) + "}")
-        stem = self.stem
-        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
-        fields.append("    int begun;")
-        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
-        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
-        body = ",\n".join(values)
-        return "\n".join(
-            [
-                comment("Everything that changes; the caller keeps it.", ""),
-                "typedef struct {", *fields, f"}} {stem}_state;", "",
-                f"static inline void {stem}_reset({stem}_state *s)", "{",
-                f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
-                f"    {stem.upper()}_COPY(s, &initial);", "}",
-            ]
-        )  # fmt: skip
-
-    def _size(self) -> int:
-        """sizeof, by the rules that C compilers share."""
-        real = ctypes.c_float if self.single else ctypes.c_double
-        members: list[tuple[str, Any]] = []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
-            if kind != "series":
-                same = [p.tree["state"] for p in self.parts if p.tree["kind"] == kind]
-                fields = [
-                    (k, ctypes.c_int if t == "int" else real if t != "Reals"
-                     else real * max(1, *(len(state[k]) for state in same)))
-                    for k, t in self.elements[kind].structures["State"].items()
-                ]  # fmt: skip
-            members.append(
-                (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
-            )
-        members += [(name, real) for name in ("estimate", "deviation", "waited")]
-        members.append(("begun", ctypes.c_int))
-        return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
+        own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
+        return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
     # Functions of the nodes
 
@@ -242,12 +209,11 @@ class _Header:
             bodies = self._wrapped(part)
         else:
             home = self.elements[kind]
-            for name in ("look", "move", "find"):
+            for name in ("look", "move", "follow", "find"):
                 if name in home.functions:
                     dt = "dt, " if home.takes_time(name) else ""
-                    bodies[name] = [
-                        f"    return {home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
-                    ]
+                    call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
+                    bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
         return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
 
     def _wrapped(self, part: _Part) -> dict[str, list[str]]:
@@ -280,7 +246,11 @@ class _Header:
         search = home.specialised("search", given, done)
         found = [
             f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
-            f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
+            *(
+                f"    {self._call(i, 'follow')};" if "follow" in i.cost
+                else f"    (void){self._call(i, 'move')};" for i in part.inner
+            ),
+            "    return value;",
         ]  # fmt: skip
         looks = [self._function(k, name, body) for name, body in both.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
@@ -298,7 +268,8 @@ class _Header:
 
     def _function(self, k: int, name: str, body: list[str]) -> str:
         stem, real = self.stem, self.real
-        head = f"static inline {real} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
+        given = "void" if name == "follow" else real
+        head = f"static inline {given} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
         uses = "\n".join(body)
         spare = [
             f"    (void){v};"
@@ -313,7 +284,6 @@ class _Header:
         stem, upper, real, k = self.stem, self.stem.upper(), self.real, self.root.number
         low, high = (self._number(v, "real") for v in self.document["limits"])
         zero, rates = self._number(0, "real"), self.document["rates"]
-        time = f"{real} dt, " if rates else ""
         longest = self._number(self.document.get("longest") or LONGEST, "real") if rates else ""
         # Not !(dt <= 0): a dt that is NaN is no time.
         passing = f"""\
@@ -323,34 +293,26 @@ class _Header:
             s->waited = {longest};
         }}
     }}
-""" if rates else ""  # fmt: skip
+""" if rates else "    (void)dt;\n"  # fmt: skip
         held = f"{real} condition, " if self.condition else ""
         takes = "".join(
             f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
             for p in self.parts if p.tree["kind"] == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        strange = f"""
-        if (passed >= {longest}
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}""" if rates else ""  # fmt: skip
+        beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
         if self.condition:
             first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            strange += f"""
-        if ((condition < {first} || condition > {last})
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}"""
+            beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
             if self.error else ""
         )  # fmt: skip
         text = f"""\
 /* One reading in, one estimate and its deviation out; what it is worth is returned. */
 static inline int {stem}_step(
-    {stem}_state *s, {time}{real} reading, {held}{real} *estimate, {real} *deviation)
+    {stem}_state *s, {real} dt, {real} reading, {held}{real} *estimate, {real} *deviation)
 {{
     int status = {upper}_INVALID;
 {passing}    if ({usable}) {{
@@ -359,7 +321,8 @@ static inline int {stem}_step(
             seen = {high};
         }}
         {real} passed = s->begun ? s->waited : {zero};{takes}
-        s->estimate = {stem}_{k}_find(s, passed, seen);{strange}
+        s->estimate = {stem}_{k}_find(s, passed, seen);
+        int beyond = {beyond};
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
 {self._guarded()}
@@ -373,11 +336,15 @@ static inline int {stem}_step(
         if not self.predicts:
             return text
         nearest, farthest = (self._number(v, "real") for v in self.document["inputs"])
+        others = "".join(
+            f"\n    (void){stem}_{other.number}_move(s, passed, input);" for other in self.others
+        )
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
  * changes nothing; one far beyond the trained ones is taken for the nearer end. */
-static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and f", {real} condition"})
+static inline {real} {stem}_predict(
+    {stem}_state *s, {real} dt, {real} input{held and f", {real} condition"})
 {{
 {passing}    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
         return ({real})NAN;
@@ -389,7 +356,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         input = {farthest};
     }}
     s->estimate = input;{takes.replace("        (", "    (")}
-    {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
+    {real} passed = s->begun ? s->waited : {zero};
+    {real} reading = {stem}_{k}_move(s, passed, input);{others}
     s->waited = {zero};
     s->begun = 1;
     return reading;
@@ -401,13 +369,23 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         if not self.guard:
             return f"""\
         status = s->n{k}.status;
-        if (status == {upper}_OK && seen != reading) {{
+        if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
             status = {upper}_EXTRAPOLATED;
         }}"""
-        g = self.guard.number
+        g, real, size = self.guard.number, self.real, "fabsf" if self.single else "fabs"
+        away = "".join(
+            f"""\
+        {{
+            {real} away = {size}({stem}_{other.number}_find(s, passed, seen) - s->estimate);
+            apart = away > apart ? away : apart;
+        }}
+"""
+            for other in self.others
+        )
         text = f"""\
-        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, passed, s->estimate, s->n{k}.status, seen != reading);
+        {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
+{away}        s->estimate = {stem}_guard_limited(
+            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart);
         status = s->n{g}.status;"""
         if self.guard.tree["beyond"] != "nan":
             return text
@@ -421,7 +399,8 @@ static inline {real} {stem}_predict({stem}_state *s, {time}{real} input{held and
         n, rates = len(golden["reading"]), self.document["rates"]
         given = ["dt"] * rates + ["reading"] + ["condition"] * bool(self.condition) + ["value"]
         at = f"{stem.upper()}_AT"
-        passed = "".join(f"{at}({name}, k), " for name in given[:-1])
+        passed = "" if rates else f"{self._number(0, 'real')}, "
+        passed += "".join(f"{at}({name}, k), " for name in given[:-1])
         arrays = "\n".join(
             f"    static const {real} {k}[{n}] {stem.upper()}_TABLE = {self._list(golden[k])};"
             for k in given

@@ -1,7 +1,9 @@
 """What a header says about the fit it comes from: trained inputs, run-in, verdict, date of the data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from hysteresis._escape import c_string, visible
 
@@ -13,17 +15,18 @@ HEAD = """\
 
     {stem}_state state;
     {stem}_reset(&state);
-    int status = {stem}_step(&state, {dt}reading, {held}&estimate, &deviation);
+    int status = {stem}_step(&state, dt, reading, {held}&estimate, &deviation);
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
-deviation: its standard deviation{unknown}; a null pointer for none.
+deviation: its standard deviation{unknown}; a null pointer for none.{motions}
 {time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
 nothing: the last estimate is held. {stem}_reset is the state before the first sample;
 {stem}_self_test replays what the file was made with. {predict}{origin}
 
-Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
-{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
+Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant.
+{operations}No step can take more than {bound} operations (arithmetic, comparisons, look-ups,
+assignments; a call of math.h for 250): a bound, which no reading need reach.
 """
 
 STATUSES = {
@@ -48,19 +51,41 @@ def trained(document: dict[str, Any], stem: str) -> str:
         f" The model was trained on {p['low']:.6g} to {p['high']:.6g};"
         f" an estimate beyond {BEYOND[guard['beyond']]},\n{upper}_EXTRAPOLATED."
     )
-    if not p["unknown"]:
+    if not (starts := len(document["starts"])):
         return text
-    wait = f", and {p['time']:.4g} of dt have passed" if p["time"] else ""
-    ends = "there was a reading"
-    if p["bottom"] < p["top"]:
-        ends = f"an estimate was at most {p['bottom']:.6g}, another at least {p['top']:.6g}"
-    return f"{text}\nAfter a reset the status is {upper}_RUN_IN until {ends}{wait}."
+    return (
+        f"{text}\nAfter a reset the status is {upper}_RUN_IN until estimates that begin in {starts} other"
+        f" state{'s' * (starts > 1)} are at most\n{p['within']:.3g} away: then it no longer matters what"
+        " came before."
+    )
+
+
+def motions(document: dict[str, Any]) -> str:
+    """For which motions the deviation was verified, and how often it held."""
+    if not (error := document["error"]) or not (known := learnt_on(error["parameters"])):
+        return ""
+    text = f"\nIt was learnt {known}.\nWhere the last two turns or the speed are others, it grows."
+    if (held := document.get("coverage")) is not None:
+        text += f" Of held-out rows {100 * held:.3g} %\nwere within 1.645 of it; 90 % are meant."
+    return text
+
+
+def learnt_on(p: Mapping[str, Any]) -> str:
+    """The motions that an error was learnt on, from the parameters of its element, in words."""
+    if not p["growth"]:
+        return ""
+    turns = np.ravel(p["turns"])
+    down, up = (f"{low:.4g} to {high:.4g}" for low, high in (turns[:2], turns[4:6]))
+    text = f"at inputs from {p['least']:.4g} to {p['most']:.4g} that turned down at {down} and up at {up}"
+    if p["slow"] > 0:
+        text += f", in strokes of a mean speed from {p['slow']:.4g} to {p['fast']:.4g}"
+    return text
 
 
 def clock(document: dict[str, Any], stem: str) -> str:
-    """What dt is, and how long it may be; nothing where no rate matters."""
+    """What dt is, and how long it may be."""
     if not document["rates"]:
-        return ""
+        return "dt: time since the last call, which this model does not need: any number.\n"
     longest = document.get("longest") or LONGEST
     return (
         f"dt: time since the last call, in the unit of the model's times, at most {longest:.6g}; a"
@@ -122,6 +147,16 @@ def tables(upper: str) -> str:
 #define {upper}_AT(table, k) (table)[k]
 #define {upper}_COPY(to, from) (void)(*(to) = *(from))
 #endif"""
+
+
+def spent(document: dict[str, Any]) -> str:
+    """The operations of a step as they were counted; nothing where they were not."""
+    if not (found := document.get("operations")):
+        return ""
+    return (
+        f"A step took {found['mean']:,.0f} operations in the mean and {found['most']:,} at most, counted on"
+        f" {found['readings']:,} readings.\n"
+    )
 
 
 def quantity(one: dict[str, str]) -> str:

@@ -1,7 +1,7 @@
 """Compensators in plain Python: no JAX, no NumPy, a few microseconds a step.
 
 compensator = load("compensator.json")
-value, status, deviation = compensator.step(reading)
+value, status, deviation = compensator.step(dt, reading)
 """
 
 from ._armor import Armor as Armor
@@ -17,6 +17,4 @@ from ._file import FileError as FileError
 from ._load import load as load
 from ._network import ForceEstimator as ForceEstimator
 from ._network import load_force as load_force
-from ._oscillator import OscillatorStep as OscillatorStep
-from ._oscillator import load_oscillator as load_oscillator
 from ._status import Status as Status

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ._armor_geometry import Vector, crossing, dot, field, moved, outside, square
 from ._contact_status import ContactStatus
-from ._file import replayed
+from ._file import READING_MISSING, replayed
 from ._tree import Node, node_of
 
 KIND = "hysid armor"
@@ -32,13 +32,14 @@ class ArmorContact(NamedTuple):
 class Armor:
     """Contacts on a robot under a soft cover, reading by reading, without JAX.
 
-    `step` gives the results of `WristSensor.step` and `ContactSolver.step` in JAX, to 1e-9 m.
+    `step` gives the results of `WristSensor.step` and `ContactSolver.step` in JAX, whose times are sums of
+    `dt`, to 1e-9 m.
 
     **Example:**
 
         >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
         >>> runtime = compensate.runtime.load_armor(file)
-        >>> runtime.step(0.0, (0.0, 0.0, -10.0, 0.0, 0.0, 0.0)).status.name
+        >>> runtime.step(0.01, (0.0, 0.0, -10.0, 0.0, 0.0, 0.0)).status.name
         'OK'
     """
 
@@ -61,15 +62,23 @@ class Armor:
             self._sensor.reset()
         self._cover.reset()
         self._touching, self._surface, self._place, self._time = False, 0, _ZERO, -inf
+        self._now = 0.0
         self._contact = ArmorContact(_ZERO, 0, 0.0, ContactStatus.NO_CONTACT, 0.0, _ZERO, 0.0, 0.0)
 
-    def step(self, t: float, reading: Collection[float]) -> ArmorContact:
-        """The contact at the time `t` from a reading (Fx, Fy, Fz, Mx, My, Mz), N and N m.
+    def step(self, dt: float, reading: Collection[float] | None = None) -> ArmorContact:
+        """The contact from a reading (Fx, Fy, Fz, Mx, My, Mz), N and N m, `dt` seconds after the last one.
 
-        Without a sensor in the file the reading is the load's wrench about P_o. A reading or time that is
-        not finite changes nothing: the last contact is held, INVALID.
+        The first `dt` does not matter, and one that is negative or not finite is none. Without a sensor in
+        the file the reading is the load's wrench about P_o. A reading that is not finite changes nothing:
+        the last contact is held, INVALID.
+
+        Raises `TypeError` where `reading` is left out.
         """
-        doubt = 0
+        if reading is None:
+            raise TypeError(READING_MISSING)
+        if 0.0 < dt < inf:
+            self._now += dt
+        t, doubt = self._now, 0
         if self._sensor:
             reading, doubt = self._sensor.step(t, reading)
         fx, fy, fz, mx, my, mz = reading
@@ -312,7 +321,7 @@ def load_armor(path: str | Path) -> Armor:
     **Example:**
 
         >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
-        >>> compensate.runtime.load_armor(file).step(0.0, (0, 0, -10, 0, 0, 0)).surface
+        >>> compensate.runtime.load_armor(file).step(0.01, (0, 0, -10, 0, 0, 0)).surface
         1
     """
     return replayed(path, KIND, "contacts lie {:.3g} m off", _replay)
@@ -320,13 +329,14 @@ def load_armor(path: str | Path) -> Armor:
 
 def _replay(document: dict[str, Any]) -> tuple[Armor, float]:
     """How far off, m; infinitely where a surface or status differs."""
-    armor, golden, worst = Armor(document), document["golden"], 0.0
+    armor, golden, worst, before = Armor(document), document["golden"], 0.0, 0.0
     rows = zip(
         golden["t"], golden["reading"], golden["point"], golden["surface"], golden["status"],
         strict=True,
     )  # fmt: skip
     for t, reading, point, surface, status in rows:
-        contact = armor.step(t, reading)
+        contact = armor.step(t - before, reading)
+        before = t
         same = (contact.surface, int(contact.status)) == (surface, status)
         off = sqrt(square(contact.point, point))
         worst = max(worst, off if same and not isnan(off) else inf)

@@ -5,9 +5,9 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._file import LONGEST, FileError, number, replayed
+from ._file import LONGEST, READING_MISSING, FileError, number, replayed
 from ._status import Status
-from ._tree import Tree, error_of, guard_of, node_of
+from ._tree import Tree, begun, error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 
@@ -29,7 +29,7 @@ class Compensator:
 
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
-    - `rates`: whether `step` needs the time since the last reading.
+    - `rates`: whether the model depends on the rate; `step` ignores the time where it does not.
     - `longest`: time between two readings; a longer one is taken for it, EXTRAPOLATED.
     - `condition`: name, unit and known range of the condition that `step` needs beside the reading,
       {"name", "unit", "low", "high"}; None where the model depends on none.
@@ -38,6 +38,8 @@ class Compensator:
     - `lasting`: {"share", "time"}: the part of the error's variance that lasts, and the time in which that
       decays to 1/e, in the unit of `dt` (in readings where the record had no times), for filters in which
       the error is a state; None where the file does not know it.
+    - `coverage`: the part of held-out rows that estimate +- 1.645 deviations held, where 0.9 is meant; None
+      where the file does not know it.
     - `band`: of the last estimate; it holds whole runs with a guaranteed probability. `watch` and `follow`
       keep the share of runs that leave it, as the sensor drifts.
     - `advice` and `lost`: of a compensator that recalibrates itself.
@@ -49,7 +51,7 @@ class Compensator:
     **Example:**
 
         >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
-        >>> compensate.runtime.load(file).step(0.0).status.name
+        >>> compensate.runtime.load(file).step(0.01, 0.0).status.name
         'OK'
     """
 
@@ -64,10 +66,20 @@ class Compensator:
         self._band: Tree | None = document.get("band")
         self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
+        self.coverage: float | None = document.get("coverage")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
         self._guard_tree = guard = document.get("guard")
+        self._starts: list[list[Tree]] = document.get("starts", [])
+        if guard and "within" not in guard["parameters"]:
+            # A file of format 2 does not say where else it may have begun: it says RUN_IN for ever.
+            own = guard["parameters"]
+            own |= {
+                "within": -1.0 if own["unknown"] else inf,
+                "slack": own["rounding"],
+                "decides": 0,
+            }
         self.trained: tuple[float, float] | None = (
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )
@@ -80,9 +92,13 @@ class Compensator:
         self._takes: list[Callable[[float], float]] = []
         self._states: list[Any] = []
         self._node = node_of(self._tree, self._states, self._takes)
+        self._others = [
+            node_of(begun(self._tree, iter(states)), self._states, self._takes).find
+            for states in self._starts
+        ]
         self._learner = self._node.learner
         self._find, self._status = self._node.find, self._node.status
-        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
+        self._error = error_of(self._error_tree) if self._error_tree else lambda dt, value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
         self._value, self._waited, self._begun = (
             nan if self._start is None else self._start,
@@ -93,42 +109,43 @@ class Compensator:
 
     def step(
         self,
-        reading: float,
-        dt: float | None = None,
+        dt: float,
+        reading: float | None = None,
         condition: float | None = None,
+        *,
         reference: float | None = None,
     ) -> Estimate:
         """One reading in, one estimate out.
 
         `dt`: time since the last call, at most `longest`; the first one's does not matter, and one that is
-        negative or not a number is none. `condition`: at this reading, where
-        the model depends on one; beyond its known range the nearer end is taken, EXTRAPOLATED. A reading or
-        a condition that is NaN or infinite is INVALID: the last estimate is held, and nothing else changes.
+        negative or not a number is none. Models that do not depend on the rate ignore it. `condition`: at
+        this reading, where the model depends on one; beyond its known range the nearer end is taken,
+        EXTRAPOLATED. A reading or a condition that is NaN or infinite is INVALID: the last estimate is
+        held, and nothing else changes.
         `reference`: the true input, where it is known and the compensator recalibrates itself; the estimate
         is made before it is looked at.
 
-        Raises `TypeError` where the model depends on the rate and `dt` is left out, or on a condition and
-        `condition` is, and for a reference that it cannot learn from.
+        Raises `TypeError` without a `reading`, without a `condition` where the model depends on one, and
+        for a reference that it cannot learn from.
         """
+        if reading is None:
+            raise TypeError(READING_MISSING)
         if reference is not None:
             if self._learner is None:
                 raise TypeError("this compensator does not learn: export it with adaptive=...")
             if isfinite(reference):
                 self._learner[2].reference, self._learner[2].known = reference, 1
                 try:
-                    return self.step(reading, dt, condition)
+                    return self.step(dt, reading, condition)
                 finally:
                     self._learner[2].known = 0
-        if dt is None:
-            if self.rates:
-                raise TypeError("this compensator depends on the rate: step(reading, dt)")
-        elif dt > 0.0:
+        if self.rates and dt > 0.0:
             self._waited = min(self._waited + dt, self.longest)
         strange = False
         if self.condition is not None:
             if condition is None:
                 name = self.condition["name"]
-                raise TypeError(f"this compensator depends on {name}: step(reading, dt, condition)")
+                raise TypeError(f"this compensator depends on {name}: step(dt, reading, condition)")
             if not isfinite(condition):
                 reading = nan
             strange = not self.condition["low"] <= condition <= self.condition["high"]
@@ -141,13 +158,12 @@ class Compensator:
             take(condition)  # type: ignore[arg-type]
         value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
-        status = self._status()
-        if (strange or dt >= self.longest) and status in (_OK, Status.FLAT):
-            status = _EXTRAPOLATED
-        self._deviation = deviation = self._error(value)
+        status, beyond = self._status(), strange or dt >= self.longest or seen != reading
+        self._deviation = deviation = self._error(dt, value)
         if self._guard is not None:
-            value, status = self._guard.of(dt, value, status, seen != reading)
-        elif seen != reading and status == _OK:
+            apart = max((abs(find(dt, seen) - value) for find in self._others), default=0.0)
+            value, status = self._guard.of(value, status, beyond, apart)
+        elif beyond and status in (_OK, Status.FLAT):
             status = _EXTRAPOLATED
         self._value = value
         return Estimate(value, _STATUSES[status], deviation)
@@ -206,7 +222,7 @@ class Compensator:
             >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
             >>> sensor = compensate.runtime.load(file)
             >>> before = sensor.state()
-            >>> _ = sensor.step(1.0)
+            >>> _ = sensor.step(0.01, 1.0)
             >>> sensor.restore(before)
             >>> sensor.state() == before
             True
@@ -255,7 +271,7 @@ def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
     held = golden.get("condition") or [None] * len(golden["dt"])
     rows = zip(golden["reading"], golden["dt"], held, golden["value"], strict=True)
     return compensator, max(
-        _apart(compensator.step(y, dt, c).value, value) for y, dt, c, value in rows
+        _apart(compensator.step(dt, y, c).value, value) for y, dt, c, value in rows
     )
 
 

@@ -5,7 +5,7 @@ from math import exp, expm1, inf, isfinite, log, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._file import LONGEST, replayed
+from ._file import LONGEST, READING_MISSING, replayed
 from ._status import Status
 
 KIND = "hysid contact forces"
@@ -17,11 +17,11 @@ Matrix = list[list[float]]
 
 
 class ContactForces(NamedTuple):
-    """Forces of all contacts in N, their standard deviations, and the `Status` of the reading."""
+    """Forces of all contacts in N, the `Status` of the reading, and their standard deviations."""
 
     value: tuple[float, ...]
-    deviation: tuple[float, ...]
     status: Status
+    deviation: tuple[float, ...]
 
 
 class MultiContactEstimator:
@@ -36,7 +36,7 @@ class MultiContactEstimator:
     **Example:**
 
         >>> runtime = compensate.runtime.load_contacts(contacts_file)
-        >>> runtime.step((0.0, 0.0), 0.05).value
+        >>> runtime.step(0.05, (0.0, 0.0)).value
         (0.0, 0.0)
     """
 
@@ -71,22 +71,22 @@ class MultiContactEstimator:
         self._begun, self._waited, self._lost = False, 0.0, 0
         self._last = (0.0,) * count, (0.0,) * count
 
-    def step(self, reading: Sequence[float], dt: float | None = None) -> ContactForces:
+    def step(self, dt: float, reading: Sequence[float] | None = None) -> ContactForces:
         """One reading in, a number for each channel; the forces of all contacts out.
 
         `dt`: time since the last call, s; the first one's does not matter. A reading of which a channel is
         NaN or infinite is INVALID: the last forces are held, and nothing else changes.
 
-        Raises `TypeError` where `dt` is left out, `ValueError` for another number of channels.
+        Raises `TypeError` where `reading` is left out, `ValueError` for another number of channels.
         """
-        if dt is None:
-            raise TypeError("this estimator depends on the rate: step(reading, dt)")
+        if reading is None:
+            raise TypeError(READING_MISSING)
         if len(reading) != len(self._zero):
             raise ValueError(f"{len(reading)} readings for {len(self._zero)} channels")
         if dt > 0.0:
             self._waited = min(self._waited + dt, self.longest)
         if not all(map(isfinite, reading)):
-            return ContactForces(*self._last, Status.INVALID)
+            return ContactForces(self._last[0], Status.INVALID, self._last[1])
         z = [x - rest for x, rest in zip(reading, self._zero, strict=True)]
         passed = self._waited if self._begun else 0.0
         if self._lost >= PATIENCE:
@@ -96,7 +96,7 @@ class MultiContactEstimator:
         self._lost = self._lost + 1 if surprise > LOST else 0
         value, deviation = self._last = self._mean()
         status = Status.SATURATED if max(value) >= self._high else Status.OK
-        return ContactForces(value, deviation, Status.EXTRAPOLATED if surprise > LOST else status)
+        return ContactForces(value, Status.EXTRAPOLATED if surprise > LOST else status, deviation)
 
     def _update(self, z: list[float], passed: float) -> float:
         """All ways after one reading; the least squared surprise of a way, per channel."""
@@ -314,7 +314,7 @@ def _replay(document: dict[str, Any]) -> tuple[MultiContactEstimator, float]:
         strict=True,
     )  # fmt: skip
     for reading, dt, value, deviation, status in rows:
-        found = estimator.step(reading, dt)
+        found = estimator.step(dt, reading)
         pairs = zip((*found.value, *found.deviation), (*value, *deviation), strict=True)
         off = max(abs(a - b) for a, b in pairs)
         worst = max(worst, off if found.status == status else inf)

@@ -9,8 +9,9 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 SCHEMA = 1
 """The format of force estimators and armors."""
-COMPENSATOR_SCHEMA = 2
-"""The format of compensators. Format 1 had neither a guard nor an origin; it is still read."""
+COMPENSATOR_SCHEMA = 3
+"""The format of compensators. Format 1 had neither a guard nor an origin, format 2 only the virgin state to
+begin in; both are still read."""
 
 DAMAGE = (
     ArithmeticError, AttributeError, ImportError, LookupError, MemoryError, RuntimeError, SyntaxError,
@@ -21,20 +22,22 @@ DAMAGE = (
 LONGEST = 1e30
 """Longest time between two readings, of files of earlier versions, which do not name one."""
 
+READING_MISSING = (
+    "step(dt, reading): the time since the last reading comes first; models that do not depend on the rate"
+    " ignore it"
+)
+"""Said of a call without a reading, as `step(reading)` is."""
+
 _NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
 _WRITTEN_BY = {
-    "hysid compensator": (
-        "not a compensator. Write one with hysid export DIR --runtime FILE; an oscillator, a forward model,"
-        " is read by load_oscillator."
-    ),
+    "hysid compensator": ("not a compensator. Write one with hysid export DIR --runtime FILE."),
     "hysid force estimator": (
         "not a force estimator. Write one with compensate.microchannel.export_force."
     ),
     "hysid contact forces": (
         "not an estimator of several contacts. Write one with compensate.microchannel.export_contacts."
     ),
-    "hysid oscillator": "not an oscillator. Write one with hysid export DIR --runtime FILE.",
     "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
 }
 

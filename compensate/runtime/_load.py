@@ -2,15 +2,23 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+from ._armor import KIND as ARMOR
+from ._armor import load_armor
 from ._compensator import Compensator
 from ._compensator import load as load_compensator
+from ._contact_forces import KIND as CONTACTS
+from ._contact_forces import load_contacts
 from ._network import KIND as FORCE
-from ._network import ForceEstimator, load_force
+from ._network import load_force
 
 
-def load(path: str | Path) -> Compensator | ForceEstimator:
-    """The compensator or force estimator of a file, once it has replayed the golden pair in it.
+def load(path: str | Path) -> Compensator | Any:
+    """The `Compensator`, `ForceEstimator`, `MultiContactEstimator` or `Armor` of a file, once it has
+    replayed the golden pair in it.
+
+    Each has `step(dt, reading) -> (value, status, deviation)`; that of an `Armor` gives an `ArmorContact`.
 
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
@@ -18,10 +26,12 @@ def load(path: str | Path) -> Compensator | ForceEstimator:
     **Example:**
 
         >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
-        >>> compensate.runtime.load(file).rates
-        False
+        >>> value, status, deviation = compensate.runtime.load(file).step(0.01, 0.0)
+        >>> value, status.name
+        (0.0, 'OK')
     """
-    return load_force(path) if _kind(path) == FORCE else load_compensator(path)
+    loads = {FORCE: load_force, CONTACTS: load_contacts, ARMOR: load_armor}
+    return loads.get(_kind(path) or "", load_compensator)(path)
 
 
 def _kind(path: str | Path) -> str | None:

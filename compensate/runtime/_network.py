@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ._compensator import Estimate
-from ._file import LONGEST, replayed
+from ._file import LONGEST, READING_MISSING, replayed
 from ._status import Status
 from ._tree import node_of
 
@@ -27,8 +27,8 @@ class ForceEstimator:
     - `title`; `channels`: name and unit of every reading, {"name", "unit"}; `estimate`: of the force.
     - `limits`: (low, high) of every channel in the training; readings beyond them are EXTRAPOLATED.
     - `high`: the largest force; a larger estimate is cut to it and SATURATED. `deviation`: of the force.
-    - `rates`: whether `step` needs the time since the last reading; `longest`: of it. A longer one is taken
-      for that, EXTRAPOLATED.
+    - `rates`: whether the model depends on the rate; `step` ignores the time where it does not. `longest`:
+      of it. A longer one is taken for that, EXTRAPOLATED.
 
     The JAX estimator that was exported gives the same to 1e-9 of the largest force.
 
@@ -36,7 +36,7 @@ class ForceEstimator:
 
         >>> y = model.simulate(t, u)
         >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
-        >>> compensate.runtime.load_force(file).step(100.0).status.name
+        >>> compensate.runtime.load_force(file).step(0.01, 100.0).status.name
         'SATURATED'
     """
 
@@ -69,19 +69,17 @@ class ForceEstimator:
             raise ValueError(f"no model {model['kind']!r}")
         self._value, self._waited, self._begun = 0.0, 0.0, False
 
-    def step(self, reading: float | Sequence[float], dt: float | None = None) -> Estimate:
+    def step(self, dt: float, reading: float | Sequence[float] | None = None) -> Estimate:
         """One reading in, a number for one channel, one for each for several; one force out.
 
         `dt`: time since the last call, s; the first one's does not matter. A reading of which a channel is
         NaN or infinite is INVALID: the last force is held, and nothing else changes.
 
-        Raises `TypeError` where the model depends on the rate and `dt` is left out, `ValueError` for
-        another number of channels.
+        Raises `TypeError` where `reading` is left out, `ValueError` for another number of channels.
         """
-        if dt is None:
-            if self.rates:
-                raise TypeError("this estimator depends on the rate: step(reading, dt)")
-        elif dt > 0.0:
+        if reading is None:
+            raise TypeError(READING_MISSING)
+        if self.rates and dt > 0.0:
             self._waited = min(self._waited + dt, self.longest)
         readings: Any = reading if hasattr(reading, "__len__") else (reading,)
         if len(readings) != len(self.limits):
@@ -194,7 +192,7 @@ def load_force(path: str | Path) -> ForceEstimator:
         >>> y = model.simulate(t, u)
         >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
         >>> runtime = compensate.runtime.load_force(file)
-        >>> [round(runtime.step(float(reading)).value, 6) for reading in y[:4]]
+        >>> [round(runtime.step(0.01, float(reading)).value, 6) for reading in y[:4]]
         [0.0, 1.0, 2.0, 3.0]
     """
     return replayed(path, KIND, "readings give forces {:.3g} off", _replay)
@@ -205,6 +203,6 @@ def _replay(document: dict[str, Any]) -> tuple[ForceEstimator, float]:
     estimator, golden, worst = ForceEstimator(document), document["golden"], 0.0
     rows = zip(golden["reading"], golden["dt"], golden["value"], golden["status"], strict=True)
     for reading, dt, value, status in rows:
-        found = estimator.step(reading, dt)
+        found = estimator.step(dt, reading)
         worst = max(worst, abs(found.value - value) if found.status == status else inf)
     return estimator, worst

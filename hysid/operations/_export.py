@@ -13,7 +13,7 @@ from compensate import (
     GuaranteedCompensator,
     Origin,
     Quantity,
-    export_oscillator,
+    estimate,
     invert,
 )
 from compensate.export._export import Program, wider
@@ -21,7 +21,12 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
-from .._invert import error_of, longest_sequence
+from .._compensator import judged_compensator
+from .._invert import error_of, guard_of, longest_sequence
+from .._run_in import RunIn, run_in_of
+
+HALF = 0.5
+"""Share of OK estimates below which an export says so: `if (status == OK)` then seldom runs in a robot."""
 
 
 def export(
@@ -50,8 +55,13 @@ def export(
             place=str(folder),
             fix="Export a fit of one input that changes over time.",
         )
-    record = fitted.train
-    error = error_of(fitted).around(invert(fitted.model))
+    record, judged = fitted.train, judged_compensator(fitted)
+    # The verdict is on what is exported: on the compensator, too.
+    if fitted.purpose != "compensate":
+        better = [note for note in judged.reasons if note.code != "compensator-error"]
+        verdict = verdict.at_most(judged.level, *better)
+    learnt = error_of(fitted)
+    error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
     rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
     program = Program(
@@ -66,72 +76,67 @@ def export(
         error=error,
         band=_band(folder, error, data.get("sha256") or ""),
         trained=fitted.trained,
+        past=guard["past"],
+        deviation=guard["deviation"],
         beyond=beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),
         time_unit=record.time_unit,
     )
+    files, notes = _written(program, targets, real)
+    assert program.guard is not None
+    if start == "unknown" and "ok_share" in (fitted.compensator or {}):
+        run_in = RunIn.of(fitted.compensator)
+    else:
+        run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    if run_in.share < HALF:
+        notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
+    notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
+    if not fitted.trusted:
+        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+    return {
+        "files": files, "notes": notes, "limits": [float(x) for x in limits],
+        "trained": list(fitted.trained), "beyond": beyond, "date": date or None, **run_in.document,
+        "text": run_in.sentence(record.time_unit),
+    }  # fmt: skip
+
+
+def _written(
+    program: Program, targets: dict[str, Path], real: str | None
+) -> tuple[dict[str, str], list[str]]:
+    """The files by target, and the notes on all of them."""
     files, notes = {}, [*program.notes]
     for target, path in targets.items():
         done = write_to(target, program, path, None if target == "runtime" else real)
         files[target] = str(done.path)
         notes += [note for note in done.notes if note not in notes]
-    if not fitted.trusted:
-        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
-    return {
-        "files": files, "notes": notes, "limits": [float(x) for x in limits],
-        "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
-    }  # fmt: skip
+    return files, notes
 
 
 def _oscillator(
     fitted: identify.FitResult, targets: dict[str, Path], real: str | None, data: tuple[str, str]
 ) -> dict[str, Any]:
     """The step of an oscillator, force to displacement: it has no compensator."""
-    if real == "float" and "c" in targets:
-        raise InputError(
-            "bad-option",
-            "The header of an oscillator is in double precision.",
-            fix="Leave --float out, or export it to arduino.",
-        )
     assert isinstance(fitted.detail, identify.Motion)
-    record, motion, files, notes = fitted.train, fitted.detail.recorded, {}, []
-    others = {target: path for target, path in targets.items() if target not in ("c", "runtime")}
-    if others:
-        program = Program(
-            motion.model,
-            record.input,
-            times=motion.dt * np.arange(len(record)),
-            reading=Quantity(record.input_name, record.input_unit),
-            estimate=Quantity(record.output_name, record.output_unit),
-            title=fitted.name,
-            origin=Origin(fitted.verdict.level, fitted.verdict.codes, *data),
-            time_unit=record.time_unit,
-        )
-        for target, path in others.items():
-            done = write_to(target, program, path, real)
-            files[target] = str(done.path)
-            notes += [note for note in done.notes if note not in notes]
-    for target, path in targets.items():
-        if target in others:
-            continue
-        if (path.suffix == ".h") != (target == "c"):
-            raise InputError(
-                "bad-option",
-                f"{path.name} for {target}.",
-                fix="Give the header a name that ends in .h, and the runtime's file one that does not.",
-            )
-        done = export_oscillator(
-            motion.model, path, motion.dt, fitted.train.input, title=fitted.name
-        )
-        files[target] = str(done)
+    record, motion = fitted.train, fitted.detail.recorded
+    program = Program(
+        motion.model,
+        record.input,
+        times=motion.dt * np.arange(len(record)),
+        reading=Quantity(record.input_name, record.input_unit),
+        estimate=Quantity(record.output_name, record.output_unit),
+        title=fitted.name,
+        origin=Origin(fitted.verdict.level, fitted.verdict.codes, *data),
+        time_unit=record.time_unit,
+    )
+    files, notes = _written(program, targets, real)
     low, high = fitted.trained
     notes.append(
         "The file steps from force to displacement. The force is straight between its samples."
     )
     return {
         "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
-        "start": "known", "date": None,
+        "start": "known", "date": None, "text": "",
     }  # fmt: skip
 
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import identify
-from compensate import invert
 from hysteresis import InputError, Record
 
+from .._invert import exported
 from ..figures._format import label, plain_name
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
@@ -170,7 +170,7 @@ class Case:
                 "not-invertible", f"{count} inputs cannot be recovered from one output."
             )
         try:
-            backwards = invert(self.fit.model, trained=self.fit.trained)
+            backwards = exported(self.fit)
             return round_trip(self.outputs, backwards, self.judged[1])
         except InputError as error:
             return error

@@ -174,11 +174,11 @@ def parameters(case: Case) -> Section:
         status = "noise" if p.name == "sigma" else p.status
         cells = [p.name, value, unit or "1", error, status, interval]
         if repeats:
-            cells.insert(4, "" if p.repeatability is None else f"± {number(p.repeatability)}")
+            cells.insert(3, "" if p.repeatability is None else f"± {number(p.repeatability)}")
         rows.append(tuple(cells))
     columns = ["Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %"]
     if repeats:
-        columns.insert(4, "From cycle to cycle")
+        columns.insert(3, "From cycle to cycle")
     section = Section("Parameters", tables=[Table("", tuple(columns), rows)])
     if hidden:
         section.notes.append(

@@ -238,7 +238,7 @@ def _write_runtime(
     runtime, taken, step = load_force(file), [], sensor.step
     for reading in readings[:TIMED].tolist():
         begin = time.perf_counter()
-        runtime.step(reading, step)
+        runtime.step(step, reading)
         taken.append(time.perf_counter() - begin)
     found = {"file": file.name, "microseconds_a_reading": round(1e6 * float(np.median(taken)), 1)}
     if np.median(taken) < SLOW_S:

@@ -7,9 +7,12 @@ import numpy as np
 from .._format import duration, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
-from ._cycles import loop_area, noise_level
+from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
 from ._zero_jumps import zero_jumps
+
+WIDER = 3.0
+"""Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
 
 MANY = 8
 """Samples at a limit that are too many for a peak."""
@@ -31,16 +34,16 @@ def loop_direction(record: AbstractRecord) -> float:
 
     `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
 
-    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
-    nothing closes.
+    over the loops of `loops_of`. Crossed loops fall between the bounds; 0 where there is no loop that is
+    wider than the noise.
 
     **Example:**
 
         >>> round(hysteresis.loop_direction(record), 2)
         1.0
     """
-    net, total = _loops(record)
-    return net / total if total else 0.0
+    loops = loops_of(record)
+    return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
 
 
 def clipped(record: AbstractRecord) -> list[Clipped]:
@@ -115,33 +118,38 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     to_force = units[0] in LENGTHS and units[1] in FORCES
     if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
         return []
-    net, total = _loops(record)
+    loops = loops_of(record)
     good = np.isfinite(record.output)
     u, y = record.input[good], record.output[good]
     if not (np.ptp(u) and np.ptp(y)):
         return []
     # Force over displacement takes energy clockwise.
-    taken = (-net if to_force else net) / max(record.n_cycles, 1)
+    taken = (-loops.net if to_force else loops.net) / max(loops.count, 1)
     # Where loops are thin or crossed a small lag between the channels turns them.
-    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(net) < 0.5 * total:
+    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < 0.5 * loops.total:
         return []
     cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
     if np.corrcoef(u, y)[0, 1] < 0:
-        cause, mend = "the sign of one column is turned", "turn it"
+        cause = "the sign of one column is turned"
+        mend = f"turn it (--turn {record.output_name!r})"
     force, length = units[::-1] if to_force else units
     said = (
-        f"Loops create energy ({taken:.3g} {force} {length} a cycle): no specimen does. {cause}? If"
+        f"Loops create energy ({taken:.3g} {force} {length} a loop): no specimen does. {cause}? If"
         f" so, {mend}."
     )
-    return [warning("energy-created", said)]
+    return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
 
 
-def _loops(record: AbstractRecord) -> tuple[float, float]:
-    parts = [
-        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
-    ]
-    net, total = np.sum(parts, axis=0)
-    return float(net), float(total)
+def loops_of(record: AbstractRecord) -> LoopSums:
+    """The sums over the loops of all sequences, in the rows that count."""
+    u, y, used = record.input, record.output, record.mask
+    return LoopSums.of(loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+
+
+def _noise(record: AbstractRecord) -> float:
+    counted = record.mask & np.isfinite(record.output)
+    parts = [record.output[s][counted[s]] for _, s in record.sequences()]
+    return float(np.median([noise_level(y) for y in parts if len(y)] or [0.0]))
 
 
 def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:

@@ -8,6 +8,7 @@ from .._errors import InputError
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._change import change_warnings
 from ._cycles import default_dead_band, noise_level, turning_points
 from ._data_warnings import clipped, loop_direction, suspicions
 
@@ -47,7 +48,10 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
             "measure the way back."
         )
         found.append(warning("one-way-input", said))
-    found += suspicions(record)
+    others = suspicions(record)
+    # A zero that jumps moves, too; either is told first.
+    first = [note for note in others if note.code == "zero-jump"] or change_warnings(record)
+    found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
         said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
@@ -127,7 +131,7 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
     if s["output"]["saturated"]:
         lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
     if loop is None:
-        loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none closed"
+        loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none wider than the noise"
     lines.append(loop)
     return "\n".join([*lines, *record.history])
 

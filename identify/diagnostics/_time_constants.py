@@ -5,12 +5,12 @@ import numpy as np
 from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
 from hysteresis._note import warning
 
-SHOWN = 3
-"""Steps no longer than a time constant that show it: one has its ends, the others show how it decays."""
-
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
-    """A note for every branch whose time constant lies outside the record's span of times.
+    """A note for every branch whose time constant lies outside the times that the record shows.
+
+    The shortest is the step of the clock that follows a change of the input, the median over all changes: a
+    hold whose rows come ever more seldom shows what is over in its first second.
 
     An element that creeps flows like a dashpot for much less than its time constant, and gives way
     like a spring after much more; one that relaxes the other way round. Of the two parameters of such
@@ -18,10 +18,14 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     """
     if not isinstance(model, AbstractViscoelastic) or record.time is None:
         return []
-    spans = [float(np.ptp(record.time[rows])) for _, rows in record.sequences()]
-    steps = np.concatenate([np.diff(record.time[rows]) for _, rows in record.sequences()])
-    # Where rows lie closer after a step of the input, they show what the usual distance would not.
-    span, step = max(spans), float(np.sort(steps)[min(SHOWN, len(steps)) - 1])
+    sequences = [(record.time[rows], record.input[rows]) for _, rows in record.sequences()]
+    span = max(float(np.ptp(t)) for t, _ in sequences)
+    # Before its first row a model is at rest.
+    changes = np.concatenate([np.abs(np.diff(u, prepend=0.0))[:-1] for _, u in sequences])
+    steps = np.concatenate([np.diff(t) for t, _ in sequences])
+    order = np.argsort(steps)
+    passed = np.cumsum(changes[order])
+    step = float(steps[order][np.searchsorted(passed, passed[-1] / 2)])
     found, unit = [], record.time_unit
     with np.errstate(divide="ignore"):
         constants = 1 / np.asarray(model.chain().rates)

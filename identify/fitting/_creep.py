@@ -1,4 +1,4 @@
-"""Creep and relaxation: a constant input, and an output that goes on moving."""
+"""Creep and relaxation: an input that is held, and an output that goes on moving."""
 
 import time
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
-from ..spectra._prony_series import Input
+from ..spectra._prony_series import Input, Way
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
 from ._baselines import baselines_of_hold
 from ._creep_kind import counted, kind_of, told_by_the_change
@@ -28,6 +28,8 @@ AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
 FIRST_ROW = "step-at-first-row"
 """Code of the note that says so."""
+NODES = 400
+"""Rows of the way to a hold that its spectrum sees, the last ones densest: the rest is nearly forgotten."""
 UNKNOWN = 2.0
 """A parameter whose logarithm is uncertain by more than this is not identified."""
 
@@ -35,10 +37,13 @@ UNKNOWN = 2.0
 def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     """A record of one constant input from the clock's zero on, as a model has to see it.
 
-    Where the step is before the first row, at zero of its clock, a row at zero is put before it, masked
-    and without output: the input jumped there and not at the first reading. Where the step is at the
-    first row, that becomes zero. Without `at_first_row` it is there if the clock begins late, more
-    than ten of its median steps after zero, as a machine's clock does.
+    Rows before the last ones of a constant input are the way to a hold: they drive the model and do not
+    count, and zero of the clock is where the hold begins.
+
+    Where the step is before the first row, at zero of its clock, a row at zero is put before it, masked and
+    without output: the input jumped there and not at the first reading. Where the step is at the first row,
+    that becomes zero. Without `at_first_row` it is there if the clock begins late, more than ten of its
+    median steps after zero, as a machine's clock does.
 
     Raises `InputError` for an input that is 0 or not constant, several sequences, rows without a clock
     or from before the step.
@@ -58,13 +63,21 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
             place=place,
             fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
         )
-    if not len(record) or np.ptp(record.input) > 0 or record.input[0] == 0:
+    begin = _begin_of_hold(record)
+    if len(record) - begin < 2 or record.input[-1] == 0:
         raise InputError(
             "not-a-step",
-            "the input of a step is one constant other than 0.",
+            "the input of a step is one constant other than 0, to the last row.",
             place=place,
             fix="give the constant force or displacement (--step VALUE).",
         )
+    if begin:
+        way = f"{t[begin] - t[0]:.3g} {record.time_unit}"
+        said = f"The way to the hold took {way}: it drives the model, and its {begin} rows are not fitted."
+        if t[begin] == 0 and not record.mask[:begin].any():
+            return record
+        mask = record.mask & (np.arange(len(t)) >= begin)
+        return record.noted("way-to-hold", said, time=t - t[begin], mask=mask)
     if t[0] < 0:
         raise InputError(
             "not-a-step",
@@ -92,6 +105,24 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     )
 
 
+def _begin_of_hold(record: Record) -> int:
+    """The first of the last rows whose input is one constant."""
+    moves = np.flatnonzero(record.input != record.input[-1:])
+    return int(moves[-1]) + 1 if len(moves) else 0
+
+
+def way_of(record: Record) -> Way | None:
+    """The way to the hold of a record that `stepped` gave."""
+    begin = _begin_of_hold(record)
+    if not begin:
+        return None
+    assert record.time is not None
+    t, u = record.time[: begin + 1], record.input[: begin + 1] / record.input[-1]
+    before = np.unique(np.append(0, np.geomspace(1, begin + 1, NODES).astype(int) - 1))
+    rows = begin - before[::-1]
+    return Way(t[rows], u[rows])
+
+
 def is_at_first_row(record: Record) -> bool:
     """Whether `stepped` took the first row of a record for the step."""
     return any(note.code == FIRST_ROW for note in record.history)
@@ -107,7 +138,11 @@ def fit_step(
     allow_float32: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> FitResult:
-    """Fit a discrete spectrum of time constants to creep or relaxation under a constant input.
+    """Fit a discrete spectrum of time constants to creep or relaxation under an input that is held.
+
+    The way to the hold, as the record shows it, drives the model (Boltzmann's superposition), and its rows
+    are not fitted: there a material's stiffness may change with its strain. Without a way the load came at
+    once.
 
     A deformation under a constant load creeps: `GeneralizedKelvinVoigt`. A load under a constant
     deformation relaxes: `GeneralizedMaxwell`. The units of input and output say which of them is held;
@@ -116,7 +151,7 @@ def fit_step(
 
     **Arguments:**
 
-    - `record`: one sequence with a clock and a constant input other than 0; see `stepped`.
+    - `record`: one sequence with a clock, whose input is constant, or becomes so and stays; see `stepped`.
     - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
     - `seed`: kept with the result; nothing here is random.
     - `purpose`: "predict" or "constants", see `fit`.
@@ -150,7 +185,8 @@ def fit_step(
     kind = kind_of(record)
     rows = counted(record)
     assert record.time is not None
-    found = spectrum(record.time[rows], record.output[rows] / record.input[rows], kind)
+    y, way = record.output[rows] / record.input[rows], way_of(record)
+    found = spectrum(record.time[rows], y, kind, way=way)
     say(f"{kind}: {found.order} time constants of at most {len(found.table) - 1}")
     fits = [
         _result(found, row, answer, record, test, seed)
@@ -211,9 +247,12 @@ def _result(
 
 
 def _outputs(found: Spectrum, answer: Answer, record: Record) -> Float[np.ndarray, " samples"]:
-    """What the answer's model makes of a record, without compiling that anew for every order."""
+    """What the answer's model makes of the step or hold of a record, without compiling that anew for every
+    order; NaN on the way there."""
     assert record.time is not None
-    return record.input * answer.fitted.outputs(Input(found.kind, record.time, None))
+    t, begin = record.time, _begin_of_hold(record)
+    held = answer.fitted.outputs(Input(found.kind, t[begin:], None, way_of(record)))
+    return np.append(np.full(begin, np.nan), record.input[begin:] * held)
 
 
 def _parameters(
@@ -231,7 +270,8 @@ def _parameters(
     tau = np.sort(1 / np.asarray(model.chain().rates))
     listed, values = [], []
     for k, name in enumerate(answer.names):
-        field, number = (name, 0) if name in about else (name[:-1], int(name[-1]))
+        field = name if name in about else name.rstrip("0123456789")
+        number = int(name[len(field) :] or 0)
         unit, value = about[field]
         value = float(value[number - 1] if number else value)
         known = error[k] < UNKNOWN

@@ -20,7 +20,7 @@ from ..records._folds import (
     held_out_errors,
     simplest,
 )
-from ._composition import CURVE, PARTS, TIME_DRIFT
+from ._composition import CURVE, DRIFTS, PARTS
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
@@ -37,8 +37,8 @@ straight one by enough to be tried."""
 NO_ZERO = ("degC", "degF")
 """Units whose zero is a convention: the logarithm and the reciprocal of such a value mean nothing."""
 
-CONDITIONED = tuple(part for part in PARTS if part != TIME_DRIFT)
-"""A condition may change slowly in time, so a drift in time is not told from its effect."""
+CONDITIONED = tuple(part for part in PARTS if part not in DRIFTS)
+"""A condition may change slowly in a run, so a drift is not told from its effect."""
 
 GROWN_WITH = 3
 """Knots at most while parts join: how many there are at last is chosen with all parts."""

@@ -188,8 +188,8 @@ def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]
     slope = np.polyfit(levels, middle.T, 1)[0]
     bottom = u <= low + END * (high - low)
     sums = [loop_sums(u, one, np.ones(len(u), bool)) for one in y]
-    area = np.array([abs(net) for net, _, _ in sums])
-    common = np.array([span for _, _, span in sums])
+    area = np.array([abs(one.net) for one in sums])
+    common = np.array([one.span for one in sums])
     width = np.divide(area, common, out=np.zeros(2), where=common > 0)
     # The last time at the lowest input: a rest there belongs to it.
     at = np.flatnonzero(bottom)

@@ -36,6 +36,9 @@ from ._metrics import Metrics
 from ._motion_detail import Motion
 from ._trained_condition import TrainedCondition, trained_condition
 
+SEAM = 0.01
+"""Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
+
 Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
 
 PURPOSES = ("predict", "compensate", "constants")
@@ -51,7 +54,8 @@ class Parameter(NamedTuple):
       "inseparable" from others, the ends between which the data leave it open; None where there is none.
     - `repeatability`: standard error of the best value from what differs between cycles, three or more, of
       the fitted rows. It says how well the best parameters are known; `stderr` takes what the model misses
-      for noise, and says how far it is from the material.
+      for noise, and says how far it is from the material. Where no noise explains the residuals, `low` and
+      `high` are by this one, with Student's quantile: 90 % of such tests give a line in there.
     """
 
     name: str
@@ -115,6 +119,8 @@ class FitResult:
       of the test rows.
     - `baselines`: simple predictors on the same rows, see `Baseline`.
     - `extrapolation`: test rows beyond the trained inputs, rates and hold times, see `Extrapolation`.
+    - `compensator`: figures of the inverse, plain data, as a program that inverts the model has found them;
+      None where nobody has.
     - `purpose`: what the verdict is for: "predict", "compensate" or "constants".
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
@@ -153,6 +159,7 @@ class FitResult:
     test_blocks: Float[np.ndarray, " test_blocks"] | None = None
     baselines: tuple[Baseline, ...] = ()
     extrapolation: Extrapolation | None = None
+    compensator: dict[str, Any] | None = None
     purpose: str = "predict"
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)
@@ -270,11 +277,16 @@ class FitResult:
         return float(seen.min()), float(seen.max())
 
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
-        """Rows with an input, a channel of it, or a condition outside those that counted in the fit."""
+        """Rows with an input, a channel of it, or a condition outside those that counted in the fit.
+
+        The verdict, `predict` and everything else that says what is beyond asks here. Less than a hundredth
+        of the trained range is no extrapolation.
+        """
         u, (low, high) = self.combined(record).input, self.trained
-        outside = (u < low) | (u > high)
-        if self.channels is not None and record.channels:
-            outside |= beyond(record, self.channels)
+        seam = SEAM * (high - low)
+        outside = (u < low - seam) | (u > high + seam)
+        if self.channels is not None and {*self.channels.names} <= {*record.columns}:
+            outside |= beyond(record, self.channels, SEAM)
         if (condition := self.condition) is not None:
             outside |= condition.beyond(record)
         return outside
@@ -354,7 +366,7 @@ def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
     if p.repeatability is not None:
-        error += f" ({p.repeatability:.2g} from cycle to cycle)"
+        error = f" +- {p.repeatability:.2g} from cycle to cycle ({p.stderr:.2g} with the misfit)"
     word = "open:" if p.status == "inseparable" else "90 %:"
     interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (

@@ -292,7 +292,7 @@ def test_python_and_c_are_the_same(name: str, tmp_path: Path):
     dt = np.diff(found.t, prepend=found.t[0])
     values, lost, advice = [], [], []
     for k, reading in enumerate(y):
-        values.append(sensor.step(reading, dt[k], reference=known[k]).value)
+        values.append(sensor.step(dt[k], reading, reference=known[k]).value)
         lost.append(sensor.lost)
         advice.append(sensor.advice)
         if k == 100:
@@ -320,7 +320,7 @@ def test_a_state_of_another_file_is_refused(tmp_path: Path):
     with pytest.raises(FileError):
         second.restore(first.state())
     with pytest.raises(TypeError):
-        first.step(1.0, reference=2.0)
+        first.step(0.01, 1.0, reference=2.0)
 
 
 def test_what_cannot_be_recalibrated_is_refused():

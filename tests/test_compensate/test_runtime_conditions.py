@@ -38,7 +38,7 @@ def test_python_and_c_are_the_same(sign: float, axis: str, tmp_path: Path):
     pairs = np.column_stack([y, c])
     compensator = load(export_runtime(one, tmp_path / "it.json", pairs).path)
     rows = zip(y.tolist(), c.tolist(), strict=True)
-    found = [compensator.step(a, None, b) for a, b in rows]
+    found = [compensator.step(0.01, a, b) for a, b in rows]
     np.testing.assert_allclose([each.value for each in found], wanted.value, atol=1e-9 * np.ptp(u))
     np.testing.assert_array_equal([int(each.status) for each in found], wanted.status)
     assert [int(s) for s in wanted.status[np.array([5, 30])]] == [Status.EXTRAPOLATED] * 2
@@ -64,11 +64,11 @@ def test_a_step_without_the_condition_is_refused_and_a_bad_one_leaves_no_trace(t
     assert compensator.condition is not None
     assert compensator.condition["name"] == "temperature"
     with pytest.raises(TypeError, match="temperature"):
-        compensator.step(float(y[0]))
-    before = compensator.step(float(y[0]), None, float(c[0]))
-    bad = compensator.step(float(y[1]), None, float("nan"))
+        compensator.step(0.01, float(y[0]))
+    before = compensator.step(0.01, float(y[0]), float(c[0]))
+    bad = compensator.step(0.01, float(y[1]), float("nan"))
     assert (bad.value, bad.status) == (before.value, Status.INVALID)
-    assert compensator.step(float(y[1]), None, float(c[1])).value == pytest.approx(u[1], abs=1e-7)
+    assert compensator.step(0.01, float(y[1]), float(c[1])).value == pytest.approx(u[1], abs=1e-7)
     with pytest.raises(InputError) as error:
         export_runtime(model(), tmp_path / "other.json", y)
     assert error.value.code == "wrong-shape"

@@ -32,11 +32,11 @@ def test_python_is_finite_whatever_it_is_fed(problem: Problem, tmp_path: Path):
     it = load(tmp_path / "it.json")
     y, dt = hostile(FEW)
     for k, (a, b) in enumerate(zip(y.tolist(), dt.tolist(), strict=True)):
-        found = it.step(a, b)
+        found = it.step(b, a)
         assert np.isfinite(found.value) or k == 0
         assert (found.status == Status.INVALID) == (not np.isfinite(a))
     for a, b in zip(done.y[:FEW].tolist(), done.dt[:FEW].tolist(), strict=True):
-        assert np.isfinite(it.step(a, b).value)
+        assert np.isfinite(it.step(b, a).value)
 
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
@@ -73,7 +73,7 @@ def test_a_long_pause_is_held_and_said(tmp_path: Path):
     for pause in (9_999.0, 10_000.0, 1e300, np.inf):
         dt = np.append(np.full(20, 0.05), [pause, *[0.05] * 20])
         it.reset()
-        found = [it.step(a, b) for a, b in zip(y[:41].tolist(), dt.tolist(), strict=True)]
+        found = [it.step(b, a) for a, b in zip(y[:41].tolist(), dt.tolist(), strict=True)]
         value, status = c.run(dt, y[:41])
         np.testing.assert_allclose(value, [e.value for e in found], rtol=1e-9, atol=1e-9)
         assert status.tolist() == [int(e.status) for e in found]

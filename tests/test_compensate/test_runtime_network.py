@@ -103,7 +103,7 @@ def test_plain_python_is_the_same(name: str, tmp_path: Path):
     wanted = one.estimator.simulate(T, z)
     for _ in range(2):  # a second time after a reset
         steps = np.diff(T, prepend=0.0).tolist()
-        found = [runtime.step(y, dt) for y, dt in zip(z.tolist(), steps, strict=True)]
+        found = [runtime.step(dt, y) for y, dt in zip(z.tolist(), steps, strict=True)]
         value, status, deviation = (np.array(part) for part in zip(*found, strict=True))
         np.testing.assert_allclose(value, wanted.value, rtol=0, atol=1e-9 * HIGH)
         np.testing.assert_array_equal(status, wanted.status)
@@ -116,12 +116,12 @@ def test_plain_python_is_the_same(name: str, tmp_path: Path):
 def test_time_that_passes_without_a_reading_counts(name: str, tmp_path: Path):
     runtime = load(case(name).export(tmp_path))
     first, second = (case(name).readings[k].tolist() for k in (100, 200))
-    runtime.step(first, 0.0)
-    once = runtime.step(second, 3.0)
+    runtime.step(0.0, first)
+    once = runtime.step(3.0, second)
     runtime.reset()
-    runtime.step(first, 0.0)
-    runtime.step(np.full(np.shape(first), np.nan).tolist(), 1.0)
-    assert runtime.step(second, 2.0).value == pytest.approx(once.value, abs=1e-12)
+    runtime.step(0.0, first)
+    runtime.step(1.0, np.full(np.shape(first), np.nan).tolist())
+    assert runtime.step(2.0, second).value == pytest.approx(once.value, abs=1e-12)
 
 
 def test_what_the_file_says_of_itself(tmp_path: Path):
@@ -130,17 +130,17 @@ def test_what_the_file_says_of_itself(tmp_path: Path):
     assert runtime.estimate == {"name": "force", "unit": "N"}
     assert (runtime.title, runtime.high, runtime.rates) == ("StaircaseNetwork", HIGH, True)
     with pytest.raises(ValueError, match="1 readings for 2 channels"):
-        runtime.step(1.0, 0.1)
-    with pytest.raises(TypeError, match="depends on the rate"):
+        runtime.step(0.1, 1.0)
+    with pytest.raises(TypeError, match=r"step\(dt, reading\)"):
         runtime.step([1.0, 1.0])
-    assert load(case("network without time").export(tmp_path)).step(1.0).status in Status
+    assert load(case("network without time").export(tmp_path)).step(0.1, 1.0).status in Status
 
 
 def test_neither_jax_nor_numpy_is_loaded(tmp_path: Path):
     file = case("network").export(tmp_path)
     code = (
         "import sys; from compensate.runtime import load\n"
-        f"load({str(file)!r}).step(1.0, 0.1)\n"
+        f"load({str(file)!r}).step(0.1, 1.0)\n"
         "print({'jax', 'numpy', 'scipy'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)

@@ -121,10 +121,10 @@ def fmu(name: str, target: str, folder: Path) -> Path:
     return case(name).write(target, folder / "sensor.fmu")
 
 
-@pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", None)])
+@pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", 0.0)])
 @JUDGES["QEMU"].needed
 def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(
-    name: str, dt: float | None, tmp_path: Path
+    name: str, dt: float, tmp_path: Path
 ):
     """Bit for bit. The first step of an even clock, which tabulates its exponentials, takes more."""
     one = case(name)
@@ -158,7 +158,7 @@ int run(long n, const int *y, int *u, int *status)
     sensor_state s;
     sensor_reset(&s);
     for (long k = 0; k < n; ++k) {
-        status[k] = sensor_step(&s, y[k], &u[k]);
+        status[k] = sensor_step(&s, 0, y[k], &u[k], 0);
     }
     return sensor_self_test(&s);
 }
@@ -188,7 +188,10 @@ def test_fixed_point_is_the_header_to_2e_4_of_the_range(tmp_path: Path):
     found, status = run_fixed(header, given)
     value, wanted = one.reference(tmp_path).run(np.zeros(len(y)), y)
     assert np.abs(number(found) - value).max() <= 2e-4 * np.ptp(one.u)
-    np.testing.assert_array_equal(status == Status.RUN_IN, wanted == Status.RUN_IN)
+    # Without a second memory the end of the run-in is told later, by an end of the trained inputs.
+    early = status == Status.RUN_IN
+    assert early[wanted == Status.RUN_IN].all()
+    assert not early[-1]
     assert (status[-3:-1] == Status.EXTRAPOLATED).all()
     for name, real in (("creep", "fixed"), ("conditioned", "fixed")):
         with pytest.raises(InputError, match="Preisach grid") as error:

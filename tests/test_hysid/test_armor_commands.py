@@ -81,7 +81,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     variance = np.array([float(row["zz (m^2)"]) for row in contacts(out)])
     assert (variance[2:4] > 0).all()  # on the sides; on the top z is as certain as the sponge
     runtime = load_armor(out / "armor.json")
-    same = [runtime.step(k, reading).point for k, reading in enumerate(np.hstack([F, M]).tolist())]
+    same = [runtime.step(1.0, reading).point for reading in np.hstack([F, M]).tolist()]
     np.testing.assert_allclose(same, truth, atol=1e-9)
     assert json.loads((out / "touches.json").read_text())["status"][-1] == "EXTRAPOLATED"
     assert Path(view(out)["file"]).is_file()

@@ -87,7 +87,7 @@ def test_forces_are_converted_to_newtons_or_refused(tmp_path):
     found = estimator.simulate(None, y).value
     np.testing.assert_allclose(found, 9.80665 * (y - 0.2) / 0.5, rtol=1e-12, atol=1e-12)
     runtime = load_force(export_force(estimator, tmp_path / "force.json", y))
-    assert runtime.step(0.7).value == pytest.approx(9.80665, rel=1e-12)
+    assert runtime.step(0.01, 0.7).value == pytest.approx(9.80665, rel=1e-12)
     with pytest.raises(InputError, match="wrong-direction"):
         ForceEstimator(SENSOR, deviation=0.1, high=25.0)
     with pytest.raises(InputError, match="wrong-unit"):

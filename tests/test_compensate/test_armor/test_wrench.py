@@ -184,7 +184,8 @@ def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path
         reading = np.asarray(wrist.reading_of(force, moment))
         force, moment, doubt = wrist.simulate(t, reading)
     wanted = solver.simulate(t, force, moment, doubt)
-    found = [armor.step(*now) for now in zip(t.tolist(), reading.tolist(), strict=True)]
+    dt = np.diff(t, prepend=t[0])
+    found = [armor.step(*now) for now in zip(dt.tolist(), reading.tolist(), strict=True)]
     assert len({contact.status for contact in found}) > 3
     for k, values in enumerate(wanted):
         # Rounding through the sensor's matrices, the sponge's mm/N and a 0.6 m lever.

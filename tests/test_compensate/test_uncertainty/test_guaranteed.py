@@ -128,7 +128,7 @@ double follow(long runs, const double *given, const double *known, const long *e
     for (long j = 0; j < runs; ++j) {
         it_reset(&s);
         for (; k < ends[j]; ++k) {
-            (void)it_step(&s, given[k], &u, 0);
+            (void)it_step(&s, 0.01, given[k], &u, 0);
             it_watch(&f, &s, known[k]);
         }
         it_watch(&f, &s, NAN);
@@ -184,7 +184,7 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
     assert isinstance(sensor, Compensator)
     assert sensor.band is not None
     for k, reading in enumerate(y.tolist()):
-        sensor.step(reading)
+        sensor.step(0.01, reading)
         np.testing.assert_allclose(sensor.band, (wanted.low[k], wanted.high[k]), atol=1e-9)
     text = export_c(MODEL, tmp_path / "it.h", y, **options).path.read_text("utf-8")
     assert "it_band(const it_state *s, it_real *low, it_real *high)" in text
@@ -195,7 +195,7 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
     for k, one in enumerate(rows):
         sensor.reset()
         for reading, known in zip(drifted.output[one], drifted.input[one], strict=True):
-            sensor.step(float(reading))
+            sensor.step(0.01, float(reading))
             sensor.watch(float(known))
         sensor.follow()
         if k == 5:
@@ -203,7 +203,7 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
             sensor = load(tmp_path / "it.json")
             assert isinstance(sensor, Compensator)
             sensor.restore(kept)
-    found, (low, high) = sensor.step(5.0), sensor.band or (0.0, 0.0)
+    found, (low, high) = sensor.step(0.01, 5.0), sensor.band or (0.0, 0.0)
     half = after * (found.deviation if shaped else 1.0)
     assert (high - low) / 2 == pytest.approx(half, rel=1e-9)
     if COMPILERS:

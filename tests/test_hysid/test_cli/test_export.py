@@ -38,11 +38,11 @@ def test_both_files_are_the_compensator(folder: Path):
     y = identify.load(folder).train.output[:50]
     wanted = np.asarray(invert(identify.load(folder).model).simulate(None, y).value)
     compensator = load(runtime)
-    found = [compensator.step(v).value for v in y.tolist()]
+    found = [compensator.step(0.01, v).value for v in y.tolist()]
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
     assert (compensator.reading["unit"], compensator.estimate["unit"]) == ("mm", "N")
-    assert "foam_state *s, foam_real reading, foam_real *estimate" in c.read_text()
-    assert compensator.step(10.0).deviation > 0
+    assert "foam_state *s, foam_real dt, foam_real reading, foam_real *estimate" in c.read_text()
+    assert compensator.step(0.01, 10.0).deviation > 0
 
 
 def test_the_files_carry_the_fit(folder: Path):
@@ -60,12 +60,12 @@ def test_the_files_carry_the_fit(folder: Path):
     assert fit.verdict.codes
     assert f'#define FOAM_VERDICT "{fit.verdict.level}"' in c.read_text()
     far = 1.4 * fit.train.output.max()
-    assert compensator.step(far).value == fit.trained[1]
-    assert compensator.step(far).status == Status.EXTRAPOLATED
+    assert compensator.step(0.01, far).value == fit.trained[1]
+    assert compensator.step(0.01, far).status == Status.EXTRAPOLATED
     options = ("--beyond", "nan", "--start", "known", "--date", "1999-12-31")
     assert run("export", folder, "--runtime", runtime, *options).code == 0
     assert load(runtime).origin["date"] == "1999-12-31"
-    assert np.isnan(load(runtime).step(far).value)
+    assert np.isnan(load(runtime).step(0.01, far).value)
     refused(run("export", folder, "--runtime", runtime, "--beyond", "clip"), "limit or nan or free")
 
 

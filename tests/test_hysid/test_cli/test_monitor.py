@@ -94,7 +94,7 @@ def test_the_guarantee_goes_with_the_export(folder: Path):
     assert run("export", place, "--runtime", folder / "band.json").code == 0
     banded = load(folder / "band.json")
     assert isinstance(banded, Compensator)
-    estimate = banded.step(20.0)
+    estimate = banded.step(0.01, 20.0)
     assert banded.band is not None
     low, high = banded.band
     assert high - low == pytest.approx(2 * given["factor"] * estimate.deviation)

@@ -48,9 +48,9 @@ def test_what_was_learnt_runs_over_a_file_and_without_jax(trained: Path):
     runtime = load_contacts(trained / "runtime.json")
     cells = np.array([line.split(",") for line in both], float)
     steps = zip(cells[:40, 5:].tolist(), np.diff(cells[:40, 2], prepend=cells[0, 2]), strict=True)
-    same = [runtime.step(y, float(dt)).value for y, dt in steps]
+    same = [runtime.step(float(dt), y).value for y, dt in steps]
     np.testing.assert_allclose(same, value[:40], atol=1e-5)  # of six digits in the table
-    assert runtime.step((float("nan"), 1.0), 0.05).status.name == "INVALID"
+    assert runtime.step(0.05, (float("nan"), 1.0)).status.name == "INVALID"
 
 
 def test_a_lost_runtime_comes_back_as_jax_does(trained: Path):
@@ -61,7 +61,7 @@ def test_a_lost_runtime_comes_back_as_jax_does(trained: Path):
     y = np.zeros((30, 2))
     y[5:12] = [1.0, 30.0]
     wanted = estimator.simulate(t, y)
-    found = [runtime.step(now, 0.05) for now in y.tolist()]
+    found = [runtime.step(0.05, now) for now in y.tolist()]
     np.testing.assert_allclose([f.value for f in found], wanted.value, atol=1e-6)
     assert [int(f.status) for f in found] == wanted.status.tolist()
     assert {f.status.name for f in found} == {"OK", "EXTRAPOLATED"}

@@ -44,7 +44,7 @@ def test_a_fit_is_a_force_sensor(tmp_path: Path, turned: bool):
     inside = [k for k in range(400) if rows[k]["force_status"] == "OK"]
     assert len(inside) > 300
     np.testing.assert_allclose(
-        [runtime.step(Y[k], 0.1).value for k in inside], force[inside], rtol=1e-9
+        [runtime.step(0.1, Y[k]).value for k in inside], force[inside], rtol=1e-9
     )
     in_mv = tmp_path / "mv.csv"
     in_mv.write_text(file.read_text().replace("reading (V)", "reading (mV)"))

@@ -147,7 +147,7 @@ def test_the_runtime_file_is_the_force_estimator(trained: Trained):
     assert force is not None
     runtime = load(trained.out / "runtime.json")
     steps = np.diff(t, prepend=t[0]).tolist()
-    found = [runtime.step(y, dt).value for y, dt in zip(readings.tolist(), steps, strict=True)]
+    found = [runtime.step(dt, y).value for y, dt in zip(readings.tolist(), steps, strict=True)]
     np.testing.assert_allclose(found, force.value, atol=1e-8)
 
 

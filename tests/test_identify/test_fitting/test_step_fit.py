@@ -1,6 +1,7 @@
 """Fits of creep and relaxation: known elements come back, in the rig's units, and survive a folder."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,6 +172,46 @@ GOOD = creeping()
 def test_what_is_no_step(given: Record, code: str):
     with pytest.raises(InputError, match=rf"\[{code}\]"):
         fit_step(given)
+
+
+@pytest.mark.parametrize("truth", [CREEP, RELAXING], ids=["creep", "relaxation"])
+@pytest.mark.parametrize(
+    ("ramp", "smooth"), [(0.2, False), (2.0, False), (8.0, False), (0.2, True), (2.0, True)]
+)
+def test_the_way_to_a_hold_is_in_the_model(truth: Any, ramp: float, smooth: bool) -> None:
+    """Whatever the ramp, the strengths are those of a step, and the errors of short branches say when the
+    ramp hides them."""
+    t = np.arange(0.0, ramp + 200.0, 0.05)
+    share = np.minimum(t / ramp, 1.0)
+    u = FORCE * (np.sin(np.pi / 2 * share) ** 2 if smooth else share)
+    y = np.asarray(truth.simulate(t, u))
+    y = y * (1 + 1e-3 * np.random.default_rng(2).normal(size=len(t)))
+    found = fit_step(Record.from_arrays(u, y, t - 7.0))
+    told = {p.name: p for p in found.parameters}
+    one = told["E0" if truth.creeps else "E_inf"]
+    # Four standard errors, as above.
+    assert one.stderr is None or abs(one.value - (2.0 if truth.creeps else 0.5)) < 4 * one.stderr
+    for k, value in enumerate(np.asarray(truth.E), start=1):
+        one = told[f"E{k}"]
+        assert one.stderr is not None
+        assert abs(one.value - value) < 4 * one.stderr
+    rows = found.used
+    # Rows of a long way are thinned for the spectrum: far less than the noise of 1e-3.
+    np.testing.assert_allclose(
+        found.predict(found.train)[rows], (found.train.output + found.residuals)[rows], rtol=1e-5
+    )
+
+
+def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:
+    """Twelve decades of time: eight time constants leave 1.4 % of the reading."""
+    tau = 10.0 ** np.arange(-1, 11)
+    truth = GeneralizedMaxwell(1.0, 3.0 * np.exp(-0.1 * (np.arange(12) - 5) ** 2) + 0.3, tau)
+    t = np.geomspace(0.01, 1e11, 120)
+    y = np.asarray(truth.relaxation_modulus(t))
+    y = y * (1 + 0.001 * np.random.default_rng(3).normal(size=len(t)))
+    found = fit_step(record(t, y, 1.0))
+    assert found.metrics["train"].relative_percent < 0.12
+    assert {"E10", "tau10"} <= {p.name for p in found.parameters}
 
 
 def test_kind_is_told_by_what_is_held_and_else_by_the_change():

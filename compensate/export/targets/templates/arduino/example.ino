@@ -28,16 +28,14 @@ void loop()
     if (now - last < PERIOD) {
         return;
     }
-{% if rates %}
     // The model's time is in {{ time_unit | c_comment }}: {{ per_second | exact }} of it in a second.
     {{ stem }}_real dt = ({{ stem }}_real)((now - last) * {{ per_second * 1e-6 }});
-{% endif %}
     last = now;
     {{ stem }}_real estimate, deviation;
 {% if condition %}
     {{ stem }}_real condition = {{ condition.low | exact }}; // {{ condition.name | c_comment }}: measure it
 {% endif %}
-    int status = {{ stem }}_step(&state, {% if rates %}dt, {% endif %}read_sensor(), {% if condition %}condition, {% endif %}&estimate, &deviation);
+    int status = {{ stem }}_step(&state, dt, read_sensor(), {% if condition %}condition, {% endif %}&estimate, &deviation);
     Serial.print(estimate, 6);
     Serial.print(F(" +- "));
     Serial.print(deviation, 6);

@@ -29,9 +29,10 @@ void loop()
     if (now - last < PERIOD) {
         return;
     }
+    int32_t dt = (int32_t)(now - last); // this model does not need it
     last = now;
     int32_t estimate;
-    int status = {{ stem }}_step(&state, read_sensor(), &estimate);
+    int status = {{ stem }}_step(&state, dt, read_sensor(), &estimate, 0);
     Serial.print({{ stem }}_estimate(estimate), 6); // the only float here is the one that is printed
     Serial.print(F(" status "));
     Serial.println(status); // 0 is {{ upper }}_OK; {{ stem }}.h lists the others

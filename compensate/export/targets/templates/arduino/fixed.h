@@ -2,12 +2,12 @@
  *
  *     {{ stem }}_state state;
  *     {{ stem }}_reset(&state);
- *     int status = {{ stem }}_step(&state, {{ stem }}_reading(5.0f), &estimate);
+ *     int status = {{ stem }}_step(&state, dt, {{ stem }}_reading(5.0f), &estimate, 0);
  *
  * Integers only, but for the two conversions: no floating point in a step, nothing of libm. A reading is an integer of {{ upper }}_READING_STEP, counted from
  * {{ upper }}_READING_ZERO; an estimate one of {{ upper }}_ESTIMATE_STEP, counted from {{ upper }}_ESTIMATE_ZERO, which is
  * Q16.16 in cells of the grid. {{ stem }}_reading and {{ stem }}_estimate convert; a program that knows what its converter
- * counts needs neither. Readings beyond the limits are taken for the nearer one.
+ * counts needs neither. dt is not used: this model does not depend on the rate. Readings beyond the limits are taken for the nearer one.
  *
  * {{ facts_line | c_comment }}
  *
@@ -34,6 +34,7 @@
 #define {{ upper }}_READING_STEP {{ reading_step }}
 #define {{ upper }}_ESTIMATE_ZERO {{ estimate_zero }}
 #define {{ upper }}_ESTIMATE_STEP {{ estimate_step }}
+#define {{ upper }}_UNKNOWN INT32_MIN
 
 enum {{ stem }}_status {
 {% for name, value, said in statuses %}
@@ -59,7 +60,7 @@ typedef struct {
     int32_t extremum[{{ upper }}_DEPTH];
     int32_t level[{{ upper }}_DEPTH];
     int32_t u, z, estimate;
-    uint8_t depth, rising, seen_bottom, seen_top;
+    uint8_t depth, rising, known;
 } {{ stem }}_state;
 
 static inline int32_t {{ stem }}_reading(float reading)
@@ -207,9 +208,12 @@ static inline int32_t {{ stem }}_solve(const {{ stem }}_state *s, int32_t z, int
     return u > end ? u : end;
 }
 
-/* One reading in, one estimate out; what it is worth is returned. */
-static inline int {{ stem }}_step({{ stem }}_state *s, int32_t reading, int32_t *estimate)
+/* One reading in, one estimate out; what it is worth is returned. The deviation is not known in integers:
+ * where its pointer is not null, it is {{ upper }}_UNKNOWN. */
+static inline int {{ stem }}_step(
+    {{ stem }}_state *s, int32_t dt, int32_t reading, int32_t *estimate, int32_t *deviation)
 {
+    (void)dt;
     int status;
     int32_t z = reading;
     uint8_t clipped = 0, beyond = 0;
@@ -251,14 +255,13 @@ static inline int {{ stem }}_step({{ stem }}_state *s, int32_t reading, int32_t 
         status = {{ upper }}_{{ "EXTRAPOLATED" if goes_on else "SATURATED" }};
     }
 {% if guard %}
-{% if guard.unknown %}
-    s->seen_bottom = (uint8_t)(s->seen_bottom | (u <= {{ guard.bottom }}));
-    s->seen_top = (uint8_t)(s->seen_top | (u >= {{ guard.top }}));
-    uint8_t known = s->seen_bottom && s->seen_top;
+{% if guard.ends %}
+    /* At an end of the trained inputs all relays that these reach are one way. */
+    s->known = (uint8_t)(s->known | (u <= {{ guard.bottom }} ? 1 : 0) | (u >= {{ guard.top }} ? 2 : 0));
 {% endif %}
     if (status == {{ upper }}_OK || status == {{ upper }}_FLAT) {
-{% if guard.unknown %}
-        if (!known) {
+{% if guard.ends %}
+        if ((s->known & {{ guard.ends }}) != {{ guard.ends }}) {
             status = {{ upper }}_RUN_IN;
         }
 {% endif %}
@@ -275,6 +278,9 @@ static inline int {{ stem }}_step({{ stem }}_state *s, int32_t reading, int32_t 
 {% endif %}
     s->estimate = u;
     *estimate = u;
+    if (deviation) {
+        *deviation = {{ upper }}_UNKNOWN;
+    }
     return status;
 }
 
@@ -291,7 +297,7 @@ static inline int {{ stem }}_self_test({{ stem }}_state *s)
     {{ stem }}_reset(s);
     for (int k = 0; k < {{ golden }}; ++k) {
         int32_t estimate;
-        (void){{ stem }}_step(s, {{ upper }}_AT(reading, k), &estimate);
+        (void){{ stem }}_step(s, 0, {{ upper }}_AT(reading, k), &estimate, 0);
         int32_t off = estimate - {{ upper }}_AT(value, k);
         wrong += off >= {{ tolerance }} || off <= -{{ tolerance }};
     }

@@ -91,10 +91,7 @@ static void take(state *s, double time)
 {
     double dt = s->stepped ? (time - s->time) * {{ per_second | exact }} : 0.0;
     s->status = {{ stem }}_step(
-        &s->compensator, {% if rates %}dt, {% endif %}s->reading, {% if condition %}s->condition, {% endif %}&s->estimate, &s->deviation);
-{% if not rates %}
-    (void)dt;
-{% endif %}
+        &s->compensator, dt, s->reading, {% if condition %}s->condition, {% endif %}&s->estimate, &s->deviation);
     s->time = time;
     s->stepped = 1;
 }

@@ -134,9 +134,7 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
     s.next = s.at;
     double given = sensor >= 0 ? d->sensordata[sensor_named(m, instance, "reading")]
                                : d->ctrl[CONTROL(m, actuator)];
-{% if rates %}
     double dt = s.begun ? (d->time - s.last) * {{ per_second | exact }} : 0.0;
-{% endif %}
 {% if condition %}
     double condition = d->sensordata[sensor_named(m, instance, "condition")];
 {% endif %}
@@ -144,12 +142,12 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
     int status = {{ upper }}_OK;
 {% if predicts %}
     if (forwards(m, instance)) {
-        value = {{ stem }}_predict(&s.next, {% if rates %}dt, {% endif %}given{% if condition %}, condition{% endif %});
+        value = {{ stem }}_predict(&s.next, dt, given{% if condition %}, condition{% endif %});
     } else
 {% endif %}
     {
         status = {{ stem }}_step(
-            &s.next, {% if rates %}dt, {% endif %}given, {% if condition %}condition, {% endif %}&value, &deviation);
+            &s.next, dt, given, {% if condition %}condition, {% endif %}&value, &deviation);
     }
     s.time = d->time;
     s.computed = 1;

@@ -82,10 +82,9 @@ struct Axis
     double step(double seconds, double given, double condition)
     {
         double estimate = NAN;
-        (void)seconds;
         (void)condition;
         (void){{ stem }}_step(
-            &state, {% if rates %}seconds * {{ per_second | exact }}, {% endif %}scale * given + offset, {% if condition %}condition, {% endif %}&estimate, nullptr);
+            &state, seconds * {{ per_second | exact }}, scale * given + offset, {% if condition %}condition, {% endif %}&estimate, nullptr);
         return estimate;
     }
 };
