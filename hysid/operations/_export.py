@@ -51,12 +51,12 @@ def export(
         )
     record = fitted.train
     error = error_of(fitted).around(invert(fitted.model))
-    rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
+    readings, times = readings_of_training(fitted)
     program = Program(
         fitted.model,
-        with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))[rows],
-        times=None if record.time is None else record.time[rows],
+        readings,
+        times=times,
         reading=Quantity(record.output_name, record.output_unit),
         estimate=Quantity(record.input_name, record.input_unit),
         title=fitted.name,
@@ -77,6 +77,14 @@ def export(
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
         "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
     }  # fmt: skip
+
+
+def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:
+    """The outputs of the longest sequence that was fitted, with the condition if any, and their times."""
+    record = fitted.train
+    rows = longest_sequence(record, record.mask & np.isfinite(record.output))
+    given = with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))
+    return given[rows], None if record.time is None else record.time[rows]
 
 
 def _written(
