@@ -1,4 +1,4 @@
-"""Records of the rigs whose physics no model contains, for `benchmarks.datasets`."""
+"""Records of the rigs of which no model is the whole, for `benchmarks.datasets`."""
 
 from typing import Any, NamedTuple
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from .export._export import export_runtime as export_runtime
     from .export.targets._export_to import export_to as export_to
     from .guards._guarded import GuardedCompensator as GuardedCompensator
-    from .guards._run_in import RunIn as RunIn
-    from .guards._run_in import run_in as run_in
+    from .guards._run_in import Past as Past
     from .inverses import BracketedCompensator as BracketedCompensator
     from .inverses import inverse_of as inverse_of
     from .qualification._loop_widths import Loop as Loop
@@ -54,7 +53,7 @@ _HOME = {
     "_invert": ("invert",),
     "inverses": ("BracketedCompensator", "inverse_of"),
     "guards._guarded": ("GuardedCompensator",),
-    "guards._run_in": ("RunIn", "run_in"),
+    "guards._run_in": ("Past",),
     "uncertainty._ensemble": ("EnsembleCompensator", "UncertainEstimate"),
     "uncertainty._calibrated": ("CalibratedCompensator", "LeftOut", "calibrated"),
     "uncertainty._dead_band": ("DeadBandCompensator",),

@@ -8,7 +8,7 @@ from hysteresis import AbstractModel, InputError, parameters, with_units
 
 from ._contract import AbstractCompensator
 from .guards._guarded import GuardedCompensator
-from .guards._run_in import run_in
+from .guards._run_in import Past, starts_of
 from .inverses import inverse_of
 from .uncertainty._ensemble import EnsembleCompensator
 
@@ -22,6 +22,8 @@ def invert(
     beyond: str = "limit",
     start: str = "known",
     longest: float | None = None,
+    past: Past | None = None,
+    deviation: float = 0.0,
 ) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator, with a guard where `trained` is given.
 
@@ -37,7 +39,10 @@ def invert(
     - `beyond`: what becomes of estimates beyond `trained`: "limit" (held at the nearer end), "nan", or
       "free" (as they are). Their status is EXTRAPOLATED.
     - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
-      RUN_IN until the readings have replaced what is unknown, see `run_in`.
+      RUN_IN until the readings have replaced what is unknown, see `GuardedCompensator`.
+    - `past`: times and inputs of the training rows, which bound what an unknown start can be. A model
+      without rates needs none.
+    - `deviation`: of usual estimates, in the input's unit; 0 where none is stated.
     - `longest`: with `trained`, the longest time between two readings; a longer one is taken for it.
 
     **Returns:** a compensator, with the units of the model where it has any.
@@ -78,6 +83,6 @@ def invert(
             )
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
-    waits = run_in(model, low, high) if start == "unknown" else None
-    guarded = GuardedCompensator(inverse, low, high, beyond, waits, longest=longest)
+    others = starts_of(inverse, model, low, high, past) if start == "unknown" else ()
+    guarded = GuardedCompensator(inverse, low, high, beyond, others, deviation, longest=longest)
     return guarded if units is None else with_units(guarded, units)

@@ -5,6 +5,7 @@ from typing import Any
 
 import identify
 from hysteresis import InputError, Record
+from hysteresis.records._turned import turned
 
 from ._compile_cache import keep_compiled_by_python
 from .operations._compensated import fitted_to_compensate
@@ -24,6 +25,7 @@ def fit(
     time: Any = None,
     group: str | None = None,
     condition: str | Sequence[str] = (),
+    turn: str | Sequence[str] = (),
     model: Any = None,
     **options: Any,
 ) -> identify.FitResult:
@@ -37,11 +39,13 @@ def fit(
       polars data frame or a mapping of columns, with the names of `input`, `output`, `time` and `group`.
     - `other`: the model beside a record, or the outputs (n,) beside an array.
     - `condition`: columns of a data frame, such as a temperature, on which the output depends too.
+    - `turn`: columns of a data frame whose sign is turned.
     - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
     - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
       (`test_cycles`, `noise`, `parameters`, `purpose`, ...). With `purpose="compensate"` the compensator is
-      tried too, and the verdict is FAIL where a straight line is better.
+      tried too, and the verdict is FAIL where a straight line is better, CAUTION where only a cubic for
+      either way of the output is.
 
     **Returns:** the `FitResult`.
 
@@ -58,17 +62,18 @@ def fit(
     """
     keep_compiled_by_python()
     if isinstance(data, Record):
-        if (input, output, time, group) != (None,) * 4 or condition:
+        if (input, output, time, group) != (None,) * 4 or condition or turn:
             raise InputError(
                 "bad-option",
                 "A record has its input, output and time already.",
-                fix="leave input=, output=, time=, group= and condition= out.",
+                fix="leave input=, output=, time=, group=, condition= and turn= out.",
             )
         chosen = model if other is None else other
         return fitted_to_compensate(data, "auto" if chosen is None else chosen, **options)
     own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
     if output is not None and input is not None:
         record = Record.from_columns(data, input, output, time, group, condition, **own)
+        record = turned(record, turn) if turn else record
         model = other if model is None else model
     elif other is not None and not isinstance(other, str):
         record = Record.from_arrays(data, other, time, **own)

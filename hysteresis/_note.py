@@ -1,8 +1,10 @@
 """A sentence for people with a code for programs: what was done to data, and what is wrong with them."""
 
+from typing import Any
+
 
 class Note(str):
-    """A sentence with a stable `code`: people read the sentence, programs read the code.
+    """A sentence with a stable `code`: people read the sentence, programs read the code and the `values`.
 
     It is a string, so it prints, joins and saves as one; two notes are equal where their sentences are.
 
@@ -10,27 +12,29 @@ class Note(str):
 
     - `code`: a short stable name of what the sentence says, such as `resampled`.
     - `text`: the sentence.
+    - `values`: the numbers and names that it tells, unrounded, by name.
 
     **Example:**
 
         >>> import hysteresis
-        >>> note = hysteresis.Note("resampled", "Resampled 7 rows to a step of 0.25 s.")
-        >>> note.code
-        'resampled'
+        >>> note = hysteresis.Note("resampled", "Resampled 7 rows to a step of 0.25 s.", {"rows": 7})
+        >>> note.code, note.values["rows"]
+        ('resampled', 7)
     """
 
-    __slots__ = ("code",)
+    __slots__ = ("code", "values")
     code: str
+    values: dict[str, Any]
 
-    def __new__(cls, code: str, text: str) -> "Note":
-        """A note of this code and text."""
+    def __new__(cls, code: str, text: str, values: dict[str, Any] | None = None) -> "Note":
+        """A note of this code, text and values."""
         note = super().__new__(cls, text)
-        note.code = code
+        note.code, note.values = code, values or {}
         return note
 
-    def __getnewargs__(self) -> tuple[str, str]:
+    def __getnewargs__(self) -> tuple[Any, ...]:
         """What a copy is made from."""
-        return self.code, self.text
+        return self.code, self.text, self.values
 
     @property
     def text(self) -> str:
@@ -43,9 +47,9 @@ class Note(str):
         return said if isinstance(said, cls) else cls("remark", said)
 
 
-def warning(code: str, text: str) -> Note:
+def warning(code: str, text: str, values: dict[str, Any] | None = None) -> Note:
     """A note whose text names its code in brackets at the end, as an error's does."""
-    return Note(code, f"{text} [{code}]")
+    return Note(code, f"{text} [{code}]", values)
 
 
 class ProgressNote(Note):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ._errors import InputError
-from ._quantities import FORCE, Units, conversion
+from ._quantities import FORCE, LENGTH, Units, conversion
 from ._registry import register
 from .models._bouc_wen import BoucWen
 from .models._burgers import Burgers, StandardLinearSolid
@@ -19,6 +19,60 @@ from .records._record import Record
 CONTACT_FORCE = 1.5
 """Threshold of first contact in N (Tsuji 2014), used where the input is a force well above it, and the
 output none: a combination of channels has the output's unit."""
+
+
+ENOUGH = 1000
+"""Rows that tell which way a record lags."""
+
+
+def _is_load(unit: str) -> bool:
+    return any(conversion(unit, load) is not None for load in (FORCE, "Pa", "N*m"))
+
+
+def _is_deformation(unit: str) -> bool:
+    ratio = conversion(unit.partition("/")[0], LENGTH) and conversion(unit, "1")
+    return conversion(unit, LENGTH) is not None or unit in ("percent", "deg", "rad") or bool(ratio)
+
+
+def _leads(record: Record) -> bool:
+    """Whether a viscoelastic element runs deformation -> load, so that the output leads.
+
+    The units tell where one is that of a load and the other that of a deformation, since moduli are loads
+    over deformations. Else the sign of what lags does, which an input that goes one way shows too.
+    """
+    of_input, of_output = record.input_unit, record.output_unit
+    for leading, load, deformation in ((False, of_input, of_output), (True, of_output, of_input)):
+        if _is_load(load) and _is_deformation(deformation):
+            return leading
+    return _lag(record) < 0
+
+
+def _lag(record: Record) -> float:
+    """b of y = a + c u + b L, L the input behind the delay that suits best: below 0 where y relaxes."""
+    assert record.time is not None
+    stride = -(-len(record) // ENOUGH)
+    rows = np.union1d(np.arange(0, len(record), stride), record.starts)
+    t, u = record.time[rows], record.input[rows]
+    dt = np.diff(t, prepend=t[0])
+    first = np.isin(rows, record.starts)
+    step, span = float(np.median(dt[~first])), float(np.ptp(t))
+    delays = np.geomspace(max(step, 1e-6 * span), max(span, 1e-6), 12)
+    delayed = np.zeros((len(rows), len(delays)))
+    for k in range(len(rows)):
+        if first[k]:
+            continue
+        x = dt[k] / delays
+        phi = -np.expm1(-x) / np.maximum(x, 1e-300)  # of an input that is linear between the rows
+        delayed[k] = u[k] + np.exp(-x) * (delayed[k - 1] - u[k - 1]) - phi * (u[k] - u[k - 1])
+    counted = record.mask[rows]
+    best, lag = np.inf, 0.0
+    for L in delayed.T:
+        A = np.column_stack([np.ones(len(rows)), u, L])[counted]
+        found = np.linalg.lstsq(A, record.output[rows][counted], rcond=None)[0]
+        left = float(np.sum((A @ found - record.output[rows][counted]) ** 2))
+        if left < best:
+            best, lag = left, float(found[2])
+    return lag
 
 
 def _sponge(record: Record) -> LinearSponge:
@@ -41,7 +95,7 @@ def _burgers(record: Record) -> Burgers:
             fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
         )
     u, y = record.input[record.mask], record.output[record.mask]
-    leading = loop_direction(record) < 0
+    leading = _leads(record)
     gain = np.ptp(y) / np.ptp(u)
     stiffness = gain if leading else 1 / gain
     span = max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())

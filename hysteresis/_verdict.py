@@ -39,11 +39,13 @@ class Verdict(NamedTuple):
 
     @property
     def document(self) -> dict[str, Any]:
-        """Plain data for JSON: level, reasons with code and text, and the best baseline or None."""
+        """Plain data for JSON: level, reasons with code, text and values, and the best baseline or None."""
         notes = map(Note.of, self.reasons)
         return {
             "level": self.level,
-            "reasons": [{"code": note.code, "text": note.text} for note in notes],
+            "reasons": [
+                {"code": note.code, "text": note.text, "values": note.values} for note in notes
+            ],
             "best_baseline": self.best_baseline or None,
         }
 
@@ -51,7 +53,9 @@ class Verdict(NamedTuple):
     def of(cls, document: Mapping[str, Any]) -> "Verdict":
         """The inverse of `document`; files of earlier versions hold sentences without codes."""
         reasons = tuple(
-            Note.of(said) if isinstance(said, str) else Note(said["code"], said["text"])
+            Note.of(said)
+            if isinstance(said, str)
+            else Note(said["code"], said["text"], said.get("values"))
             for said in document["reasons"]
         )
         return cls(document["level"], reasons, document.get("best_baseline") or "")

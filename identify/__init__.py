@@ -48,6 +48,7 @@ from .posterior._predictive import LEVELS, Bands, predictive
 from .posterior._sample import sample
 from .records._run_model import predict
 from .results._baseline import Baseline
+from .results._characteristics import Characteristic
 from .results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -78,6 +79,7 @@ __all__ = [
     "Candidate",
     "Change",
     "ChangeOverTime",
+    "Characteristic",
     "Choice",
     "Compared",
     "Comparison",

@@ -1,15 +1,15 @@
 """A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
 
-import ctypes
 from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import parts_of
+from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
+from ._c99_state import size_of, state_in_c
 from ._cost import cost
 from ._header_facts import (
     HEAD,
@@ -17,6 +17,7 @@ from ._header_facts import (
     clock,
     condition,
     facts,
+    motions,
     origin,
     quantity,
     spent,
@@ -55,6 +56,9 @@ class _Header:
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.others = [
+            self._part(begun(document["tree"], iter(states))) for states in document["starts"]
+        ]
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
@@ -71,7 +75,14 @@ class _Header:
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.tree),
-            self._state(),
+            state_in_c(
+                self.parts,
+                self.elements,
+                self.stem,
+                self._number(self.document["start"], "real"),
+                self._list,
+                self._number,
+            ),
             *(self._functions(part) for part in self.parts),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
@@ -89,9 +100,10 @@ class _Header:
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN",
+            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
-            real="float" if self.single else "double", state=self._size(),
+            real="float" if self.single else "double",
+            state=size_of(self.parts, self.elements, self.single),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
             bound=f"{self._bound():,}", operations=spent(d),
@@ -101,7 +113,8 @@ class _Header:
 
     def _bound(self) -> int:
         """Operations of a step, at most."""
-        return sum(p.cost["find"] for p in (self.root, self.error, self.guard) if p) + AROUND
+        whole = self.root, self.error, self.guard, *self.others
+        return sum(p.cost["find"] for p in whole if p) + AROUND
 
     # Elements and their constants
 
@@ -134,7 +147,8 @@ class _Header:
 
     def _constants(self, part: _Part) -> str:
         home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
-        first = next(p.number for p in self.parts if p.tree is part.tree)
+        own = part.tree["parameters"]
+        first = next(p.number for p in self.parts if p.tree.get("parameters") is own)
         if first != part.number:  # the same parameters with another memory
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
@@ -166,63 +180,8 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        trees = {id(p.tree): p.tree.get("parameters", {}).values() for p in self.parts}
-        return sum(len(v) if isinstance(v, list) else 1 for of in trees.values() for v in of)
-
-    # The state
-
-    def _state(self) -> str:
-        fields, values = [], []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            if kind == "series":
-                fields.append(f"    struct {{ int status; }} n{part.number};")
-                values.append("        {0}")
-                continue
-            home = self.elements[kind]
-            fields.append(f"    {home.prefix}_state n{part.number};")
-            given = [
-                self._list(value) if t == "Reals" else self._number(value, t)
-                for k, t in home.structures["State"].items()
-                for value in [part.tree["state"][k]]
-            ]  # fmt: skip
-            values.append("        {" + ", ".join(given) + "}")
-        stem = self.stem
-        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
-        fields.append("    int begun;")
-        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
-        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
-        body = ",\n".join(values)
-        return "\n".join(
-            [
-                comment("Everything that changes; the caller keeps it.", ""),
-                "typedef struct {", *fields, f"}} {stem}_state;", "",
-                f"static inline void {stem}_reset({stem}_state *s)", "{",
-                f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
-                f"    {stem.upper()}_COPY(s, &initial);", "}",
-            ]
-        )  # fmt: skip
-
-    def _size(self) -> int:
-        """sizeof, by the rules that C compilers share."""
-        real = ctypes.c_float if self.single else ctypes.c_double
-        members: list[tuple[str, Any]] = []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
-            if kind != "series":
-                same = [p.tree["state"] for p in self.parts if p.tree["kind"] == kind]
-                fields = [
-                    (k, ctypes.c_int if t == "int" else real if t != "Reals"
-                     else real * max(1, *(len(state[k]) for state in same)))
-                    for k, t in self.elements[kind].structures["State"].items()
-                ]  # fmt: skip
-            members.append(
-                (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
-            )
-        members += [(name, real) for name in ("estimate", "deviation", "waited")]
-        members.append(("begun", ctypes.c_int))
-        return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
+        own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
+        return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
     # Functions of the nodes
 
@@ -341,21 +300,13 @@ class _Header:
             for p in self.parts if p.tree["kind"] == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        strange = f"""
-        if (passed >= {longest}
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}""" if rates else ""  # fmt: skip
+        beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
         if self.condition:
             first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            strange += f"""
-        if ((condition < {first} || condition > {last})
-            && (s->n{k}.status == {upper}_OK || s->n{k}.status == {upper}_FLAT)) {{
-            s->n{k}.status = {upper}_EXTRAPOLATED;
-        }}"""
+            beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
             if self.error else ""
         )  # fmt: skip
         text = f"""\
@@ -370,7 +321,8 @@ static inline int {stem}_step(
             seen = {high};
         }}
         {real} passed = s->begun ? s->waited : {zero};{takes}
-        s->estimate = {stem}_{k}_find(s, passed, seen);{strange}
+        s->estimate = {stem}_{k}_find(s, passed, seen);
+        int beyond = {beyond};
         s->waited = {zero};
         s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
 {self._guarded()}
@@ -384,6 +336,9 @@ static inline int {stem}_step(
         if not self.predicts:
             return text
         nearest, farthest = (self._number(v, "real") for v in self.document["inputs"])
+        others = "".join(
+            f"\n    (void){stem}_{other.number}_move(s, passed, input);" for other in self.others
+        )
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
@@ -401,7 +356,8 @@ static inline {real} {stem}_predict(
         input = {farthest};
     }}
     s->estimate = input;{takes.replace("        (", "    (")}
-    {real} reading = {stem}_{k}_move(s, s->begun ? s->waited : {zero}, input);
+    {real} passed = s->begun ? s->waited : {zero};
+    {real} reading = {stem}_{k}_move(s, passed, input);{others}
     s->waited = {zero};
     s->begun = 1;
     return reading;
@@ -413,13 +369,23 @@ static inline {real} {stem}_predict(
         if not self.guard:
             return f"""\
         status = s->n{k}.status;
-        if (status == {upper}_OK && seen != reading) {{
+        if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
             status = {upper}_EXTRAPOLATED;
         }}"""
-        g = self.guard.number
+        g, real, size = self.guard.number, self.real, "fabsf" if self.single else "fabs"
+        away = "".join(
+            f"""\
+        {{
+            {real} away = {size}({stem}_{other.number}_find(s, passed, seen) - s->estimate);
+            apart = away > apart ? away : apart;
+        }}
+"""
+            for other in self.others
+        )
         text = f"""\
-        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, passed, s->estimate, s->n{k}.status, seen != reading);
+        {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
+{away}        s->estimate = {stem}_guard_limited(
+            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart);
         status = s->n{g}.status;"""
         if self.guard.tree["beyond"] != "nan":
             return text

@@ -40,12 +40,10 @@ from hysteresis.preisach import saturated_outputs
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
-from ..guards._run_in import RunIn
 from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._degrading_bouc_wen import LEAST_SLOPE
-from ..uncertainty._calibrated import CalibratedCompensator
 from ._node import Tree, node
 from ._oscillator_tree import oscillator_node
 from ._preisach_tree import preisach_node, preisach_parts
@@ -68,34 +66,20 @@ def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64)
     return _tree(model, float(np.finfo(precision).eps), depth)
 
 
-def error_tree(found: CalibratedCompensator) -> Tree:
-    """The error of a model, by level and branch, as an element."""
-    falling, rising = np.asarray(found.error)
-    return node(
-        "error",
-        {
-            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
-            "width": found.width,
-        },
-        {"begun": 0, "follower": 0.0, "up": 1},
-    )  # fmt: skip
-
-
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     """The guard of a compensator, as an element."""
-    low, high, run_in = float(guard.low), float(guard.high), guard.run_in
+    low, high = float(guard.low), float(guard.high)
     # In single precision an estimate just after a reversal is 1e-3 of the range off.
-    rounding = ROUNDING_OF_ENDS if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS
+    rounding = 0.0 if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS * (high - low)
     return {
         "beyond": guard.beyond,
         **node(
             "guard",
             {
-                "low": low, "high": high, "rounding": rounding * (high - low),
-                "holds": guard.beyond == "limit", "unknown": run_in is not None,
-                **(run_in or RunIn(0.0, 0.0, 0.0))._asdict(),
+                "low": low, "high": high, "slack": max(float(guard.slack), rounding),
+                "holds": guard.beyond == "limit", "decides": guard.decides, "within": guard.within,
             },
-            {"beyond": 0, "seen_bottom": 0, "seen_top": 0, "elapsed": 0.0},
+            {"beyond": 0},
         ),
     }  # fmt: skip
 
@@ -369,7 +353,8 @@ def _(model: CyclicDrift, eps: float, depth: int) -> Tree:
         "drift",
         {
             "count": len(model.levels), "levels": model.levels, "drift": model.rates, "least": model.least,
-            "length": model.length + model.least, "offset": model.offset,
+            "most": min(model.most - model.least, 1e30), "length": model.length + model.least,
+            "offset": model.offset,
         },
         {"begun": 0, "u": 0.0, "path": 0.0},
     )  # fmt: skip
@@ -381,9 +366,10 @@ def _(model: TimeDrift, eps: float, depth: int) -> Tree:
     rates = 1 / np.asarray(model.times)
     return node(
         "time_drift",
-        {"count": len(rates), "rates": rates, "ends": model.rates, "offset": model.offset},
+        {"count": len(rates), "rates": rates, "ends": model.rates, "most": min(model.most, 1e30),
+         "offset": model.offset},
         {"begun": 0, "elapsed": 0.0},
-    )
+    )  # fmt: skip
 
 
 @_tree.register

@@ -19,6 +19,7 @@ from .._contract import AbstractCompensator
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..guards._guarded import longest_step as longest_step
+from ..guards._run_in import Past
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
@@ -26,16 +27,17 @@ from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
-from ._band import banded
+from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import write
-from ._element_tree import error_tree, guard_tree, tree_of
+from ._element_tree import guard_tree, tree_of
 from ._measured_operations import Operations, measured
 from ._node import ONE_WAY, Tree
 from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
 from ._precision import require_double
 from ._preisach_tree import with_grids
+from ._starts import starts_in
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -115,9 +117,9 @@ def export_runtime(
     - `limits`: readings beyond are taken for the nearer limit; by default half the readings' span on
       either side.
     - `depth`: reversals that a Preisach model remembers, 64 by default.
-    - `trained`: (low, high), the least and the greatest input of the training rows; `beyond` and `start`
-      as of `invert`. The file gives the values and statuses of
-      `GuardedCompensator(invert(model), low, high, beyond, run_in, readings=limits)`. None: no guard.
+    - `trained`: (low, high), the least and the greatest input of the training rows; `beyond`, `start`,
+      `past` (by default what the readings tell) and `deviation` as of `invert`. The file gives the values
+      and statuses of what that returns, with `readings=limits`. None: no guard.
     - `adaptive`: `adaptive(model, record)`, for a compensator that recalibrates itself.
     - `band`: `guaranteed(...)` of this compensator, for the band beside every estimate. Its shape is
       constant, or the deviation of the same `error`.
@@ -180,6 +182,8 @@ class Program:
         trained: tuple[float, float] | None = None,
         beyond: str = "limit",
         start: str = "known",
+        past: Past | None = None,
+        deviation: float = 0.0,
         origin: Origin | None = None,
         time_unit: str = "s",
         adaptive: AdaptiveCompensator | None = None,
@@ -196,8 +200,19 @@ class Program:
         if isinstance(model, Oscillator):
             compensator = Motion(model)
         else:
-            compensator = invert(model, trained=trained, beyond=beyond, start=start)
+            if past is None and start == "unknown" and times is not None:
+                known = invert(model).simulate(np.asarray(times, float), np.asarray(readings))
+                past = Past(times, known.value)
+            compensator = invert(
+                model, trained=trained, beyond=beyond, start=start, past=past, deviation=deviation
+            )
         if adaptive is not None:
+            if start == "unknown":
+                raise InputError(
+                    "bad-option",
+                    "A compensator that recalibrates itself begins in a known state.",
+                    fix='give start="known".',
+                )
             guarded = isinstance(compensator, GuardedCompensator)
             compensator = replace(compensator, inner=adaptive) if guarded else adaptive
         self._adaptive, self.model, self.depth = adaptive, model, depth
@@ -217,13 +232,15 @@ class Program:
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        # The error may depend on the speed where the model does not.
+        counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
             raise InputError(
                 "no-time", "This model depends on the rate, and no times were given.",
                 fix="give the times of the readings.",
             )  # fmt: skip
         low, high = limits or wider(y)
-        self._guard = compensator if isinstance(compensator, GuardedCompensator) else None
+        self.guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         given = np.column_stack([y, c]) if conditioned else y
@@ -250,11 +267,13 @@ class Program:
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates,
-            "longest": self._longest(t) if rates else None,
+            "limits": [float(low), float(high)], "rates": counts_time,
+            "longest": self._longest(t) if counts_time else None,
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
+            "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
+            "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {
@@ -278,7 +297,7 @@ class Program:
     def _whole(self, precision: type = np.float64) -> dict[str, Any]:
         if precision not in self._trees:
             self._trees[precision] = self._tree(precision)
-        guard = self._guard and guard_tree(self._guard, precision)
+        guard = self.guard and guard_tree(self.guard, precision)
         return {**self._rest, "tree": self._trees[precision], "guard": guard}
 
     def _tree(self, precision: type) -> Tree:

@@ -1,7 +1,9 @@
 """What a header says about the fit it comes from: trained inputs, run-in, verdict, date of the data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from hysteresis._escape import c_string, visible
 
@@ -17,7 +19,7 @@ HEAD = """\
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
-deviation: its standard deviation{unknown}; a null pointer for none.
+deviation: its standard deviation{unknown}; a null pointer for none.{motions}
 {time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
 nothing: the last estimate is held. {stem}_reset is the state before the first sample;
 {stem}_self_test replays what the file was made with. {predict}{origin}
@@ -49,13 +51,35 @@ def trained(document: dict[str, Any], stem: str) -> str:
         f" The model was trained on {p['low']:.6g} to {p['high']:.6g};"
         f" an estimate beyond {BEYOND[guard['beyond']]},\n{upper}_EXTRAPOLATED."
     )
-    if not p["unknown"]:
+    if not (starts := len(document["starts"])):
         return text
-    wait = f", and {p['time']:.4g} of dt have passed" if p["time"] else ""
-    ends = "there was a reading"
-    if p["bottom"] < p["top"]:
-        ends = f"an estimate was at most {p['bottom']:.6g}, another at least {p['top']:.6g}"
-    return f"{text}\nAfter a reset the status is {upper}_RUN_IN until {ends}{wait}."
+    return (
+        f"{text}\nAfter a reset the status is {upper}_RUN_IN until estimates that begin in {starts} other"
+        f" state{'s' * (starts > 1)} are at most\n{p['within']:.3g} away: then it no longer matters what"
+        " came before."
+    )
+
+
+def motions(document: dict[str, Any]) -> str:
+    """For which motions the deviation was verified, and how often it held."""
+    if not (error := document["error"]) or not (known := learnt_on(error["parameters"])):
+        return ""
+    text = f"\nIt was learnt {known}.\nWhere the last two turns or the speed are others, it grows."
+    if (held := document.get("coverage")) is not None:
+        text += f" Of held-out rows {100 * held:.3g} %\nwere within 1.645 of it; 90 % are meant."
+    return text
+
+
+def learnt_on(p: Mapping[str, Any]) -> str:
+    """The motions that an error was learnt on, from the parameters of its element, in words."""
+    if not p["growth"]:
+        return ""
+    turns = np.ravel(p["turns"])
+    down, up = (f"{low:.4g} to {high:.4g}" for low, high in (turns[:2], turns[4:6]))
+    text = f"at inputs from {p['least']:.4g} to {p['most']:.4g} that turned down at {down} and up at {up}"
+    if p["slow"] > 0:
+        text += f", in strokes of a mean speed from {p['slow']:.4g} to {p['fast']:.4g}"
+    return text
 
 
 def clock(document: dict[str, Any], stem: str) -> str:

@@ -10,11 +10,12 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete, register
+from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Found, Status
-from .._readings import reading_of, with_reading
+from .._readings import conditioned_in, reading_of, with_reading
 from ..runtime._file import LONGEST
-from ._run_in import RunIn
+from ._run_in import Start
 
 BEYOND = ("limit", "nan", "free")
 """What becomes of an estimate beyond the trained inputs."""
@@ -23,6 +24,9 @@ ROUNDING = 1e-6
 """Part of the trained range. Just after a reversal 1e-14 of the output is 1e-7 of the input, so an estimate
 closer than that to an end is at the end."""
 
+
+UNSTATED = 0.01
+"""Part of the trained range to which starts have to agree where no deviation is stated."""
 
 LASTING = 1000.0
 """Durations of the readings that one step may take."""
@@ -37,12 +41,11 @@ def longest_step(t: ArrayLike) -> float:
 
 
 class GuardedState(NamedTuple):
-    """The inner state; which ends of the range estimates have seen; the inner clock's first time; the time
-    of the last reading; what long steps have taken off the clock. NaN before the first reading."""
+    """The inner state; those of the other starts; the inner clock's first time; the time of the last
+    reading; what long steps have taken off the clock. NaN before the first reading."""
 
     inner: Any
-    bottom: Array
-    top: Array
+    others: tuple[Any, ...]
     first: Array
     last: Array
     removed: Array
@@ -56,22 +59,28 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     \\hat u = \\mathrm{clip}(\\hat u_\\text{inner}, low, high)
     ```
 
-    Every estimate beyond is `EXTRAPOLATED`, or `SATURATED` where the inner compensator says so; an estimate
-    less than a millionth of the range beyond is rounding and is not told. The memory goes on with what the
-    inner compensator found: an excursion of the input beyond the range, and back, is remembered as it was.
+    Every estimate beyond is `EXTRAPOLATED`, or `SATURATED` where the inner compensator says so; one whose
+    band of 1.645 `deviation` reaches the trained inputs is not told, nor is rounding, a millionth of the
+    range. The memory goes on with what the inner compensator found: an excursion of the input beyond the
+    range, and back, is remembered as it was.
 
-    With `run_in`, the state before the first sample is not known. The status is `RUN_IN`, in place of `OK`
-    and `FLAT`, until one estimate was at `run_in.bottom` or below, another at `run_in.top` or above, and
-    `run_in.time` has passed since the first reading.
+    With `starts`, the state before the first sample is not known: it may be the inner compensator's own, or
+    one of these. All of them follow the readings, and the status is `RUN_IN`, in place of `OK` and `FLAT`,
 
-    The deviation is that of the inner compensator; beyond the range it does not say how far beyond the
-    input is.
+    ```math
+    \\text{while}\\quad \\max_k |\\hat u_k - \\hat u_\\text{inner}| > \\text{deviation}
+    ```
+
+    The deviation of the estimate is that of the inner compensator; beyond the range it does not say how far
+    beyond the input is.
 
     **Arguments:**
 
     - `inner`: any compensator. `low`, `high`: the trained inputs, in the input's unit.
     - `beyond`: `"limit"` as above; `"nan"`: an estimate beyond is NaN; `"free"`: only the status tells.
-    - `run_in`: None: the first state is known, and is the model's.
+    - `starts`: other states of `inner` before the first reading, at time 0. None: the first state is known.
+    - `deviation`: of usual estimates, in the input's unit; 0 where none is stated: starts then have to
+      agree to a hundredth of the range.
     - `readings`: readings beyond these are taken for the nearer end, `EXTRAPOLATED`; as exports do.
     - `longest`: the longest time between two readings, in the unit of `t`; a longer one is taken for it,
       `EXTRAPOLATED`, as exports do. None: a step of any length is taken as it is.
@@ -90,7 +99,8 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     low: Float[Array, ""]
     high: Float[Array, ""]
     beyond: str = eqx.field(static=True)
-    run_in: RunIn | None
+    starts: tuple[Start, ...]
+    deviation: float = eqx.field(static=True)
     readings: tuple[float, float] | None = eqx.field(static=True)
     longest: Float[Array, ""] | None
 
@@ -100,7 +110,8 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         low: ArrayLike,
         high: ArrayLike,
         beyond: str = "limit",
-        run_in: RunIn | None = None,
+        starts: tuple[Start, ...] = (),
+        deviation: float = 0.0,
         readings: tuple[float, float] | None = None,
         longest: ArrayLike | None = None,
     ):
@@ -115,7 +126,8 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
                 f"the trained inputs reach from {float(self.low):g} to {float(self.high):g}.",
                 fix="give low < high, the least and the greatest input of the training rows.",
             )
-        self.inner, self.beyond, self.run_in = inner, beyond, run_in
+        self.inner, self.beyond, self.starts = inner, beyond, starts
+        self.deviation = float(deviation)
         self.readings = None if readings is None else (float(readings[0]), float(readings[1]))
         if (
             longest is not None
@@ -127,9 +139,26 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             )
         self.longest = None if longest is None else jnp.asarray(longest, float)
 
+    @property
+    def slack(self) -> Array:
+        """How far beyond the trained inputs an estimate may be and is not told."""
+        return jnp.maximum(ROUNDING * (self.high - self.low), NORMAL_95 * self.deviation)
+
+    @property
+    def within(self) -> Array:
+        """How far apart the estimates of all starts may be."""
+        return jnp.where(self.deviation > 0, self.deviation, UNSTATED * (self.high - self.low))
+
+    @property
+    def decides(self) -> bool:
+        """Whether what the inner compensator says of its own range counts no longer: it speaks of a
+        condition too, where it depends on one."""
+        return conditioned_in(self.inner) is None
+
     def init(self) -> GuardedState:
-        unseen, none = jnp.asarray(False), jnp.asarray(jnp.nan, float)
-        return GuardedState(self.inner.init(), unseen, unseen, none, none, jnp.zeros_like(none))
+        none = jnp.asarray(jnp.nan, float)
+        others = tuple(start.state for start in self.starts)
+        return GuardedState(self.inner.init(), others, none, none, jnp.zeros_like(none))
 
     def step(
         self, state: GuardedState, t: ArrayLike | None, y: ArrayLike
@@ -139,11 +168,16 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
         seen = self._clipped(reading)
         clock, late, last, removed = self._clock(state, t[None], y[None])
-        inner, found = self.inner.step(state.inner, clock[0], with_reading(y, 0, seen))
-        (bottom, top, first), found = self._judged(
-            state, clock, late, reading[None], seen[None], _rows(found)
-        )
-        after = GuardedState(inner, bottom[0], top[0], first, last, removed)
+        first = _first(state, clock, y[None])
+        y = with_reading(y, 0, seen)
+        inner, found = self.inner.step(state.inner, clock[0], y)
+        others, apart = [], jnp.zeros(1)
+        for other in state.others:
+            other, of_other = self.inner.step(other, _since(first, clock)[0], y)
+            others.append(other)
+            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+        found = self._judged(late, reading[None], seen[None], apart, _rows(found))
+        after = GuardedState(inner, tuple(others), first, last, removed)
         return after, jax.tree.map(lambda a: a[..., 0], found)
 
     def simulate(
@@ -157,16 +191,20 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         clock, late, _, _ = self._clock(state, given, y)
         if t is not None and self.longest is not None:
             t = clock
-        found = self.inner.simulate(t, with_reading(y, 1, seen), state.inner)
-        return self._judged(state, clock, late, reading, seen, found)[1]
+        first = _first(state, clock, y)
+        y = with_reading(y, 1, seen)
+        found, apart = self.inner.simulate(t, y, state.inner), jnp.zeros_like(reading)
+        for other in state.others:
+            of_other = self.inner.simulate(None if t is None else _since(first, clock), y, other)
+            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+        return self._judged(late, reading, seen, apart, found)
 
     def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         """The inner clock, in which no step is longer than `longest`; which samples come after a longer
         one; the time of the last reading, and what long steps have taken off the clock up to there."""
         if self.longest is None:
             return t, jnp.zeros(t.shape, bool), state.last, state.removed
-        finite = jnp.isfinite(y)
-        valid = finite if y.ndim == 1 else finite.all(axis=-1)
+        valid = _valid(y)
         at = jax.lax.cummax(jnp.where(valid, jnp.arange(t.shape[0]), -1))
         before = jnp.concatenate([jnp.full(1, -1), at[:-1]])
         wait = t - jnp.where(before < 0, state.last, t[before])
@@ -181,50 +219,47 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         return jnp.where(jnp.isfinite(y), jnp.clip(y, *self.readings), y)
 
     @eqx.filter_jit
-    def _judged(
-        self,
-        state: GuardedState,
-        t: Array,
-        late: Array,
-        y: Array,
-        seen: Array,
-        found: Any,
-    ) -> Any:
-        """What has been seen up to every sample, and the estimates as they are given out."""
+    def _judged(self, late: Array, y: Array, seen: Array, apart: Array, found: Any) -> Any:
+        """The estimates as they are given out."""
         value, status = found.value, found.status
-        valid = status != Status.INVALID
+        if self.decides:
+            status = jnp.where(status == Status.EXTRAPOLATED, Status.OK, status)
         sound = (status == Status.OK) | (status == Status.FLAT)
         status, sound = jnp.where(late & sound, Status.EXTRAPOLATED, status), sound & ~late
-        run_in = self.run_in or RunIn(jnp.inf, -jnp.inf, 0.0)
-        bottom = state.bottom | _ever(valid & (value <= run_in.bottom))
-        top = state.top | _ever(valid & (value >= run_in.top))
-        first = jnp.where(valid.any(), t[jnp.argmax(valid)], jnp.nan)
-        first = jnp.where(jnp.isnan(state.first), first, state.first)
-        known = bottom & top & ((t - first >= run_in.time) | (run_in.time == 0))
-        status = jnp.where(sound & ~known, Status.RUN_IN, status)
-
-        slack = ROUNDING * (self.high - self.low)
-        beyond = (value < self.low - slack) | (value > self.high + slack)
+        status = jnp.where(sound & ~(apart <= self.within), Status.RUN_IN, status)
+        beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
         clipped = jnp.isfinite(y) & (seen != y)
         status = jnp.where((beyond | clipped) & sound, Status.EXTRAPOLATED, status)
         found = found._replace(value=self._limited(value), status=status)
         if getattr(found, "draws", None) is not None:
             found = found._replace(draws=self._limited(found.draws))
-        return (bottom, top, first), found
+        return found
 
     def _limited(self, value: Array) -> Array:
         if self.beyond == "free":
             return value
         if self.beyond == "limit":
             return jnp.clip(value, self.low, self.high)
-        slack = ROUNDING * (self.high - self.low)
-        beyond = (value < self.low - slack) | (value > self.high + slack)
+        beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
         return jnp.where(beyond, jnp.nan, value)
 
 
-def _ever(now: Array) -> Array:
-    """Whether it was so at a sample or before."""
-    return jax.lax.cummax(now.astype(int)) > 0
+def _valid(y: Array) -> Array:
+    """Which of the samples are readings, beside a condition or not."""
+    finite = jnp.isfinite(y)
+    return finite if y.ndim == 1 else finite.all(axis=-1)
+
+
+def _first(state: GuardedState, clock: Array, y: Array) -> Array:
+    """The inner clock at the first reading."""
+    valid = _valid(y)
+    now = jnp.where(valid.any(), clock[jnp.argmax(valid)], jnp.nan)
+    return jnp.where(jnp.isnan(state.first), now, state.first)
+
+
+def _since(first: Array, clock: Array) -> Array:
+    """The clock of another start, whose first reading comes without delay."""
+    return jnp.where(jnp.isnan(first), 0.0, jnp.maximum(clock - first, 0.0))
 
 
 def _rows(found: Any) -> Any:

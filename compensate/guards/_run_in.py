@@ -1,187 +1,158 @@
-"""Run-in: what has to pass before a model's memory no longer depends on how it began."""
+"""Run-in: whether the state before the first reading still matters, by compensators that began elsewhere.
 
-from functools import singledispatch
+A robot is switched on at any time, so the memory of its specimen is not known. Beside the compensator that
+begins in the virgin state run others, which began at the ends of what the specimen can have been through:
+
+    low:   at the low end, nothing before        high:   all that the training was, then the high end
+
+The start matters no longer where all of them give the same estimate, to within its deviation. That holds
+for any motion, and needs nothing to be known of the model. What never relaxes (a path, a wear) differs by
+what it did within the training, not for ever. Cost: a compensator's step for each start that matters.
+"""
+
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hysteresis import (
-    AbstractModel,
-    AbstractViscoelastic,
-    Conditioned,
-    MovingPreisach,
-    NonlinearMaxwell,
-    OutputDependentPreisach,
-    Scaled,
-    Series,
-    Softening,
-    Sum,
-    parameters,
-)
+from hysteresis import AbstractModel, condition_of, parameters
+from hysteresis._type_variables import PyTree
 
-END = 0.05
-"""Part of the trained range within which an estimate has reached its end: peaks of cycles differ."""
+from .._contract import AbstractCompensator, scan_steps
 
-TIMES = 5.0
-"""Time constants to wait for, after which 0.7 % of a branch's first state is left."""
+PAST = 8160
+"""Rows to which the training is thinned: paths keep their length, and plain Python takes a second."""
 
-LONGEST = 1e30
-"""The wait for a branch that never relaxes, such as a dashpot by itself."""
+WAY = 16
+"""Samples on the way to an end, at least."""
 
-DRAWS = 16
-"""Of many models, the longest time constant of so many, evenly taken."""
+ALIKE = 1e-6
+"""Part of the trained range. Estimates closer than this are the same: see `ROUNDING` of the guard."""
 
 
-class RunIn(NamedTuple):
-    """What readings have to show before the first state no longer matters.
-
-    - `bottom`, `top`: one estimate has to be at most, another at least that.
-    - `time`: that has to pass since the first reading, in the unit of the model's times.
-    """
-
-    bottom: float
-    top: float
-    time: float
-
-
-class _Memory(NamedTuple):
-    """Whether relays, plays and the like remember turning points; the slowest time constant."""
-
-    turns: bool
-    time: float
-
-
-def run_in(model: AbstractModel, low: float, high: float) -> RunIn | None:
-    """What fixes the memory of a model that is inverted over the inputs from `low` to `high`.
-
-    Memory of turning points is fixed once the input has been at both ends: estimates within 5 % of the
-    range of either count. Branches that relax have forgotten after 5 times the slowest time constant of
-    the *inverse*, which is not the model's own: for a sum with the slope D at once and branches
-    x' = -r x + d u it is the slowest eigenvalue of -(diag r + d 1^T / D).
-
-    **Arguments:** `model`: fitted, of one set of parameters or with a leading axis of draws.
-
-    **Returns:** None for a model without memory.
+class Past(NamedTuple):
+    """What a specimen has been through: times, None without rates, and inputs, (samples,).
 
     **Example:**
 
-        >>> compensate.run_in(hysteresis.Burgers(2.0, 40.0, 1.0, 5.0), 0.0, 10.0).time > 0
-        True
+        >>> compensate.Past(t, u).inputs.shape
+        (13,)
     """
-    memory = _memory_of_draws(model, (low + high) / 2, high - low)
-    if not memory.turns and memory.time == 0:
-        return None
-    margin = END * (high - low)
-    ends = (low + margin, high - margin) if memory.turns else (np.inf, -np.inf)
-    first, last = map(_finite, ends)
-    return RunIn(first, last, min(TIMES * memory.time, LONGEST))
+
+    times: ArrayLike | None
+    inputs: ArrayLike
 
 
-def _finite(end: float) -> float:
-    """JSON and C have no infinity."""
-    return float(np.clip(end, -LONGEST, LONGEST))
+class Start(NamedTuple):
+    """A history that ends at time 0, and the state in which it leaves a compensator that reads it."""
+
+    history: Past
+    state: PyTree
 
 
-def _memory_of_draws(model: AbstractModel, middle: float, span: float) -> _Memory:
-    draws = [
-        value.shape[0] for _, _, value in parameters(model) if value is not None and value.ndim
-    ]
-    if min((v.ndim for _, _, v in parameters(model) if v is not None), default=0) == 0:
-        return _memory(model, middle, span)
-    chosen = np.unique(np.linspace(0, min(draws) - 1, DRAWS).astype(int))
-    found = [_memory(jax.tree.map(lambda a, k=k: a[k], model), middle, span) for k in chosen]
-    return _longest(found)
+def starts_of(
+    compensator: AbstractCompensator,
+    model: AbstractModel,
+    low: float,
+    high: float,
+    past: Past | None = None,
+) -> tuple[Start, ...]:
+    """Starts from which a compensator gives other estimates than from its virgin state.
+
+    **Arguments:** as of `histories`; of a model of many draws the first one's outputs are what was read.
+
+    **Returns:** none for a model without memory.
+    """
+    one = first_draw(model)
+    sweep, *others = histories(one, low, high, past)
+    y, t = outputs(one, sweep), sweep.times
+    clock = None if t is None else np.asarray(t) - np.asarray(t)[0]
+
+    def values(state: PyTree) -> np.ndarray:
+        return np.asarray(scan_steps(compensator, clock, y, state)[1].value)
+
+    virgin, found = values(compensator.init()), []
+    for history in others:
+        read = outputs(one, history)
+        state = scan_steps(compensator, history.times, read, compensator.init())[0]
+        if np.abs(values(state) - virgin).max() > ALIKE * (high - low):
+            found.append(Start(history, state))
+    return tuple(found)
 
 
-def _longest(found: list[_Memory]) -> _Memory:
-    return _Memory(any(m.turns for m in found), max((m.time for m in found), default=0.0))
+def histories(model: AbstractModel, low: float, high: float, past: Past | None) -> tuple[Past, ...]:
+    """Three that end at time 0: from the middle to both ends, which shows what a start changes; at the low
+    end alone; the past, then the high end.
+
+    They are of one length, for which one program is compiled: the first sample is repeated.
+
+    **Arguments:** `low`, `high`: the trained inputs; `past`: the rows that the model was fitted to; a model
+    without rates needs none.
+
+    Inputs have the model's condition beside them where it depends on one.
+
+    **Raises:** `InputError` `no-time` where the model depends on the rate and no times are given.
+    """
+    t, u = _thinned(past, low)
+    speed = _speed(t, u, high - low)
+    clock = None if t is None else t[:1]
+    begin = clock, np.array([low])
+    there = _then(clock, np.array([(low + high) / 2]), high, speed)
+    return tuple(
+        _ended(model, *history, 1 << (len(u) + 2 * WAY - 1).bit_length())
+        for history in (_then(*there, low, speed), begin, _then(t, u, high, speed))
+    )
 
 
-@singledispatch
-def _memory(model: AbstractModel, middle: float, span: float) -> _Memory:
-    """Of any model: turning points, if it has a state at all, and the longest of its times."""
-    times = [
-        float(np.max(value)) for _, info, value in parameters(model)
-        if value is not None and info.unit == "time"
-    ]  # fmt: skip
-    return _Memory(bool(jax.tree.leaves(model.init())), max(times, default=0.0))
+def outputs(model: AbstractModel, past: Past) -> Any:
+    """What a compensator reads of a past: (samples,), or (samples, 2) with the condition."""
+    u = jnp.asarray(past.inputs)
+    y = model.simulate(past.times, u)
+    return y if u.ndim == 1 else jnp.stack([y, u[:, 1]], -1)
 
 
-@_memory.register
-def _(model: AbstractViscoelastic, middle: float, span: float) -> _Memory:
-    # The chain as the inverse runs it: driven by force where force is the output of the model.
-    rates = model._driven_by_force(model.leading).all_rates
-    return _Memory(False, _slowest(np.asarray(rates, float)))
+def first_draw(model: AbstractModel) -> AbstractModel:
+    """The model, or the first one of many draws."""
+    values = [value for _, _, value in parameters(model) if value is not None]
+    many = min((value.ndim for value in values), default=0) > 0
+    return jax.tree.map(lambda leaf: leaf[0], model) if many else model
 
 
-@_memory.register
-def _(model: Softening, middle: float, span: float) -> _Memory:
-    # What is worn stays worn: both ends show all of it, however long it takes to recover.
-    return _Memory(True, 0.0)
+def _thinned(past: Past | None, low: float) -> tuple[np.ndarray | None, np.ndarray]:
+    if past is None:
+        return None, np.array([low])
+    u = np.asarray(past.inputs, float)
+    every = slice(None, None, -(-len(u) // PAST))
+    return None if past.times is None else np.asarray(past.times, float)[every], u[every]
 
 
-@_memory.register(Scaled)
-@_memory.register(MovingPreisach)
-@_memory.register(OutputDependentPreisach)
-def _(model: Any, middle: float, span: float) -> _Memory:
-    return _memory(model.inner, middle, span)
+def _speed(t: np.ndarray | None, u: np.ndarray, span: float) -> float:
+    """The mean speed of the past, for the way to an end."""
+    if t is None or not np.ptp(t) > 0:
+        return 1.0
+    return max(float(np.abs(np.diff(u)).sum()), span) / float(np.ptp(t))
 
 
-@_memory.register
-def _(model: Conditioned, middle: float, span: float) -> _Memory:
-    return _longest([_memory(one, middle, span) for one in model.models])
+def _then(
+    t: np.ndarray | None, u: np.ndarray, end: float, speed: float
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """A history that goes on to an end at a speed."""
+    way = np.linspace(u[-1], end, WAY + 1)[1:]
+    after = None if t is None else np.append(t, t[-1] + np.abs(way - u[-1]) / speed)
+    return after, np.append(u, way)
 
 
-@_memory.register
-def _(model: Series, middle: float, span: float) -> _Memory:
-    # Stages are inverted one after the other, each on its own clock.
-    return _longest([_memory(part, middle, span) for part in model.parts])
-
-
-@_memory.register(Sum)
-@_memory.register(NonlinearMaxwell)
-def _(model: Any, middle: float, span: float) -> _Memory:
-    parts = model.parts if isinstance(model, Sum) else (model,)
-    rates, drives = (np.concatenate(each) for each in zip(*map(_branches, parts), strict=True))
-    others = [p for p in parts if not isinstance(p, AbstractViscoelastic | NonlinearMaxwell)]
-    memory = _longest([_memory(part, middle, span) for part in others])
-    if not len(rates):
-        return memory
-    matrix = np.diag(rates) + drives[:, None] / _slope_at_once(model, middle, span)
-    return _longest([memory, _Memory(False, _slowest(np.linalg.eigvals(matrix).real))])
-
-
-def _branches(part: AbstractModel) -> tuple[np.ndarray, np.ndarray]:
-    """Rates and drives of the linear branches of a part, from its input to its output."""
-    if isinstance(part, AbstractViscoelastic):
-        chain = part._driven_by_force(not part.leading)
-        return np.asarray(chain.all_rates, float), np.asarray(chain.all_drives, float)
-    if isinstance(part, NonlinearMaxwell):
-        # A branch Q' = -Q / tau + (g(u))' is g(u) - x with x' = (g(u) - x) / tau; g as a straight line.
-        none = np.zeros(1)
-        springs = none if part.increments is None else np.asarray(part.increments).sum(-1)
-        felt = none if part.strengths is None else np.asarray(part.strengths).mean(-1)
-        felt = felt.mean(0) if felt.ndim > 1 else felt
-        rates = 1 / np.asarray(part.times, float)
-        drives = (springs + felt) / (part.high - part.low) * rates
-        return rates, -drives if part.leading else drives
-    return np.zeros(0), np.zeros(0)
-
-
-def _slope_at_once(model: AbstractModel, middle: float, span: float) -> float:
-    """The rise of the output in no time over a twentieth of the range, from the middle."""
-    t = jnp.asarray(0.0)
-    state, y = model.step(model.init(), t, jnp.asarray(middle))
-    _, above = model.step(state, t, jnp.asarray(middle + END * span))
-    return max(float(above - y) / (END * span), 1e-300)
-
-
-def _slowest(rates: np.ndarray) -> float:
-    """The longest time constant of these rates; `LONGEST` where one does not relax."""
-    if not len(rates):
-        return 0.0
-    # Rounding of an eigenvalue is that of the largest one.
-    least = float(rates.min())
-    return 1 / least if least > 1e-12 * float(np.abs(rates).max()) else LONGEST
+def _ended(model: AbstractModel, t: np.ndarray | None, u: np.ndarray, length: int) -> Past:
+    """With times that end at 0; at the middle of the conditions of a model that depends on one."""
+    more = length - len(u)
+    u = np.pad(u, (more, 0), mode="edge")
+    if t is not None:
+        # Rested at the first input for as long as the rest takes: no two samples have one time.
+        step = (t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
+        t = np.concatenate([t[0] - step * np.arange(more, 0, -1), t]) - t[-1]
+    if (conditioned := condition_of(model)) is not None:
+        knots = np.asarray(conditioned.knots, float)
+        u = np.column_stack([u, np.full(length, (knots[0] + knots[-1]) / 2)])
+    return Past(t, u)

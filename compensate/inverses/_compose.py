@@ -29,6 +29,9 @@ from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 
+BEYOND = 0.25
+"""Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
+
 
 @register
 class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
@@ -125,14 +128,19 @@ def _(model: Sum) -> AbstractCompensator:
             fix="BracketedCompensator(model, low, high).",
         )
     low, high = (np.array(ends) for ends in zip(*ranges, strict=True))
-    return BracketedCompensator(model, float(low.max()), float(high.min()))
+    return _search(model, float(low.max()), float(high.min()))
 
 
 @inverse_of.register
 def _(
     model: ModulatedStops | NonlinearMaxwell | Softening | VelocityFriction,
 ) -> BracketedCompensator:
-    return BracketedCompensator(model, model.low, model.high)
+    return _search(model, model.low, model.high)
+
+
+def _search(model: AbstractModel, low: float, high: float) -> BracketedCompensator:
+    beyond = BEYOND * (high - low)
+    return BracketedCompensator(model, low - beyond, high + beyond)
 
 
 @inverse_of.register

@@ -25,6 +25,10 @@ from ._loop_widths import Loop, loop_widths
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
 part of the output's range by which the model's answer to an estimate misses the output."""
+
+RUN_IN = 0.5
+"""Share of samples before the first state is known that makes for CAUTION: most of a record tells it."""
+
 Tell = Callable[[int, int, str], None]
 
 WORSE = 1.05
@@ -191,7 +195,8 @@ def qualify(
 
     FAIL: an estimate that is not finite, an error above `max_error`, an rms error more than 5 % above that
     of the straight line that fits these rows best, a mean step on the target longer than 1 / `rate`.
-    CAUTION: some step on the target longer than that; more than 1 % of the rows not OK; more than half of
+    CAUTION: some step on the target longer than that; more than half of the rows RUN_IN, where the first
+    state is not known; more than 1 % neither OK nor RUN_IN; more than half of
     the loop's width left, or no loop to tell by; an NRMSE above 5 %; a round trip that misses by more
     than a millionth; draws of the ensemble with errors above `max_error`.
 
@@ -415,7 +420,16 @@ def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verd
     if found["nrmse_percent"] > ERROR:
         text = f"The error is {found['nrmse_percent']:.2g} % of the range, above {ERROR:g} %."
         cautions.append(Note("large-error", text))
-    if 1 - found["statuses"].get("OK", 0.0) > NOT_OK:
+    early = found["statuses"].get("RUN_IN", 0.0)
+    if early > RUN_IN:
+        text = f"{100 * early:.3g} % of the estimates are RUN_IN: the readings seldom tell the first state."
+        cautions.append(Note("run-in", text))
+    elif early:
+        text = (
+            f"The first state is taken as unknown: {100 * early:.3g} % of the estimates are RUN_IN."
+        )
+        facts.append(Note("run-in", text))
+    if 1 - early - found["statuses"].get("OK", 0.0) > NOT_OK:
         cautions.append(Note("not-ok", f"Not every estimate is OK: {_shares(found['statuses'])}."))
     if flat := found["flat_width"]:
         text = "Where the model is flat the nearest input is held:"

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ._file import LONGEST, READING_MISSING, FileError, number, replayed
 from ._status import Status
-from ._tree import Tree, error_of, guard_of, node_of
+from ._tree import Tree, begun, error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 
@@ -38,6 +38,8 @@ class Compensator:
     - `lasting`: {"share", "time"}: the part of the error's variance that lasts, and the time in which that
       decays to 1/e, in the unit of `dt` (in readings where the record had no times), for filters in which
       the error is a state; None where the file does not know it.
+    - `coverage`: the part of held-out rows that estimate +- 1.645 deviations held, where 0.9 is meant; None
+      where the file does not know it.
     - `band`: of the last estimate; it holds whole runs with a guaranteed probability. `watch` and `follow`
       keep the share of runs that leave it, as the sensor drifts.
     - `advice` and `lost`: of a compensator that recalibrates itself.
@@ -64,10 +66,20 @@ class Compensator:
         self._band: Tree | None = document.get("band")
         self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
+        self.coverage: float | None = document.get("coverage")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
         self._guard_tree = guard = document.get("guard")
+        self._starts: list[list[Tree]] = document.get("starts", [])
+        if guard and "within" not in guard["parameters"]:
+            # A file of format 2 does not say where else it may have begun: it says RUN_IN for ever.
+            own = guard["parameters"]
+            own |= {
+                "within": -1.0 if own["unknown"] else inf,
+                "slack": own["rounding"],
+                "decides": 0,
+            }
         self.trained: tuple[float, float] | None = (
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )
@@ -80,9 +92,13 @@ class Compensator:
         self._takes: list[Callable[[float], float]] = []
         self._states: list[Any] = []
         self._node = node_of(self._tree, self._states, self._takes)
+        self._others = [
+            node_of(begun(self._tree, iter(states)), self._states, self._takes).find
+            for states in self._starts
+        ]
         self._learner = self._node.learner
         self._find, self._status = self._node.find, self._node.status
-        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
+        self._error = error_of(self._error_tree) if self._error_tree else lambda dt, value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
         self._value, self._waited, self._begun = (
             nan if self._start is None else self._start,
@@ -142,13 +158,12 @@ class Compensator:
             take(condition)  # type: ignore[arg-type]
         value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
-        status = self._status()
-        if (strange or dt >= self.longest) and status in (_OK, Status.FLAT):
-            status = _EXTRAPOLATED
-        self._deviation = deviation = self._error(value)
+        status, beyond = self._status(), strange or dt >= self.longest or seen != reading
+        self._deviation = deviation = self._error(dt, value)
         if self._guard is not None:
-            value, status = self._guard.of(dt, value, status, seen != reading)
-        elif seen != reading and status == _OK:
+            apart = max((abs(find(dt, seen) - value) for find in self._others), default=0.0)
+            value, status = self._guard.of(value, status, beyond, apart)
+        elif beyond and status in (_OK, Status.FLAT):
             status = _EXTRAPOLATED
         self._value = value
         return Estimate(value, _STATUSES[status], deviation)

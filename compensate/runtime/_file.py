@@ -9,8 +9,9 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 SCHEMA = 1
 """The format of force estimators and armors."""
-COMPENSATOR_SCHEMA = 2
-"""The format of compensators. Format 1 had neither a guard nor an origin; it is still read."""
+COMPENSATOR_SCHEMA = 3
+"""The format of compensators. Format 1 had neither a guard nor an origin, format 2 only the virgin state to
+begin in; both are still read."""
 
 DAMAGE = (
     ArithmeticError, AttributeError, ImportError, LookupError, MemoryError, RuntimeError, SyntaxError,

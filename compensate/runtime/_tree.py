@@ -1,7 +1,7 @@
 """A compensator's tree of elements, run in plain Python."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from math import nan
 from typing import Any, NamedTuple
@@ -20,23 +20,24 @@ KINDS = (
 )  # fmt: skip
 
 
-def error_of(tree: Tree) -> Callable[[float], float]:
-    """The standard deviation of an estimate, with a state of its own."""
+def error_of(tree: Tree) -> Callable[[float, float], float]:
+    """The standard deviation of an estimate, (dt, value), with a state of its own."""
     element: Any = module_of("error")
-    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    p = _made(element.Parameters, element.ANY_MOTION | tree["parameters"])
+    s = _made(element.State, element.UNMOVED | tree["state"])
     return partial(element.deviation, p, s)
 
 
 class Guard(NamedTuple):
-    """The guard of a file, with a state of its own: (dt, value, status, clipped) to what is given out."""
+    """The guard of a file, with its own state: (value, status, clipped, apart) to what is given out."""
 
-    limited: Callable[[float, float, int, bool], float]
+    limited: Callable[[float, int, bool, float], float]
     state: Any
     as_nan: bool
 
-    def of(self, dt: float, value: float, status: int, clipped: bool) -> tuple[float, int]:
+    def of(self, value: float, status: int, clipped: bool, apart: float) -> tuple[float, int]:
         """The estimate as it is given out, and its status."""
-        value = self.limited(dt, value, status, clipped)
+        value = self.limited(value, status, clipped, apart)
         return (nan if self.as_nan and self.state.beyond else value), self.state.status
 
 
@@ -88,6 +89,13 @@ def node_of(
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
     follow = _bound(getattr(element, "follow", None), p, s)
     return Node(look, move, find, lambda: s.status, None, follow)
+
+
+def begun(tree: Tree, states: Iterator[Tree]) -> Tree:
+    """The tree with other first states, in the order in which `node_of` appends them."""
+    parts = [begun(part, states) for part in tree.get("parts", ())]
+    own = {} if tree["kind"] == "series" else {"state": next(states)}
+    return {**tree, **own, **({"parts": parts} if parts else {})}
 
 
 def parts_of(tree: Tree) -> list[Tree]:

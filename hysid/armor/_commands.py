@@ -1,6 +1,7 @@
 """`hysid armor calibrate` and `hysid armor solve`: from tables of presses and wrenches to contacts."""
 
 import csv
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -26,9 +27,10 @@ from hysteresis._serialisation import described, rebuilt
 
 from ._calibration import calibrate_armor
 from ._description import Description, read_description
+from ._remedies import with_remedies
 from ._tables import read_presses, read_wrenches
 from ._touches import FILE as TOUCHES
-from ._touches import save_touches, shell_of
+from ._touches import VIRTUAL, save_touches, shell_of
 
 DOCUMENT, ARRAYS = "calibration.json", "calibration.npz"
 RUNTIME, CONTACTS = "armor.json", "contacts.csv"
@@ -45,6 +47,7 @@ UNCALIBRATED = (
 )
 
 
+@with_remedies
 def calibrate(
     presses: Path, sponge: Path, shape: Path, out: Path, *, unit: str | None = None,
     overwrite: bool = False,
@@ -90,15 +93,18 @@ def calibrate(
     }  # fmt: skip
 
 
+@with_remedies
 def solve(
     wrenches: Path, out: Path, *, sponge: Path | None = None, shape: Path | None = None,
     calibrated: Path | None = None, unit: str | None = None, stream: bool = False,
     dwell: float | None = None, overwrite: bool = False,
+    is_virtual: Callable[[str | None], bool] = lambda checksum: False,
 ) -> dict[str, Any]:  # fmt: skip
     """Contacts behind the wrenches of a table, with covariance and status; a folder with all of it.
 
     Raises `InputError` for tables, shapes and fits that cannot be used, `no-time` for a stream without a
-    clock and for a cover that creeps without a stream, and where results are there.
+    clock and for a cover that creeps without a stream, and where results are there. `is_virtual` tells by a
+    checksum that nobody measured a table.
     """
     identify.internal.check_free(out, overwrite, CONTACTS)
     if (calibrated is None) == (sponge is None or shape is None):
@@ -130,9 +136,10 @@ def solve(
     _write_contacts(out / CONTACTS, table.time, table.line, found, covariance)
     wrench = uncertain.armor.sensor.read(readings)
     time = np.arange(float(len(readings))) if table.time is None else table.time
+    title = wrenches.name + (VIRTUAL if is_virtual(table.sha256) else "")
     save_touches(
         out, shell_of(uncertain.armor.solver.shape), time, np.asarray(wrench.force),
-        np.asarray(wrench.moment), contact, title=wrenches.name, covariance=covariance,
+        np.asarray(wrench.moment), contact, title=title, covariance=covariance,
     )  # fmt: skip
     runtime, notes = _exported(uncertain.armor, out / RUNTIME, material)
     if calibrated is None:

@@ -30,6 +30,7 @@ class Wrenches(NamedTuple):
     time: Float[np.ndarray, " rows"] | None
     readings: Float[np.ndarray, "rows 6"]
     line: Int[np.ndarray, " rows"]
+    sha256: str | None
 
 
 def read_wrenches(file: Path) -> Wrenches:
@@ -37,7 +38,7 @@ def read_wrenches(file: Path) -> Wrenches:
     table = read_table(file)
     readings = np.column_stack([_column(table, name) for name in AXES])
     time = _column(table, "time") if _named(table, "time") else None
-    return Wrenches(time, readings, np.asarray(table.line))
+    return Wrenches(time, readings, np.asarray(table.line), table.sha256)
 
 
 def read_presses(file: Path, shape: AbstractShape) -> Presses:

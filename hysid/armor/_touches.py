@@ -82,6 +82,10 @@ def shell_of(shape: AbstractShape) -> Shell:
     return vertices, np.array(triangles)
 
 
+VIRTUAL = " (virtual: synthetic readings of a virtual rig, no measurement)"
+"""Behind the title of touches that nobody measured."""
+
+
 def save_touches(
     folder: Path,
     shell: Shell,

@@ -25,6 +25,7 @@ def demo(out: Out = Path("hysid-demo"), as_json: AsJson = False) -> None:
     lines = [
         f"Compensator, displacement -> force, over all rows: {backwards['rmse']:.3g} N rms"
         f" ({backwards['nrmse_percent']:.2g} % of the range), {backwards['flagged']} flagged.",
+        *backwards["notes"],
         f"Report: {document['report']}",
     ]
     print_result(document, as_json, lines)

@@ -82,4 +82,4 @@ def export(
     )  # fmt: skip
     for line in warnings(found["notes"]):
         log(line)
-    print_result(found, as_json, found["files"].values())
+    print_result(found, as_json, filter(None, [found["text"], *found["files"].values()]))

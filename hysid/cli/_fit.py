@@ -12,6 +12,7 @@ from ._console import (
     Overwrite,
     Seed,
     candidate_lines,
+    compensator_lines,
     log,
     one_of,
     print_result,
@@ -65,6 +66,14 @@ def fit(
             callback=one_of("auto", "keep"),
             help="auto: correct a lag between input and output and smooth a staircase; keep: change"
             " nothing.",
+        ),
+    ] = "auto",
+    drift: Annotated[
+        str,
+        typer.Option(
+            callback=one_of("auto", "keep"),
+            help="auto: a drift explains the training rows and is not in the model; keep: it is in the"
+            " model, and stops at its last value.",
         ),
     ] = "auto",
     noise: Annotated[
@@ -123,11 +132,11 @@ def fit(
     out = out or (file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit"))
     document = _fit.fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
-        conditioning=conditioning, clocks=clocks, noise=noise, starts=starts, seed=seed,
-        purpose=purpose, allow_float32=allow_float32, parameters=parameters_said(config, parameter),
-        period=period, oversampling=oversampling,
+        conditioning=conditioning, clocks=clocks, drift=drift, noise=noise, starts=starts,
+        seed=seed, purpose=purpose, allow_float32=allow_float32,
+        parameters=parameters_said(config, parameter), period=period, oversampling=oversampling,
     )  # fmt: skip
     lines = verdict_lines(document)
     if "each" not in document:
-        lines += candidate_lines(document)
+        lines += candidate_lines(document) + compensator_lines(document)
     print_result(document, as_json, [*lines, f"Results: {out}"])

@@ -32,7 +32,8 @@ def reproduce(
     epochs: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Training epochs of kim2018's networks (default: the paper's 1,000)."
+            min=1,
+            help="Training epochs of kim2018's network (default: the paper's 1,000).",
         ),
     ] = None,
     quick: Annotated[

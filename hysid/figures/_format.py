@@ -2,6 +2,8 @@
 
 import math
 
+from identify import Characteristic
+
 
 def number(x: float, error: float | None = None) -> str:
     """Three digits, or as many as leave two of the `error`; powers of ten written out."""
@@ -25,6 +27,17 @@ def power_of_ten(exponent: float, digits: int = 6) -> str:
 def quantity(x: float, unit: str) -> str:
     """A number with its unit."""
     return number(x) if unit == "1" else f"{number(x)} {pretty(unit)}"
+
+
+def measured(one: Characteristic) -> str:
+    """A characteristic with its error and its unit."""
+    assert one.value is not None
+    unit = "%" if one.unit == "percent" else pretty(one.unit)
+    error = ""
+    if one.error is not None:
+        plain = 1e-4 <= one.error < 100
+        error = f" ± {one.error:.2g}" if plain else f" ± {number(one.error)}"
+    return f"{number(one.value, one.error)}{error} {unit}".rstrip()
 
 
 def pretty(unit: str) -> str:

@@ -22,44 +22,22 @@ def with_constant(
     time: str | None,
     where: Mapping[str, list[str]],
 ) -> Table:
-    """The chosen rows with this value in the column `name`; those with one time become one.
-
-    A constant input has no history to lose, and long tests are logged with clocks of few digits: the
-    output of rows in a row with the same time is averaged.
-    """
-    at, columns, notes = _chosen(table, where), dict(table.columns), table.notes
-    if time is not None and len(at):
-        t, y = table.number(time)[at], table.number(output)[at]
-        first = np.flatnonzero(np.append(True, np.diff(t) != 0))
-        if len(first) < len(at):
-            said = f"Averaged {len(at)} rows to {len(first)} of different times."
-            notes += (Note("averaged", said),)
-            columns[output] = np.zeros(len(table.line))
-            counts = np.diff(np.append(first, len(at)))
-            columns[output][at[first]] = np.add.reduceat(y, first) / counts
-            at = at[first]
-    few = rows_of(replace(table, columns=columns, notes=notes), at)
-    constant = np.full(len(at), value)
-
-    def text(asked: str) -> np.ndarray:
-        return constant.astype(str) if asked == name else few.text[asked]
-
-    return replace(
-        few,
-        columns={**few.columns, name: constant},
-        text=TextColumns((*few.text, name), text),
-        units={CONSTANT: "1", **few.units},
-    )
+    """The chosen rows with this value in the column `name`; those with one time become one."""
+    at = _chosen(table, where)
+    constant = np.full(len(table.line), value)
+    return _with_input(table, at, name, constant, output, time)
 
 
 def at_hold(
-    table: Table, column: str, time: str | None, where: Mapping[str, list[str]]
-) -> tuple[Table, float]:
-    """The longest stretch of the chosen rows in which a column stays near its median, and that level.
+    table: Table, column: str, output: str, time: str | None, where: Mapping[str, list[str]]
+) -> Table:
+    """The longest stretch of the chosen rows in which a column stays near its median, and the way there.
 
-    What comes before it, the way there, and after it is left out; the clock begins with it.
+    In the stretch the column has one value, its median, from where it comes as near to that as it stays.
+    What comes after the stretch is left out, and so is the way before its last gap or step back of the
+    clock.
 
-    Raises `InputError` where that is less than half of the rows.
+    Raises `InputError` where the stretch is less than half of the rows.
     """
     at = _chosen(table, where)
     u = table.number(column)[at]
@@ -78,16 +56,53 @@ def at_hold(
             place=str(table.path),
             fix="Leave out --hold, or select the rows in which it is constant (--where COL=VALUE).",
         )
-    note = f"{column!r} is held at {level:.4g} from line {table.line[at[rows.start]]} on: {count} rows."
-    held = rows_of(table, at[rows])
-    if time is not None:
-        t = table.number(time)[at]
-        way = t[rows.start] - t[0]
-        held = replace(held, columns={**held.columns, time: t[rows] - t[rows.start]})
-        note += (
-            f" Time counts from there. The way took {way:.3g}: what is over as fast is not seen."
-        )
-    return replace(held, notes=(*table.notes, Note("held", note))), level
+    level = float(np.median(u[rows]))
+    away = np.abs(u[rows] - level)
+    # As near as the rest stays: 4.5 times the median distance are three standard deviations of noise.
+    first = rows.start + int(np.argmax(away <= max(4.5 * float(np.median(away)), 1e-9 * span)))
+    t = np.arange(len(u), dtype=float) if time is None else table.number(time)[at]
+    there = np.isfinite(u) & np.isfinite(t) & np.isfinite(table.number(output)[at])
+    good = there[:first] & (np.diff(t[: first + 1]) >= 0)
+    begin = int(np.flatnonzero(np.append(True, ~good)).max())
+    held = np.array(table.number(column))
+    held[at[first : rows.stop]] = level
+    kept = at[begin : rows.stop]
+    note = f"{column!r} is held at {level:.4g} from line {table.line[at[first]]} on:"
+    note += f" {rows.stop - first} rows. Time counts from there."
+    table = replace(table, notes=(*table.notes, Note("held", note)))
+    return _with_input(table, kept, column, held, output, time)
+
+
+def _with_input(
+    table: Table, at: np.ndarray, name: str, values: np.ndarray, output: str, time: str | None
+) -> Table:
+    """The rows `at` with these values, one for each row of the table, in the column `name`.
+
+    Long tests are logged with clocks of few digits: outputs of rows with the same time are averaged.
+    """
+    columns, notes = dict(table.columns), table.notes
+    if time is not None and len(at):
+        t, y = table.number(time)[at], table.number(output)[at]
+        first = np.flatnonzero(np.append(True, np.diff(t) != 0))
+        if len(first) < len(at):
+            said = f"Averaged {len(at)} rows to {len(first)} of different times."
+            notes += (Note("averaged", said),)
+            columns[output] = np.zeros(len(table.line))
+            counts = np.diff(np.append(first, len(at)))
+            columns[output][at[first]] = np.add.reduceat(y, first) / counts
+            at = at[first]
+    few = rows_of(replace(table, columns=columns, notes=notes), at)
+    chosen = values[at]
+
+    def text(asked: str) -> np.ndarray:
+        return chosen.astype(str) if asked == name else few.text[asked]
+
+    return replace(
+        few,
+        columns={**few.columns, name: chosen},
+        text=TextColumns((*few.text, name), text),
+        units={CONSTANT: "1", **few.units},
+    )
 
 
 def _chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:

@@ -8,7 +8,8 @@ import identify
 from hysteresis import InputError, Record
 
 MEANINGLESS = {
-    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "starts": 32,
+    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "drift": "auto",
+    "starts": 32,
     "noise": "auto", "parameters": {}, "period": None, "oversampling": 20,
 }  # fmt: skip
 """Options of `fit` that a step knows nothing of, and what they are where they are not given."""
@@ -39,7 +40,7 @@ def check_step(record: Record) -> dict[str, Any]:
     assert record.time is not None
     t = record.time[rows]
     decades = float(np.log10(t[-1] / t[t > 0][0]))
-    warnings = []
+    warnings = [str(note) for note in identify.internal.told_by_the_change(record, kind)]
     if decades < 1:
         warnings.append(
             f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"
@@ -65,10 +66,16 @@ def later(fitted: identify.FitResult, record: Record) -> list[str]:
 
 
 def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
-    """Of every row the time, the least and the largest output that the fitted record leaves open."""
+    """Of every row the time, the least and the largest output that the fitted record leaves open.
+
+    NaN on the way to a hold.
+    """
     assert record.time is not None
-    _, low, high = _spectrum(fitted).predict(record.time)
-    ends = np.sort(np.stack([low, high], 1) * record.input[:, None], axis=1)
+    way = identify.internal.way_of(record)
+    found = _spectrum(fitted)._replace(way=way)
+    _, low, high = found.predict(np.maximum(record.time, 0.0))
+    ends = np.sort(np.stack([low, high], 1) * record.input[-1], axis=1)
+    ends[record.time < 0] = np.nan
     return np.column_stack([record.time, ends])
 
 

@@ -177,8 +177,7 @@ class Selection(SelectionOptions):
         if self.step is not None:
             table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
         elif self.hold and isinstance(self.input, str):
-            table, level = at_hold(table, self.input, self.time, where)
-            table = with_constant(table, self.input, level, self.output, self.time, {})
+            table = at_hold(table, self.input, self.output, self.time, where)
         chosen = {name: getattr(self, name) for name in FIELDS if name in _READ} | {
             "input": self.input or CONSTANT, "where": where, "keep": tuple(sorted(held_out_by)),
         }  # fmt: skip

@@ -59,6 +59,12 @@ class SelectionOptions:
         joined=True,
         metavar="COL[,COL]",
     )
+    turn: tuple[str, ...] = _option(
+        "Turn the sign of these columns: a push that the rig counts as a pull.",
+        (),
+        joined=True,
+        metavar="COL[,COL]",
+    )
     each: str | None = _option("Fit one model for each value of this column.", None, metavar="COL")
     where: tuple[str, ...] = _option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"

@@ -13,6 +13,7 @@ from compensate import (
     GuaranteedCompensator,
     Origin,
     Quantity,
+    estimate,
     invert,
 )
 from compensate.export._export import Program, wider
@@ -20,7 +21,12 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
-from .._invert import error_of, longest_sequence
+from .._compensator import judged_compensator
+from .._invert import error_of, guard_of, longest_sequence
+from .._run_in import RunIn, run_in_of
+
+HALF = 0.5
+"""Share of OK estimates below which an export says so: `if (status == OK)` then seldom runs in a robot."""
 
 
 def export(
@@ -49,8 +55,13 @@ def export(
             place=str(folder),
             fix="Export a fit of one input that changes over time.",
         )
-    record = fitted.train
-    error = error_of(fitted).around(invert(fitted.model))
+    record, judged = fitted.train, judged_compensator(fitted)
+    # The verdict is on what is exported: on the compensator, too.
+    if fitted.purpose != "compensate":
+        better = [note for note in judged.reasons if note.code != "compensator-error"]
+        verdict = verdict.at_most(judged.level, *better)
+    learnt = error_of(fitted)
+    error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
     limits = limits or wider(record.output[record.mask])
     readings, times = readings_of_training(fitted)
     program = Program(
@@ -65,18 +76,37 @@ def export(
         error=error,
         band=_band(folder, error, data.get("sha256") or ""),
         trained=fitted.trained,
+        past=guard["past"],
+        deviation=guard["deviation"],
         beyond=beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),
         time_unit=record.time_unit,
     )
     files, notes = _written(program, targets, real)
+    assert program.guard is not None
+    if start == "unknown" and "ok_share" in (fitted.compensator or {}):
+        run_in = RunIn.of(fitted.compensator)
+    else:
+        run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    if run_in.share < HALF:
+        notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
+    notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
-        "trained": list(fitted.trained), "beyond": beyond, "start": start, "date": date or None,
+        "trained": list(fitted.trained), "beyond": beyond, "date": date or None, **run_in.document,
+        "text": f"{run_in.sentence(record.time_unit)}\n{_spent(program)}",
+        "operations": program.operations._asdict(),
     }  # fmt: skip
+
+
+def _spent(program: Program) -> str:
+    mean, most, rows = program.operations
+    return (
+        f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
+    )
 
 
 def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:
@@ -122,7 +152,7 @@ def _oscillator(
     )
     return {
         "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
-        "start": "known", "date": None,
+        "start": "known", "date": None, "text": "",
     }  # fmt: skip
 
 

@@ -20,12 +20,13 @@ from compensate import (
 )
 from compensate import qualify as qualified
 from compensate.qualification._qualify import Step, Tell
+from compensate.uncertainty._calibrated import band_holds
 from compensate.uncertainty._guaranteed import run_scores
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
 
-from .._invert import error_of, longest_of
+from .._invert import error_of, exported
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit
@@ -76,12 +77,14 @@ def qualify(
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
     found: dict[str, Qualification] = {}
+    held: dict[str, float | None] = {}
     for value, (record, held_out) in records.items():
         if value in folders:
             place, seen = folder / folders[value], held_out or record
             step = None if rate is None else step_of(fits[value], target, mhz)
             part = _of_part(found, records, tell)
             one = _of_one(fits[value], place, seen, max_error, rate, step, part)
+            one, held[value] = _with_band(one, fits[value], seen)
             found[value] = _seen(one) if fitted_here and held_out is None else one
     if not found:
         raise InputError(
@@ -95,7 +98,7 @@ def qualify(
             record = records[value][1] or records[value][0]
             bands[value] = guarantee_of(fits[value], record, guarantee)
             said += [] if bands[value]["given"] else [bands[value]["text"]]
-    one_band = {"guarantee": bands.get("", bands or None)}
+    one_band = {"guarantee": bands.get("", bands or None), "band": held.get("", held)}
     result = _together(found) | one_band | {"notes": said, "file": str(folder / "qualify.json")}
     identify.internal.write_json(folder / "qualify.json", result | {"source": file.name})
     head = {value: f"{asked.each} = {value}\n" if value else "" for value in found}
@@ -117,7 +120,7 @@ def _of_one(
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     # Estimates are of the input on the model's clock.
     record = fitted.clocks.applied(record)
-    compensator = invert(fitted.model, trained=fitted.trained, longest=longest_of(fitted.train))
+    compensator = exported(fitted)
     ensemble, facts = None, []
     if lag := fitted.clocks.lag:
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
@@ -131,6 +134,17 @@ def _of_one(
             facts.append(Note("no-posterior", said))
     found = qualified(compensator, record, fitted.model, ensemble, max_error, rate, step, tell)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+
+
+def _with_band(
+    one: Qualification, fitted: identify.FitResult, record: Record
+) -> tuple[Qualification, float | None]:
+    """The qualification with what the fit's own band holds of the rows, and that share."""
+    share, scores = band_holds(error_of(fitted), fitted.clocks.applied(record))
+    if not len(scores):
+        return one, None
+    said = f"The 90 % band of the fit's own deviation holds {100 * share:.3g} % of the rows."
+    return replace(one, verdict=one.verdict.at_most("PASS", Note("band", said))), share
 
 
 def _of_part(found: Mapping[str, Any], records: Mapping[str, Any], tell: Tell) -> Tell:

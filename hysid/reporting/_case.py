@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import identify
-from compensate import invert
 from hysteresis import InputError, Record
 
+from .._invert import exported
 from ..figures._format import label, plain_name
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
@@ -63,7 +63,7 @@ class Table(NamedTuple):
 @dataclass
 class Section:
     """A heading and what is under it: text, tables, small charts, pictures, notes, then parts with headings
-    of their own."""
+    of their own. Below a `folded` one nothing is seen until it is clicked."""
 
     title: str
     text: list[str] = field(default_factory=list)
@@ -72,6 +72,7 @@ class Section:
     small: list[Small] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     parts: list["Section"] = field(default_factory=list)
+    folded: bool = False
 
     @property
     def id(self) -> str:
@@ -169,7 +170,7 @@ class Case:
                 "not-invertible", f"{count} inputs cannot be recovered from one output."
             )
         try:
-            backwards = invert(self.fit.model, trained=self.fit.trained)
+            backwards = exported(self.fit)
             return round_trip(self.outputs, backwards, self.judged[1])
         except InputError as error:
             return error

@@ -13,7 +13,7 @@ from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 
 from ..catalogue._synthetic import is_synthetic
-from ..figures._format import pretty, quantity
+from ..figures._format import measured, pretty, quantity
 from ..intake._command_words import as_words
 from ..intake._selection_options import HELD_OUT
 from . import _section_creep as _report_step
@@ -34,19 +34,6 @@ HEADLINES = {
 
 TAIL = 0.25
 """The share of a record that is held out where it has no second cycle."""
-SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
-    data,
-)  # fmt: skip
-MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    _motion.response, _motion.hysteresis, parameters, posterior, _motion.residuals, _motion.classes,
-    baselines, data,
-)  # fmt: skip
-STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, baselines, data,
-)  # fmt: skip
-
-
 Tell = Callable[[int, int, str], None]
 
 
@@ -84,6 +71,7 @@ def write_report(
         for make in (STEP_SECTIONS if of_step else MOTION_SECTIONS if of_motion else SECTIONS)
         if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
         and (make is not channels or case.fit.channels is not None)
+        and make is not (parameters if case.fit.detail.is_linear else made_of)
     ]
     sections: list[Section] = []
     for done, make in enumerate(makers, 1):
@@ -94,18 +82,28 @@ def write_report(
         file or folder / TARGET,
         title=_report_step.title(case)
         if of_step
-        else f"{case.fit.name} model of {case.output} from {case.input}",
+        else f"{case.output[:1].upper()}{case.output[1:]} from {case.input}"
+        + ("" if case.fit.detail.is_linear else f" by {case.fit.name}"),
         subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
         f" {data['rows_test']:,} held-out rows"
         + (", synthetic data of a virtual rig" if is_synthetic(data.get("sha256")) else ""),
         level=case.fit.verdict.level,
         headline=HEADLINES[case.fit.verdict.level],
         reasons=case.fit.verdict.reasons,
+        answers=answers(case),
         facts=facts(case),
-        model=in_words(case),
+        model="" if case.fit.detail.is_linear else in_words(case),
         command=next_command(case),
         sections=sections,
     )
+
+
+def answers(case: Case) -> list[tuple[str, str, str]]:
+    """What the specimen does: name, value with error or why there is none, and what it is told from."""
+    return [
+        (one.name, "not told" if one.value is None else measured(one), one.reason or one.basis)
+        for one in case.fit.characteristics
+    ]
 
 
 def facts(case: Case) -> list[tuple[str, str]]:
@@ -134,6 +132,17 @@ def facts(case: Case) -> list[tuple[str, str]]:
         some = "" if len(trip.record) == len(case.judged[1]) else f" {int(trip.counted.sum()):,}"
         facts.append((f"compensator on{some} {word} rows, rms", quantity(trip.rms, case.units[0])))
     return facts
+
+
+def made_of(case: Case) -> Section:
+    """The technical sum of parts, with the parameters that the data determine."""
+    section = parameters(case)
+    said = f"{case.fit.name}. {in_words(case)}"
+    if not isinstance(case.fit.detail, identify.ReversalCurves):
+        said += " Its weights come from non-negative least squares."
+    section.text.insert(0, said)
+    section.title, section.folded = "What the model is made of", True
+    return section
 
 
 PARTS_IN_WORDS = {
@@ -187,6 +196,19 @@ def in_words(case: Case) -> str:
         f" Its {case.output} {'leads' if model.leading else 'lags behind'} the {case.input},"
         " remembers its reversals, and does not depend on the rate."
     )
+
+
+SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
+    made_of, data,
+)  # fmt: skip
+MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    _motion.response, _motion.hysteresis, parameters, posterior, _motion.residuals, _motion.classes,
+    baselines, data,
+)  # fmt: skip
+STEP_SECTIONS: tuple[Callable[[Case], Section], ...] = (
+    _report_step.curve, _report_step.spectrum, parameters, _report_step.residuals, baselines, data,
+)  # fmt: skip
 
 
 def next_command(case: Case) -> tuple[str, str]:

@@ -181,7 +181,7 @@ def spectrum_of(case: Case) -> Spectrum:
 
 def step_of(case: Case) -> float:
     """The constant input."""
-    return float(case.fit.train.input[0])
+    return float(case.fit.train.input[-1])
 
 
 def plain_time(case: Case) -> str:

@@ -137,7 +137,14 @@ def parameters(case: Case) -> Section:
     fit = case.fit
     drawn = {} if case.posterior is None else {s.name: s for s in case.posterior.summaries}
     rows, outside = [], []
-    listed = [*fit.parameters]
+    listed = [
+        p
+        for p in fit.determined
+        # Draws of weights are held by their signs: an interval beside its value tells no sum.
+        if not (fit.detail.is_linear and p.name in drawn)
+        or drawn[p.name].q05 <= p.value <= drawn[p.name].q95
+    ]
+    hidden = len(fit.parameters) - len(listed)
     repeats = any(p.repeatability is not None for p in fit.parameters)
     listed.append(
         identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free")
@@ -167,12 +174,17 @@ def parameters(case: Case) -> Section:
         status = "noise" if p.name == "sigma" else p.status
         cells = [p.name, value, unit or "1", error, status, interval]
         if repeats:
-            cells.insert(4, "" if p.repeatability is None else f"± {number(p.repeatability)}")
+            cells.insert(3, "" if p.repeatability is None else f"± {number(p.repeatability)}")
         rows.append(tuple(cells))
     columns = ["Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %"]
     if repeats:
-        columns.insert(4, "From cycle to cycle")
+        columns.insert(3, "From cycle to cycle")
     section = Section("Parameters", tables=[Table("", tuple(columns), rows)])
+    if hidden:
+        section.notes.append(
+            f"{hidden} further sums are left out: the data do not determine them one by one. fit.json has"
+            " them all."
+        )
     if repeats:
         left = np.abs(fit.residuals[fit.used & np.isfinite(fit.residuals)])
         sizes = np.sqrt(np.mean(left**2)), np.quantile(left, 0.9)

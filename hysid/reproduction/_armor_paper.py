@@ -25,8 +25,10 @@ from ._published import compared
 
 RIG = (
     "All rigs are virtual: every number beside a published one is computed from synthetic records, none "
-    "from a measurement. The foam is a finite-difference model with friction, flow and air, the frame "
-    "sags in many modes, and the sensor is made of strain gauges: physics that our models do not contain."
+    "from a measurement. The foam is a stack of layers with friction and flow (its air moves it by some "
+    "micrometres at these rates), the frame sags in many modes, and the sensor is made of strain gauges. "
+    "None of them is one of our models as a whole; the friction inside foam and gauges is Bouc-Wen's with "
+    "n = 1 and gamma = 0, which is one."
 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from compensate.armor import Box, ContactSolver
 from hysteresis.rigs import force_path
 
-from ..armor._touches import save_touches, shell_of
+from ..armor._touches import VIRTUAL, save_touches, shell_of
 from ._armor import Rig
 from ._armor_ours import covariances, followed
 
@@ -39,6 +39,6 @@ def write_touches(rig: Rig, folder: Path, with_ours: bool) -> dict[str, Any]:
     save_touches(
         folder, shell_of(solver.shape), SECONDS * np.arange(1, len(wrench) + 1), force, moment,
         contact, covariance=covariance, truth=presses.contact.reshape(-1, 3),
-        title=f"Haptic armour: 45 presses of 15 N, {title}",
+        title=f"Haptic armour: 45 presses of 15 N, {title}{VIRTUAL}",
     )  # fmt: skip
     return {"presses": len(points), "rows": len(wrench), "rig": rig.seed}

@@ -9,11 +9,12 @@ import scipy
 Measure = Callable[[Any], float | None]
 """Of one laboratory; None where it has not made that experiment."""
 
-TUNED, INFERRED, PREDICTED, UNPRINTED = (
-    "tuned to this number", "inferred", "predicted", "not printed",
+TUNED, INFERRED, PREDICTED, UNPRINTED, NOT_COMPARABLE = (
+    "tuned to this number", "inferred", "predicted", "not printed", "not comparable",
 )  # fmt: skip
 """What a row is worth: the virtual rig was chosen so that the number comes out; the number itself is
-an inference from the paper; nothing was chosen for it; or the paper shows no number."""
+an inference from the paper; nothing was chosen for it; the paper shows no number; or it depends on
+something else, as a time does on the computer."""
 
 COVERAGE = 0.95
 """Of the interval of a count."""

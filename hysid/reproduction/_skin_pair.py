@@ -18,6 +18,9 @@ from ._skin import FORCE, HIGH_N, NOISE_V, rms
 from ._skin_electronics import converted_record
 from ._skin_networks import train_channels, train_recurrent
 
+OURS_FOR_ONE = 6
+"""Epochs of our networks for each one of the paper's recurrent networks."""
+
 PAIR, NAMES, SAMPLES, DT = (1, 3), "BD", (3960, 3651), 0.05
 """Locations, their names, readings to learn from, s between readings."""
 
@@ -113,7 +116,11 @@ class SkinPair:
     def ours(self) -> MultiContactEstimator:
         """A small network of each location, and Gauss-Newton steps through both."""
         return train_channels(
-            self.taught, high_force=HIGH_N, noise=NOISE_V, epochs=6 * self.epochs, **FORCE
+            self.taught,
+            high_force=HIGH_N,
+            noise=NOISE_V,
+            epochs=OURS_FOR_ONE * self.epochs,
+            **FORCE,
         )
 
     @cached_property

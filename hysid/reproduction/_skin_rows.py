@@ -9,6 +9,7 @@ from compensate.microchannel import Confusion
 
 from ._published import (
     INFERRED,
+    NOT_COMPARABLE,
     PREDICTED,
     TUNED,
     UNPRINTED,
@@ -71,7 +72,7 @@ PUBLISHED = (
     Published("mse_end", "(A) its error^2 at the last epoch", SECTION_A, "N^2", 0.003, 0.0005,
               _skin(lambda skin: skin.timeless.trained.train[-1]), PREDICTED, CREEP),
     Published("training", "(A) training", SECTION_A, "s", 331.0, 0.5,
-              _skin(lambda skin: skin.timeless.trained.seconds), PREDICTED,
+              _skin(lambda skin: skin.timeless.trained.seconds), NOT_COMPARABLE,
               "Another computer: this row says nothing about the sensor.", judged=False),
     Published("loops", "(A) force of four loops", "fig 6, no number", "N", None, 0.0,
               _skin(lambda skin: skin.rms(skin.by_timeless)), UNPRINTED, CURVE),

@@ -50,7 +50,8 @@ class Fits:
             whole if "" in places else identify.internal.read_document(folder / places[value])
         )
         asked = selection_of_fit(whole)
-        level = document["verdict"]["level"]
+        level, listed = document["verdict"]["level"], document["parameters"]
+        determined = document.get("determined", [one["name"] for one in listed])
         posterior = folder / places[value] / "posterior.json"
         at = "" if places[value] == "." else f"{places[value]}/"
         own = folder / places[value]
@@ -65,7 +66,9 @@ class Fits:
             "level": level,
             "reasons": [reason["text"] for reason in document["verdict"]["reasons"]],
             "purpose": document["purpose"],
-            "parameters": document["parameters"],
+            "characteristics": document.get("characteristics", []),
+            "parameters": [one for one in listed if one["name"] in determined],
+            "undetermined": sum(one["name"] not in determined for one in listed),
             "metrics": document["metrics"],
             "candidates": [
                 {

@@ -1,5 +1,6 @@
 """Drifts of the output: with the path that the input has travelled, and with the time."""
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -36,20 +37,22 @@ class DriftInput(NamedTuple):
 class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     """Softening, hardening or creep from cycle to cycle, by the logarithm of the path travelled:
 
-        y_t = offset + sum_k d_k h_k(u_(t-1)) log((length + max(P_(t-1), least)) / (length + least)),
+        y_t = offset + sum_k d_k h_k(u_(t-1)) log((length + clip(P_(t-1), least, most)) / (length + least)),
         P_t = P_(t-1) + |u_t - u_(t-1)|,   P_0 = 0
 
     h_k are hat functions of the place before on `levels`: each is 1 at its level and 0 at the others, and
     they add up to 1. A drift that differs between them is a change of stiffness. It does not depend on the
-    rate, nor on the present input: beside parts that rise with it, the sum has an inverse. The logarithm
-    never ends, but from the tenth cycle to the hundredth it changes as much as from the first to the tenth.
-    Until the path `least` nothing drifts, where first cycles were not measured or differ from later ones.
+    rate, nor on the present input: beside parts that rise with it, the sum has an inverse. From the tenth
+    cycle to the hundredth the logarithm changes as much as from the first to the tenth. Until the path
+    `least` nothing drifts, where first cycles were not measured or differ from later ones; from `most` on
+    the output stays where it drifted to, because no longer path was measured.
 
     **Arguments:**
 
     - `low`, `high`: the range of the input.
     - `levels`: (K,) places, increasing; beyond them the end ones count.
-    - `rates`: (K,) d_k, of either sign. `length`: a path, positive. `least`: a path, not negative.
+    - `rates`: (K,) d_k, of either sign. `length`: a path, positive. `least`: a path, not negative;
+      `most`: a path not below it, infinite by default.
     - `offset`: the output's constant.
 
     Raises `InputError` where an argument does not meet these conditions.
@@ -72,13 +75,14 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     length: float = eqx.field(static=True, converter=float, kw_only=True)
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     least: float = eqx.field(default=0.0, static=True, converter=float)
+    most: float = eqx.field(default=math.inf, static=True, converter=float)
 
     def __check_init__(self) -> None:
-        if not (self.low < self.high and self.length > 0 and self.least >= 0):
+        if not (self.low < self.high and self.length > 0 and 0 <= self.least <= self.most):
             raise InputError(
                 "zero-range",
                 f"the input reaches from {self.low:g} to {self.high:g}, over paths of {self.length:g} from"
-                f" {self.least:g} on.",
+                f" {self.least:g} to {self.most:g}.",
             )
         if self.rates.shape[-1:] != (len(self.levels),):
             raise InputError(
@@ -119,7 +123,8 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
 
     def _output(self, before: Array, path: Array) -> Array:
         rate = jnp.dot(jnp.asarray(self.rates), hats(before, jnp.asarray(self.levels)))
-        further = jnp.maximum(path - self.least, 0.0) / (self.length + self.least)
+        further = jnp.clip(path, self.least, self.most) - self.least
+        further = further / (self.length + self.least)
         return self.offset + rate * jnp.log1p(further)
 
 
@@ -140,7 +145,7 @@ class ClockInput(NamedTuple):
 class TimeDrift(AbstractModel[ClockState, ClockInput]):
     """Warming up, aging or a creeping zero: a drift that goes on whatever the input does.
 
-        y_t = offset + sum_k d_k (1 - exp(-s / tau_k)),    s = time since the first sample
+        y_t = offset + sum_k d_k (1 - exp(-min(s, most) / tau_k)),    s = time since the first sample
 
     It does not depend on the input: beside parts that rise with it, the sum has an inverse. A sequence
     that begins anew drifts anew, so it describes runs that begin alike, from the same rest.
@@ -148,7 +153,8 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
     **Arguments:**
 
     - `times`: (K,) tau_k, positive. `rates`: (K,) d_k, of either sign.
-    - `offset`: the output's constant.
+    - `offset`: the output's constant. `most`: a time after which the output stays where it drifted to,
+      infinite by default.
 
     Raises `InputError` where an argument does not meet these conditions, and `no-time` without times.
 
@@ -166,6 +172,7 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
     )
     rates: Values = parameter(unit="output", meaning="drift of each time constant in the end")
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
+    most: float = eqx.field(default=math.inf, static=True, converter=float)
 
     def __check_init__(self) -> None:
         if self.rates.shape[-1:] != np.shape(self.times)[-1:]:
@@ -176,6 +183,8 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
             )
         if is_concrete(self.times) and not (np.asarray(self.times) > 0).all():
             raise InputError("parameter-out-of-bounds", "times must be positive.")
+        if not self.most >= 0:
+            raise InputError("parameter-out-of-bounds", f"most={self.most:g} is a time below 0.")
 
     def init(self, t0: Any = None, u0: Any = None) -> ClockState:
         zero = jnp.zeros_like(jnp.asarray(self.offset, float))
@@ -210,7 +219,7 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
         return jax.vmap(self._output)(prepared.elapsed)
 
     def _output(self, elapsed: Array) -> Array:
-        gone = -jnp.expm1(-elapsed / jnp.asarray(self.times))
+        gone = -jnp.expm1(-jnp.minimum(elapsed, self.most) / jnp.asarray(self.times))
         return self.offset + jnp.dot(gone, jnp.asarray(self.rates))
 
 

@@ -16,6 +16,7 @@ from ._viscoelastic import (
     AbstractViscoelastic,
     ViscoelasticState,
     check_lengths,
+    check_not_negative,
     check_positive,
 )
 from ._viscoelastic_chain import Chain, Hold
@@ -36,12 +37,13 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
     **Arguments:**
 
     - `E0`: stiffness of the spring; infinite for no spring, a model that has no inverse.
-    - `E`, `eta`: stiffnesses and viscosities of the elements, shape `(branches,)`.
+    - `E`, `eta`: stiffnesses and viscosities of the elements, shape `(branches,)`; one whose stiffness is 0
+      is a dashpot.
     - `eta0`: viscosity of flow, or None for an element that does not flow.
     - `offset`, `leading`, `hold`: as for `Burgers`.
 
-    Raises `InputError` where a modulus or viscosity is not positive, `E` and `eta` differ in length,
-    or a leading model has no spring.
+    Raises `InputError` where `E0` or a viscosity is not positive, an `E` is negative, `E` and `eta` differ
+    in length, or a leading model has no spring.
 
     **Example:**
 
@@ -68,7 +70,8 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, eta=self.eta)
-        check_positive(E0=self.E0, E=self.E, eta=self.eta, eta0=self.eta0)
+        check_not_negative(E=self.E)
+        check_positive(E0=self.E0, eta=self.eta, eta0=self.eta0)
         if self.leading and is_concrete(self.E0) and bool(jnp.isinf(self.E0).any()):
             raise InputError(
                 "not-invertible",
@@ -97,14 +100,14 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
 
     - `E_inf`: stiffness of the spring; 0 for a liquid.
     - `E`, `tau`: stiffnesses and relaxation times (viscosity over stiffness) of the elements, shape
-      `(branches,)`.
+      `(branches,)`; one whose stiffness is 0 is not there.
     - `offset`: of the output.
     - `leading`: displacement -> force, whose output leads the input. False: force -> displacement, the
       exact algebraic inverse.
     - `hold`: the displacement between samples, `"linear"` or `"constant"`.
 
-    Raises `InputError` where a modulus or time is not positive (`E_inf` negative), or `E` and `tau`
-    differ in length.
+    Raises `InputError` where a modulus is negative or a time not positive, or `E` and `tau` differ in
+    length.
 
     **Example:**
 
@@ -126,14 +129,8 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, tau=self.tau)
-        check_positive(E=self.E, tau=self.tau)
-        if is_concrete(self.E_inf) and not bool(jnp.all(self.E_inf >= 0)):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"E_inf = {self.E_inf}: the stiffness at rest is 0 or positive.",
-                cause="a sign slipped.",
-                fix="give E_inf >= 0.",
-            )
+        check_not_negative(E_inf=self.E_inf, E=self.E)
+        check_positive(tau=self.tau)
 
     def chain(self) -> Chain:
         xp = array_module(self.E_inf, self.E, self.tau)

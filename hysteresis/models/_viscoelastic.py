@@ -262,6 +262,18 @@ def check_positive(**values: Any) -> None:
             )
 
 
+def check_not_negative(**values: Any) -> None:
+    """Raise `InputError` where a modulus is negative; one of 0 is an element that is not there."""
+    for name, value in values.items():
+        if is_concrete(value) and not (np.asarray(value) >= 0).all():
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"{name} = {value}: this stiffness is 0 or positive.",
+                cause="a sign slipped.",
+                fix=f"give {name} >= 0.",
+            )
+
+
 def check_lengths(**values: Any) -> None:
     """Raise `InputError` where arrays that describe the same branches differ in length."""
     shapes = {name: getattr(value, "shape", None) for name, value in values.items()}

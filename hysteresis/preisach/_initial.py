@@ -45,5 +45,7 @@ def staircase(initial: Initial, low: float, high: float, turns: int) -> list[flo
     if initial == "demagnetised":
         # An alternation that decays by the same step each time, as a laboratory demagnetises.
         amplitude = (high - low) / 2 * (1 - np.arange(turns) / turns)
-        return ((low + high) / 2 + amplitude * (-1.0) ** np.arange(turns)).tolist()
+        alternation = (low + high) / 2 + amplitude * (-1.0) ** np.arange(turns)
+        # Half the sum and half the difference of two ends may round beyond them.
+        return np.clip(alternation, low, high).tolist()
     return list(initial)  # type: ignore[arg-type]

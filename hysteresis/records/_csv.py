@@ -14,6 +14,7 @@ from ._cells import floats
 from ._read_table import read_table
 from ._record import Record
 from ._table import Table, column_of
+from ._turned import turned
 from ._two_clocks import on_one_clock
 from ._units import column_unit
 
@@ -38,6 +39,7 @@ def read_csv(
     segments: Literal["auto"] | None = None,
     input_time: str | None = None,
     condition: Sequence[str] = (),
+    turn: Sequence[str] = (),
 ) -> Record:
     """A `Record` from a CSV file, or from a `Table` already read.
 
@@ -56,6 +58,7 @@ def read_csv(
     - `input_time`: the clock of the input(s), where it is another than that of the output, which is
         then `time`: the input is interpolated linearly to the output's times.
     - `condition`: columns such as a temperature or a pressure, on which the output depends too.
+    - `turn`: columns whose sign is turned: a push that the rig counts as a pull.
     - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
 
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
@@ -132,7 +135,7 @@ def read_csv(
             rows[np.flatnonzero(rows)[ended]] = False
             moved, t = {name: x[~ended] for name, x in moved.items()}, t[~ended]
             groups = None if groups is None else groups[~ended]
-    return Record.from_arrays(
+    record = Record.from_arrays(
         moved[inputs[0]] if named else None,
         table.number(output, rows),
         t,
@@ -154,6 +157,7 @@ def read_csv(
         sha256=table.sha256,
         **named,
     )
+    return turned(record, turn) if turn else record
 
 
 def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:

@@ -1,9 +1,13 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+
+NEXT_TO_END = (0.02, 0.03, 0.05)
+"""Of the way to the other end: places beside the end of a loop, where its legs have hardly parted."""
 
 
 def noise_level(u: np.ndarray) -> float:
@@ -107,38 +111,77 @@ def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
     return number
 
 
-def loop_area(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, float]:
-    """`(sum int D du, sum int |D| du)` over the loops of y(u), D = y_unloading - y_loading.
+class LoopSums(NamedTuple):
+    """Sums over loops of y(u), D = y_unloading - y_loading.
+
+    - `net`, `total`: `sum int D du` and `sum int |D| du`. `span`: of the ranges of u that both branches
+      pass. `count`: how many loops they are.
+    """
+
+    net: float
+    total: float
+    span: float
+    count: int
+
+    @property
+    def width(self) -> float:
+        """The mean distance between the branches, in the unit of y; NaN without a loop."""
+        return self.total / self.span if self.span > 0 else float("nan")
+
+    @classmethod
+    def of(cls, each: Iterable["LoopSums"]) -> "LoopSums":
+        """Several sums together."""
+        net, total, span, count = np.sum([(0.0, 0.0, 0.0, 0), *each], axis=0)
+        return cls(float(net), float(total), float(span), int(count))
+
+
+def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> LoopSums:
+    """The sums over the loops of one sequence.
 
     A loop is a pair of successive legs, over the inputs that both pass in rows where `used` holds:
-    pairs with cut ends serve as well. The chord between the ends of a pair that returns to its
-    first input is taken out, since a steady drift of the output is no loop.
+    pairs with cut ends serve as well. A steady drift of the output is no loop: where a pair returns to its
+    first input and its legs do not meet, a line in time between them is taken out. It is no steeper than
+    the gap beside that end tells too, nor than half of three loops or more are open by: one reading that is
+    off at an end, or a first loop that starts elsewhere, is no drift.
     """
-    net, total, _ = loop_sums(u, y, used)
-    return net, total
+    return LoopSums.of(_gaps(u, y, used))
 
 
-def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> tuple[float, float, float]:
-    """`loop_area`, and the sum of the ranges of u that both branches of each loop pass.
+def _opened(
+    u: np.ndarray, y: np.ndarray, loop: tuple[int, int, int], legs: list[np.ndarray]
+) -> float:
+    """By how much a row a loop that returns to its first input does not meet itself; 0 of others."""
+    a, b, c = loop
+    if abs(u[c] - u[a]) > 0.1 * np.ptp(u[a : c + 1]):
+        return 0.0
+    # The ends seldom share an input exactly: compare where the legs last do, and next to that.
+    end = max(u[x[0]] for x in legs) if u[b] > u[a] else min(u[x[-1]] for x in legs)
+    at = end + (u[b] - end) * np.array([0.0, *NEXT_TO_END])
+    (y1, t1), (y2, t2) = ([np.interp(at, u[x], v) for v in (y[x], x)] for x in legs)
+    slopes = (y2 - y1) / np.maximum(t2 - t1, 1)
+    if t2[0] <= t1[0] or not np.isfinite(slopes).all():
+        return 0.0
+    return _least(float(slopes[0]), float(np.median(slopes[1:])))
 
-    The second over the third is the mean distance between the branches, in the unit of `y`.
-    """
-    net, total, span = np.sum([(0.0, 0.0, 0.0), *_gaps(u, y, used)], axis=0)
-    return float(net), float(total), float(span)
+
+def _least(*slopes: float) -> float:
+    """The flattest of slopes of one sign, 0 of slopes of both."""
+    signs = {bool(slope > 0) for slope in slopes}
+    return min(slopes, key=abs) if len(signs) == 1 else 0.0
 
 
-def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[tuple[float, float, float]]:
-    """Of each loop int D du, int |D| du, and the range of u that both branches pass."""
-    points = turning_points(u, default_dead_band(u))
+def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
+    """The sums of each loop."""
+    points = turning_points(u, default_dead_band(u)).tolist()
+    loops = []
     for a, b, c in zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True):
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
-        chord = 0.0
-        if abs(u[c] - u[a]) <= 0.1 * np.ptp(u[a : c + 1]):
-            # The ends seldom share an input exactly: compare where the legs last do.
-            end = max(u[x[0]] for x in legs) if u[b] > u[a] else min(u[x[-1]] for x in legs)
-            (y1, t1), (y2, t2) = ([np.interp(end, u[x], v) for v in (y[x], x)] for x in legs)
-            chord = (y2 - y1) / (t2 - t1) if t2 > t1 and np.isfinite(y2 - y1) else 0.0
+        loops.append((a, b, legs, _opened(u, y, (a, b, c), legs)))
+    slopes = [slope for *_, slope in loops]
+    usual = [np.median(slopes)] if len(slopes) > 2 else []
+    for a, b, legs, slope in loops:
+        chord = _least(slope, *usual)
         legs = [rows[used[rows]] for rows in legs]
         legs = [(u[rows], y[rows] - chord * (rows - a)) for rows in legs]
         if min(len(x) for x, _ in legs) < 2:
@@ -151,4 +194,4 @@ def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[tuple[floa
         gap = (second - first) * np.sign(u[b] - u[a]) * (high - low)
         # Rounding is no loop: gaps below a millionth of the output's stroke count as nothing.
         total = max(np.abs(gap).mean(), 1e-6 * np.ptp(legs[0][1]) * (high - low))
-        yield float(gap.mean()), float(total), float(high - low)
+        yield LoopSums(float(gap.mean()), float(total), float(high - low), 1)

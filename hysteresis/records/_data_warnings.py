@@ -1,14 +1,18 @@
-"""Readings that are probably not what they seem: clipped by a sensor, swapped, turned in sign."""
+"""Readings that are probably not what they seem: clipped, tared within the run, swapped, turned in sign."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._format import quantity
+from .._format import duration, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
-from ._cycles import loop_area, noise_level
+from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
+from ._zero_jumps import zero_jumps
+
+WIDER = 3.0
+"""Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
 
 MANY = 8
 """Samples at a limit that are too many for a peak."""
@@ -30,16 +34,16 @@ def loop_direction(record: AbstractRecord) -> float:
 
     `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
 
-    over the loops of `loop_area`. Crossed loops fall between the bounds, pure noise near 0; 0 where
-    nothing closes.
+    over the loops of `loops_of`. Crossed loops fall between the bounds; 0 where there is no loop that is
+    wider than the noise.
 
     **Example:**
 
         >>> round(hysteresis.loop_direction(record), 2)
         1.0
     """
-    net, total = _loops(record)
-    return net / total if total else 0.0
+    loops = loops_of(record)
+    return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
 
 
 def clipped(record: AbstractRecord) -> list[Clipped]:
@@ -48,8 +52,8 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
     Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
     2 % of its range, and twice as far as where the output stays as it is elsewhere, in steps of an encoder
     or behind a backlash; the input where, in one run of rows, the output goes 2 % of its range beyond
-    both ends and comes back: in a hold it creeps one way. Zero and the value of the first row are
-    the rest, not a limit.
+    both ends and comes back: in a hold it creeps one way, and single readings err. Zero and the value of
+    the first row are the rest, not a limit.
     """
     u, y, found = record.input, record.output, []
     for role, x in (("output", y), ("input", u)):
@@ -87,7 +91,25 @@ def suspicions(record: AbstractRecord) -> list[Note]:
             f"{others} while the {other} moves; {mend}."
         )
         found.append(warning("saturation", said))
-    return found + _created_energy(record)
+    return [*found, *_zero_jumps(record), *_created_energy(record)]
+
+
+def _zero_jumps(record: AbstractRecord) -> list[Note]:
+    """One note on the jumps of the zero, with the first of them."""
+    jumps = zero_jumps(record)
+    if not jumps:
+        return []
+    row, size = jumps[0]
+    at = record.lines(np.array([row]))
+    if record.time is not None:
+        at += f" ({duration(float(record.time[row]), record.time_unit)})"
+    more = f", and at {len(jumps) - 1} more rows" if jumps[1:] else ""
+    said = (
+        f"The zero of the output jumps by {quantity(size, record.output_unit)} at {at}{more}, while the "
+        "input moves on: with the jump taken out, the branches before and behind it lie on each other. "
+        "Fit the rows on one side of it alone (--exclude-lines FIRST-LAST), or correct the file."
+    )
+    return [warning("zero-jump", said)]
 
 
 def _created_energy(record: AbstractRecord) -> list[Note]:
@@ -96,33 +118,38 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     to_force = units[0] in LENGTHS and units[1] in FORCES
     if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
         return []
-    net, total = _loops(record)
+    loops = loops_of(record)
     good = np.isfinite(record.output)
     u, y = record.input[good], record.output[good]
     if not (np.ptp(u) and np.ptp(y)):
         return []
     # Force over displacement takes energy clockwise.
-    taken = (-net if to_force else net) / max(record.n_cycles, 1)
+    taken = (-loops.net if to_force else loops.net) / max(loops.count, 1)
     # Where loops are thin or crossed a small lag between the channels turns them.
-    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(net) < 0.5 * total:
+    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < 0.5 * loops.total:
         return []
     cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
     if np.corrcoef(u, y)[0, 1] < 0:
-        cause, mend = "the sign of one column is turned", "turn it"
+        cause = "the sign of one column is turned"
+        mend = f"turn it (--turn {record.output_name!r})"
     force, length = units[::-1] if to_force else units
     said = (
-        f"Loops create energy ({taken:.3g} {force} {length} a cycle): no specimen does. {cause}? If"
+        f"Loops create energy ({taken:.3g} {force} {length} a loop): no specimen does. {cause}? If"
         f" so, {mend}."
     )
-    return [warning("energy-created", said)]
+    return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
 
 
-def _loops(record: AbstractRecord) -> tuple[float, float]:
-    parts = [
-        loop_area(record.input[s], record.output[s], record.mask[s]) for _, s in record.sequences()
-    ]
-    net, total = np.sum(parts, axis=0)
-    return float(net), float(total)
+def loops_of(record: AbstractRecord) -> LoopSums:
+    """The sums over the loops of all sequences, in the rows that count."""
+    u, y, used = record.input, record.output, record.mask
+    return LoopSums.of(loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+
+
+def _noise(record: AbstractRecord) -> float:
+    counted = record.mask & np.isfinite(record.output)
+    parts = [record.output[s][counted[s]] for _, s in record.sequences()]
+    return float(np.median([noise_level(y) for y in parts if len(y)] or [0.0]))
 
 
 def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
@@ -142,6 +169,7 @@ def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
 
 
 def _bulge(y: np.ndarray) -> float:
-    """How far a series goes beyond both its ends."""
+    """How far a quarter of a series lies beyond both its ends, on one side."""
     ends = y[[0, -1]]
-    return float(max(np.max(y) - ends.max(), ends.min() - np.min(y)))
+    low, high = np.quantile(y, [0.25, 0.75])
+    return float(max(high - ends.max(), ends.min() - low))

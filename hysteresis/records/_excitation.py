@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._format import duration, quantity
+from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._change import change_warnings
 from ._cycles import default_dead_band, noise_level, turning_points
 from ._data_warnings import clipped, loop_direction, suspicions
 
@@ -40,20 +41,17 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         problem = f"Input range {quantity(span, unit)} is about the noise; nothing to identify."
         raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
     found = []
-    if (steps := _steps(record)).size:
-        low, mid, high = np.quantile(steps, [0.01, 0.5, 0.99])
-        if low < 0.8 * mid or high > 1.2 * mid or steps.max() > 10 * mid:
-            low, high = (duration(x, record.time_unit) for x in (steps.min(), steps.max()))
-            said = f"The clock is uneven (dt {low} to {high}): models take it as it is, oscillators need"
-            found.append(warning("jittered-time", f"{said} an even one (Record.resample)."))
     if all(np.ptp(record.branch[s]) == 0 for _, s in record.sequences()) and turns <= 1:
         way, other = ("rises", "un") if record.branch[0] > 0 else ("falls", "")
         said = (
-            f"Input only {way}: no {other}loading branch, so hysteresis cannot be identified; "
-            "fit the sponge (LinearSponge), or measure the way back."
+            f"Input only {way}: no {other}loading branch, so nothing tells hysteresis from a curve; "
+            "measure the way back."
         )
         found.append(warning("one-way-input", said))
-    found += suspicions(record)
+    others = suspicions(record)
+    # A zero that jumps moves, too; either is told first.
+    first = [note for note in others if note.code == "zero-jump"] or change_warnings(record)
+    found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
         said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
@@ -133,7 +131,7 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
     if s["output"]["saturated"]:
         lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
     if loop is None:
-        loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none closed"
+        loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none wider than the noise"
     lines.append(loop)
     return "\n".join([*lines, *record.history])
 

@@ -1,4 +1,4 @@
-"""Virtual test rigs: physics that no model of ours contains, sampled as a rig would sample it."""
+"""Virtual test rigs, of which no model is the whole, sampled as a rig would sample them."""
 
 from ._armor import INWARD as INWARD
 from ._armor import ArmorPoints as ArmorPoints

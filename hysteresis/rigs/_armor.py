@@ -134,7 +134,7 @@ class ArmorRig:
     sag_width_mm: float = 60.0
     scatter_mm: float = 0.6
     frame: PlateFrame | None = None
-    sensor: ForceSensor | GaugeSensor = field(default_factory=ForceSensor)
+    sensor: ForceSensor | GaugeSensor = field(default_factory=GaugeSensor)
 
     def __post_init__(self) -> None:
         at_zero = ("seed", "sag_mm", "scatter_mm", "uneven")
@@ -154,15 +154,14 @@ class ArmorRig:
 
     @classmethod
     def of_foam(cls, seed: int = 0, **changes: Any) -> "ArmorRig":
-        """The rig whose physics no model of hysteresis contains, with these `changes` of its fields.
+        """A `FoamBlock` as cover and a `PlateFrame` below it, with these `changes` of its fields.
 
-        A `FoamBlock` as cover, a `PlateFrame` below it, and a `GaugeSensor`.
+        No model of `hysteresis` is the whole of either; `FoamBlock` says which part of it one is.
         """
         parts = {
             "cover": FoamBlock(),
             "frame": PlateFrame(),
-            "sensor": GaugeSensor(),
-            "sheet": 0.915,
+            "sheet": 0.9,
         }
         return cls(seed=seed, **parts | changes)
 

@@ -19,8 +19,10 @@ class ForceSensor:
 
     - G: crosstalk, every entry normal; those between forces and moments are scaled by an arm, so
       that a force and a moment of force times arm leak into each other as two forces do.
-    - H: the flexure lags its load by a play. z_i follows w_i as a stop of travel r_i does, |z_i| <= r_i;
-      between loading and unloading the reading differs by h_i once the load has moved by 2 r_i.
+    - H: the flexure lags its load by a play, as those of `PrandtlIshlinskii`: a calibration with plays can
+      be exactly right, which it cannot be for `GaugeSensor`. z_i follows w_i as a stop of
+      travel r_i does, |z_i| <= r_i; between loading and unloading the reading differs by h_i once the load
+      has moved by 2 r_i.
     - e: normal noise, fresh in every sample.
 
     Without load and noise it reads zero: it was zeroed after a rest.

@@ -42,8 +42,8 @@ class GaugeSensor:
         reading = full scale D b + noise
 
     - T: how the sensor is mounted, a degree and two millimetres off.
-    - r: the beams are clamped, and patches of the clamp slip one after the other: hysteresis belongs to
-      the bridges, before they are mixed, not to the axes.
+    - r: the beams are clamped, and patches of the clamp slip one after the other, each as `BoucWen` with
+      n = 1 and gamma = 0: hysteresis belongs to the bridges, before they are mixed, not to the axes.
     - m: the bridges are not linear.
     - D: the maker loads one axis after the other by a jig that is itself misaligned, and fits D by least
       squares. What is left is crosstalk, nonlinearity and hysteresis at once, none of which is a

@@ -1,7 +1,8 @@
 """A virtual skin of two liquid-metal channels, one over the other: Kim and Park (2018).
 
-The law is deliberately none of our models: stops inside a closing channel's curve, with creep. It is a
-plausible generator, not an identification: the paper prints no curve's numbers.
+No model of ours is the whole law, stops inside a closing channel's curve with creep, though stops and creep
+are elements of ours, too. It is a plausible generator, not an identification: the paper prints no
+curve's numbers.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 """A virtual urethane sponge under a flat probe: the indentation test of Tsuji et al. (2014).
 
-The law is deliberately none of our models (an Iwan assembly of stops inside a softening foam curve
-with Prony overstress and first-cycle conditioning), so that a model fitted to it is wrong in the
-way models of a real sponge are. It is a plausible generator, not an identification: it has
-more parameters than the paper prints statistics.
+No model of ours is the whole law (an Iwan assembly of stops inside a softening foam curve with Prony
+overstress and first-cycle conditioning), so that a model fitted to it is wrong in the way models of a
+real sponge are; its stops and branches are elements of ours, too. It is a plausible generator, not an
+identification: it has more parameters than the paper prints statistics.
 """
 
 import math

@@ -55,32 +55,20 @@ class Scored(NamedTuple):
 
 
 def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
-    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all parts.
+    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all counted rows.
 
-    As models do, it leaves out the conditioning cycle where that predicts the held-out one better.
+    A model may leave some out, a baseline never does.
     """
     seen, y = baseline.prepared(record), record.output
 
-    def rows_of(which: tuple[int, ...], drop: bool) -> np.ndarray:
-        return np.flatnonzero(np.isin(parts.label, parts.without_conditioning(which, drop)))
+    def fitted(which: tuple[int, ...]) -> Any:
+        rows = np.flatnonzero(np.isin(parts.label, which))
+        return baseline.fitted(seen, y, thinned(rows, MOST))
 
-    def blocks_of(drop: bool) -> np.ndarray:
-        def solve(train: tuple[int, ...]) -> np.ndarray:
-            return baseline.predicted(
-                seen, baseline.fitted(seen, y, thinned(rows_of(train, drop), MOST))
-            )
+    def error(unknowns: Any, test: tuple[int, ...]) -> np.ndarray:
+        rows = np.isin(parts.label, test)
+        return baseline.predicted(seen, unknowns)[rows] - y[rows]
 
-        def error(predicted: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
-            rows = np.isin(parts.label, test)
-            return predicted[rows] - y[rows]
-
-        return held_out_errors(parts.folds, solve, error)
-
-    drops = (False,) if parts.conditioning is None else (False, True)
-    blocks = {drop: blocks_of(drop) for drop in drops}
-    drop = min(blocks, key=lambda drop: blocks[drop].mean() if len(blocks[drop]) else 0.0)
-    rows = rows_of(parts.all, drop)
-    unknowns = baseline.fitted(seen, y, thinned(rows, MOST))
-    used = np.zeros(len(record), bool)
-    used[rows] = True
-    return Scored(baseline, blocks[drop], used, unknowns, baseline.predicted(seen, unknowns))
+    blocks, unknowns = held_out_errors(parts.folds, fitted, error), fitted(parts.all)
+    used = parts.label >= 0
+    return Scored(baseline, blocks, used, unknowns, baseline.predicted(seen, unknowns))

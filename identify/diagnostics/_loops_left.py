@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
-from hysteresis.records._cycles import loop_sums, noise_level
+from hysteresis.records._cycles import LoopSums, loop_sums, noise_level
+from hysteresis.records._data_warnings import WIDER
 
 from ..results._fit_result import FitResult
 
-NOISE, SMALLEST = 3.0, 1e-3
-"""A loop counts if it is wider than this times the noise, and than this part of the output's range."""
+SMALLEST = 1e-3
+"""A loop counts if it is wider than this part of the output's range, and than `WIDER` times the noise."""
 
 
 class LoopsLeft(NamedTuple):
@@ -32,7 +33,7 @@ class LoopsLeft(NamedTuple):
     @property
     def are_there(self) -> bool:
         """Whether there are loops that the noise cannot make."""
-        return self.width > max(NOISE * self.noise, SMALLEST * self.span)
+        return self.width > max(WIDER * self.noise, SMALLEST * self.span)
 
     @property
     def share(self) -> float:
@@ -67,6 +68,5 @@ def _measured(record: Record, used: Bool[np.ndarray, " samples"]) -> tuple[float
 def _width(
     record: Record, values: Float[np.ndarray, " samples"], used: Bool[np.ndarray, " samples"]
 ) -> float:
-    sums = [loop_sums(record.input[r], values[r], used[r]) for _, r in record.sequences()]
-    _, total, span = np.sum(sums, axis=0)
-    return float(total / span) if span > 0 else float("nan")
+    u = record.input
+    return LoopSums.of(loop_sums(u[r], values[r], used[r]) for _, r in record.sequences()).width

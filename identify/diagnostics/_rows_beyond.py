@@ -6,11 +6,8 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 
 from ..results._extrapolation import Extrapolation, RowsBeyond
-from ..results._fit_result import FitResult
+from ..results._fit_result import SEAM, FitResult
 from ._whiteness import speed
-
-SEAM = 0.01
-"""Of the trained range: so little beyond it is not extrapolation."""
 
 BAND = 0.02
 """Of the trained range: an input that stays within it is held."""
@@ -23,7 +20,7 @@ def extrapolation(fit: FitResult, predicted: Float[np.ndarray, " samples"]) -> E
     """
     if (test := fit.test) is None:
         return None
-    beyond = rows_beyond(fit.train, fit.used, test)
+    beyond = rows_beyond(fit, test)
     error = predicted - test.output
 
     def scored(rows: np.ndarray) -> RowsBeyond:
@@ -35,13 +32,12 @@ def extrapolation(fit: FitResult, predicted: Float[np.ndarray, " samples"]) -> E
     return Extrapolation(*(scored(rows) for rows in (*beyond.values(), inside)))
 
 
-def rows_beyond(
-    train: Record, used: Bool[np.ndarray, " rows"], test: Record
-) -> dict[str, Bool[np.ndarray, " samples"]]:
-    """Of each row of `test`: is its input, its rate or the time it is held beyond that of the used rows?"""
-    u, span = train.input[used], float(np.ptp(train.input[used]))
-    low, high = u.min() - SEAM * span, u.max() + SEAM * span
-    found = {"input": (test.input < low) | (test.input > high)}
+def rows_beyond(fit: FitResult, test: Record) -> dict[str, Bool[np.ndarray, " samples"]]:
+    """Of each row of `test`: is its input, a channel or a condition, its rate or the time it is held beyond
+    that of the fitted rows?"""
+    train, used = fit.train, fit.used
+    span = float(np.ptp(train.input[used]))
+    found = {"input": fit.beyond(test)}
     if train.time is None or test.time is None:
         nothing = np.zeros(len(test), bool)
         return found | {"rate": nothing, "time": nothing}

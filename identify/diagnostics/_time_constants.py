@@ -1,4 +1,4 @@
-"""Time constants that a record cannot show: longer than it lasts, shorter than a sampling step."""
+"""Time constants that a record cannot show: longer than it lasts, shorter than its sampling steps."""
 
 import numpy as np
 
@@ -7,7 +7,10 @@ from hysteresis._note import warning
 
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
-    """A note for every branch whose time constant lies outside the record's span of times.
+    """A note for every branch whose time constant lies outside the times that the record shows.
+
+    The shortest is the step of the clock that follows a change of the input, the median over all changes: a
+    hold whose rows come ever more seldom shows what is over in its first second.
 
     An element that creeps flows like a dashpot for much less than its time constant, and gives way
     like a spring after much more; one that relaxes the other way round. Of the two parameters of such
@@ -15,9 +18,14 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     """
     if not isinstance(model, AbstractViscoelastic) or record.time is None:
         return []
-    spans = [float(np.ptp(record.time[rows])) for _, rows in record.sequences()]
-    steps = [np.diff(record.time[rows]) for _, rows in record.sequences()]
-    span, step = max(spans), float(np.median(np.concatenate(steps)))
+    sequences = [(record.time[rows], record.input[rows]) for _, rows in record.sequences()]
+    span = max(float(np.ptp(t)) for t, _ in sequences)
+    # Before its first row a model is at rest.
+    changes = np.concatenate([np.abs(np.diff(u, prepend=0.0))[:-1] for _, u in sequences])
+    steps = np.concatenate([np.diff(t) for t, _ in sequences])
+    order = np.argsort(steps)
+    passed = np.cumsum(changes[order])
+    step = float(steps[order][np.searchsorted(passed, passed[-1] / 2)])
     found, unit = [], record.time_unit
     with np.errstate(divide="ignore"):
         constants = 1 / np.asarray(model.chain().rates)
@@ -28,7 +36,7 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
         than = f"longer than the record ({span:.3g} {unit})"
         mend = "measure longer holds"
         if not slow:
-            than = f"shorter than a sampling step ({step:.3g} {unit})"
+            than = f"shorter than the sampling steps ({step:.3g} {unit})"
             mend = "sample faster"
         seen = "dashpot" if slow == model.creeps else "spring"
         said = f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"

@@ -126,7 +126,7 @@ def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
         blocks=blocks,
         noise=judged.noise,
         train=record,
-        notes=(note, *judged.notes),
+        notes=(note,),
         detail=FoldedState(linear, curve),
         clocks=data.clocks,
         channels=data.channels,
@@ -202,11 +202,11 @@ def folding(
 def held_out(choice: Tried, output: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " blocks"]:
     """Mean squared errors of held-out outputs, of a composition chosen for their unfolded state."""
     problem = choice.problem
-    columns, y = problem.whole.where(choice.parts), output[problem.rows]
+    y, every = output[problem.rows], np.ones(len(problem.rows), bool)
 
     def solve(train: tuple[int, ...]) -> Float[np.ndarray, " rows"]:
-        x = problem.solution(train, choice.parts, choice.strength)
-        state = np.maximum(problem.A[:, columns] @ x, problem.floor)
+        solved = train, problem.solution(train, choice.parts, choice.strength)
+        state = problem.predicted(solved, choice.parts, every)
         state = problem.whole.centre + problem.whole.scale * state
         seen = np.isin(problem.label, train)
         return folded(folding(state[seen], y[seen]), state)

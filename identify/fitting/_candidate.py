@@ -18,7 +18,8 @@ Said = Mapping[str, Mapping[str, Any]]
 class Options(NamedTuple):
     """What the user chose about a fit beside its models, see `fit`.
 
-    `alone`: no other candidate is fitted. `say`: takes a line of progress.
+    `alone`: no other candidate is fitted. `say`: takes a line of progress. `keeps_drift`: what drifts in
+    the training rows stays in the model.
     """
 
     initial: str
@@ -28,6 +29,7 @@ class Options(NamedTuple):
     parameters: Said
     alone: bool
     say: Report
+    keeps_drift: bool = False
 
 
 class Trial(NamedTuple):

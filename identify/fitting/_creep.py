@@ -1,11 +1,11 @@
-"""Creep and relaxation: a constant input, and an output that goes on moving."""
+"""Creep and relaxation: an input that is held, and an output that goes on moving."""
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
@@ -18,17 +18,18 @@ from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import metrics
 from ..spectra._extrapolation import CONFIDENCE
-from ..spectra._prony_series import Input, Kind
+from ..spectra._prony_series import Input, Way
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
 from ._baselines import baselines_of_hold
+from ._creep_kind import counted, kind_of, told_by_the_change
 from ._verdict import check_purpose, judge
 
 AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
 FIRST_ROW = "step-at-first-row"
 """Code of the note that says so."""
-MOVES = 3.0
-"""An output that changes by less than this times its noise neither creeps nor relaxes."""
+NODES = 400
+"""Rows of the way to a hold that its spectrum sees, the last ones densest: the rest is nearly forgotten."""
 UNKNOWN = 2.0
 """A parameter whose logarithm is uncertain by more than this is not identified."""
 
@@ -36,10 +37,13 @@ UNKNOWN = 2.0
 def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     """A record of one constant input from the clock's zero on, as a model has to see it.
 
-    Where the step is before the first row, at zero of its clock, a row at zero is put before it, masked
-    and without output: the input jumped there and not at the first reading. Where the step is at the
-    first row, that becomes zero. Without `at_first_row` it is there if the clock begins late, more
-    than ten of its median steps after zero, as a machine's clock does.
+    Rows before the last ones of a constant input are the way to a hold: they drive the model and do not
+    count, and zero of the clock is where the hold begins.
+
+    Where the step is before the first row, at zero of its clock, a row at zero is put before it, masked and
+    without output: the input jumped there and not at the first reading. Where the step is at the first row,
+    that becomes zero. Without `at_first_row` it is there if the clock begins late, more than ten of its
+    median steps after zero, as a machine's clock does.
 
     Raises `InputError` for an input that is 0 or not constant, several sequences, rows without a clock
     or from before the step.
@@ -59,13 +63,21 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
             place=place,
             fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
         )
-    if not len(record) or np.ptp(record.input) > 0 or record.input[0] == 0:
+    begin = _begin_of_hold(record)
+    if len(record) - begin < 2 or record.input[-1] == 0:
         raise InputError(
             "not-a-step",
-            "the input of a step is one constant other than 0.",
+            "the input of a step is one constant other than 0, to the last row.",
             place=place,
             fix="give the constant force or displacement (--step VALUE).",
         )
+    if begin:
+        way = f"{t[begin] - t[0]:.3g} {record.time_unit}"
+        said = f"The way to the hold took {way}: it drives the model, and its {begin} rows are not fitted."
+        if t[begin] == 0 and not record.mask[:begin].any():
+            return record
+        mask = record.mask & (np.arange(len(t)) >= begin)
+        return record.noted("way-to-hold", said, time=t - t[begin], mask=mask)
     if t[0] < 0:
         raise InputError(
             "not-a-step",
@@ -93,44 +105,27 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     )
 
 
+def _begin_of_hold(record: Record) -> int:
+    """The first of the last rows whose input is one constant."""
+    moves = np.flatnonzero(record.input != record.input[-1:])
+    return int(moves[-1]) + 1 if len(moves) else 0
+
+
+def way_of(record: Record) -> Way | None:
+    """The way to the hold of a record that `stepped` gave."""
+    begin = _begin_of_hold(record)
+    if not begin:
+        return None
+    assert record.time is not None
+    t, u = record.time[: begin + 1], record.input[: begin + 1] / record.input[-1]
+    before = np.unique(np.append(0, np.geomspace(1, begin + 1, NODES).astype(int) - 1))
+    rows = begin - before[::-1]
+    return Way(t[rows], u[rows])
+
+
 def is_at_first_row(record: Record) -> bool:
     """Whether `stepped` took the first row of a record for the step."""
     return any(note.code == FIRST_ROW for note in record.history)
-
-
-def kind_of(record: Record) -> Kind:
-    """Creep or relaxation: does the output go on in the direction of the step, or come back?
-
-    Raises `InputError` where the output is on the other side of zero, or does not move.
-    """
-    rows = _counted(record)
-    y = record.output[rows] / record.input[rows]
-    if len(y) < 8:
-        raise InputError(
-            "too-few-rows",
-            f"{len(y)} rows count: a spectrum needs at least 8.",
-            place=record.source,
-        )
-    if np.median(y) <= 0:
-        raise InputError(
-            "not-a-step",
-            f"{record.output_name} is on the other side of 0 than the step.",
-            place=record.source,
-            cause="the sign convention of one of them.",
-            fix="turn the step's sign (--step VALUE).",
-        )
-    tenth = -(-len(y) // 10)
-    change = float(np.median(y[-tenth:]) - np.median(y[:tenth]))
-    noise = record.summary()["output"]["noise"] / abs(record.input[0])
-    if abs(change) <= MOVES * noise:
-        raise InputError(
-            "no-excitation",
-            f"{record.output_name} changes by {abs(change * record.input[0]):.3g}, about its noise:"
-            " neither creep nor relaxation.",
-            place=record.source,
-            fix="choose another column (--output COL), or measure for longer.",
-        )
-    return "creep" if change > 0 else "relaxation"
 
 
 def fit_step(
@@ -143,15 +138,20 @@ def fit_step(
     allow_float32: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> FitResult:
-    """Fit a discrete spectrum of time constants to creep or relaxation under a constant input.
+    """Fit a discrete spectrum of time constants to creep or relaxation under an input that is held.
 
-    An output that rises with time is a displacement under a constant force: `GeneralizedKelvinVoigt`.
-    One that falls is a force under a constant displacement: `GeneralizedMaxwell`. Errors are weighed by
+    The way to the hold, as the record shows it, drives the model (Boltzmann's superposition), and its rows
+    are not fitted: there a material's stiffness may change with its strain. Without a way the load came at
+    once.
+
+    A deformation under a constant load creeps: `GeneralizedKelvinVoigt`. A load under a constant
+    deformation relaxes: `GeneralizedMaxwell`. The units of input and output say which of them is held;
+    where they do not, an output that rises is taken for creep, and a note says so. Errors are weighed by
     1 / output; the number of time constants is that of the greatest evidence. See `spectrum`.
 
     **Arguments:**
 
-    - `record`: one sequence with a clock and a constant input other than 0; see `stepped`.
+    - `record`: one sequence with a clock, whose input is constant, or becomes so and stays; see `stepped`.
     - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
     - `seed`: kept with the result; nothing here is random.
     - `purpose`: "predict" or "constants", see `fit`.
@@ -183,19 +183,21 @@ def fit_step(
     elif test is not None:
         test = stepped(test)
     kind = kind_of(record)
-    rows = _counted(record)
+    rows = counted(record)
     assert record.time is not None
-    found = spectrum(record.time[rows], record.output[rows] / record.input[rows], kind)
+    y, way = record.output[rows] / record.input[rows], way_of(record)
+    found = spectrum(record.time[rows], y, kind, way=way)
     say(f"{kind}: {found.order} time constants of at most {len(found.table) - 1}")
     fits = [
         _result(found, row, answer, record, test, seed)
         for row, answer in zip(found.table, found.answers, strict=True)
     ]
-    counted = replace(record, mask=rows)
-    judged_on = None if test is None else replace(test, mask=_counted(test))
-    baselines = baselines_of_hold(counted, parts(counted), judged_on)
+    held = replace(record, mask=rows)
+    judged_on = None if test is None else replace(test, mask=counted(test))
+    baselines = baselines_of_hold(held, parts(held), judged_on)
     chosen = fits.pop(found.order)
-    chosen = replace(chosen, notes=found.notes, detail=DiscreteSpectrum(found))
+    notes = (*found.notes, *told_by_the_change(record, kind))
+    chosen = replace(chosen, notes=notes, detail=DiscreteSpectrum(found))
     chosen = replace(chosen, baselines=baselines, purpose=purpose)
     if test is not None:
         chosen = replace(chosen, extrapolation=extrapolation(chosen, chosen.predict(test)))
@@ -217,14 +219,14 @@ def _result(
     found: Spectrum, row: Order, answer: Answer, record: Record, test: Record | None, seed: int
 ) -> FitResult:
     """One order as a fit."""
-    rows, model = _counted(record), answer.model
+    rows, model = counted(record), answer.model
     residuals = np.where(rows, _outputs(found, answer, record) - record.output, np.nan)
     figures = {"train": metrics(record.output, record.output + residuals, rows), "test": None}
     test_blocks = None
     if test is not None:
-        predicted, counted = _outputs(found, answer, test), _counted(test)
-        figures["test"] = metrics(test.output, predicted, counted)
-        test_blocks = np.array(block_errors((predicted - test.output)[counted]))
+        predicted, held_out = _outputs(found, answer, test), counted(test)
+        figures["test"] = metrics(test.output, predicted, held_out)
+        test_blocks = np.array(block_errors((predicted - test.output)[held_out]))
     listed, covariance = _parameters(found, answer, record)
     return FitResult(
         name=f"{type(model).__name__} of order {row.order}",
@@ -245,9 +247,12 @@ def _result(
 
 
 def _outputs(found: Spectrum, answer: Answer, record: Record) -> Float[np.ndarray, " samples"]:
-    """What the answer's model makes of a record, without compiling that anew for every order."""
+    """What the answer's model makes of the step or hold of a record, without compiling that anew for every
+    order; NaN on the way there."""
     assert record.time is not None
-    return record.input * answer.fitted.outputs(Input(found.kind, record.time, None))
+    t, begin = record.time, _begin_of_hold(record)
+    held = answer.fitted.outputs(Input(found.kind, t[begin:], None, way_of(record)))
+    return np.append(np.full(begin, np.nan), record.input[begin:] * held)
 
 
 def _parameters(
@@ -265,7 +270,8 @@ def _parameters(
     tau = np.sort(1 / np.asarray(model.chain().rates))
     listed, values = [], []
     for k, name in enumerate(answer.names):
-        field, number = (name, 0) if name in about else (name[:-1], int(name[-1]))
+        field = name if name in about else name.rstrip("0123456789")
+        number = int(name[len(field) :] or 0)
         unit, value = about[field]
         value = float(value[number - 1] if number else value)
         known = error[k] < UNKNOWN
@@ -287,7 +293,7 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
     if test is None:
         return None
     assert test.time is not None
-    rows = _counted(test)
+    rows = counted(test)
     value, low, high = found.predict(test.time[rows])
     y, noise = test.output[rows] / test.input[rows], NORMAL_95 * found.noise.sigma * value
     share = float(np.mean((low - noise <= y) & (y <= high + noise)))
@@ -296,7 +302,3 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
         f"{100 * share:.0f} % of the held-out rows, up to {last:.3g} times the record's span, lie"
     )
     return share, f"{said} in the 90 % range of what the record leaves open."
-
-
-def _counted(record: Record) -> Bool[np.ndarray, " samples"]:
-    return record.mask & np.isfinite(record.output)

@@ -42,6 +42,7 @@ def fit(
     initial: str = "auto",
     conditioning: str = "auto",
     clocks: str = "auto",
+    drift: str = "auto",
     noise: str = "auto",
     parameters: Said | None = None,
     starts: int = 32,
@@ -75,8 +76,11 @@ def fit(
       `"demagnetised"`; `"fit"` fits how many of each cell are up, for a record that starts in the
       middle of a history; `"auto"` tries those the record leaves open.
     - `conditioning`: `"auto"` leaves the first cycle of a single sequence out of the fit where that
-      predicts a held-out later one better, and all but the last ones where one cycle is repeated until the
-      sample has settled; `"keep"` never does.
+      predicts held-out later ones better, and the verdict says so; `"keep"` never does. Baselines have all
+      rows.
+    - `drift`: `"auto"` lets a composition explain the training rows by a drift with the path or the time,
+      and makes the model without it, as the specimen was at their end, because a drift tells of one run;
+      `"keep"` leaves it in the model, which then drifts from its first row until the training's end.
     - `clocks`: `"auto"` makes an input linear between updates that come less often than rows, and looks
       for a constant lag between input and output where a composition predicts better with one; `"keep"`
       takes the input as it is.
@@ -115,7 +119,7 @@ def fit(
         record, test = record.split_cycles(test_cycles)
     elif test_tail is not None:
         record, test = record.split_tail(test_tail)
-    _check_choices(initial, conditioning, clocks, starts, seed)
+    _check_choices(initial, conditioning, clocks, drift, starts, seed)
     kinds(noise)
     check_purpose(purpose)
     if (oscillator := oscillator_asked(model)) is not None:
@@ -157,7 +161,9 @@ def fit(
             if one.kind is not None and one not in suited
         }
         asked = suited
-    options = Options(initial, starts, seed, noise, parameters or {}, len(asked) == 1, say)
+    options = Options(
+        initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep"
+    )
     tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried)
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
@@ -244,11 +250,14 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
     return simple.score < NEARLY * best.score and as_good(simple.blocks, best.blocks)
 
 
-def _check_choices(initial: str, conditioning: str, clocks: str, starts: int, seed: int) -> None:
+def _check_choices(
+    initial: str, conditioning: str, clocks: str, drift: str, starts: int, seed: int
+) -> None:
     for name, value, choices in (
         ("initial", initial, ("auto", "negative", "positive", "demagnetised", "fit")),
         ("conditioning", conditioning, ("auto", "keep")),
         ("clocks", clocks, ("auto", "keep")),
+        ("drift", drift, ("auto", "keep")),
     ):
         if value not in choices:
             raise InputError("bad-option", f"{name}={value!r}; have {', '.join(choices)}.")

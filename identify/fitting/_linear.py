@@ -9,11 +9,13 @@ from hysteresis import AbstractModel, InputError, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import AbstractGridDensity
 
-from ..linear._composition_fit import fitted, path_of
+from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
 from ..linear._conditioned_fit import fit_conditioned
 from ..linear._linear_fit import LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
+from ..records._folds import earned
+from ..records._latest import latest
 from ..records._run_model import predict
 from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
@@ -40,7 +42,9 @@ class CompositionCandidate(Candidate):
     """Curves, relays and relaxations, as many as the record shows: every step from a curve alone."""
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        path = fit_composition(data, options.initial, options.seed, options.say)
+        path = fit_composition(
+            data, options.initial, options.seed, options.say, options.keeps_drift
+        )
         return [Trial(fit) for fit in path]
 
 
@@ -63,18 +67,21 @@ def fit_grid(
     return _result(name, linear, GridWeights(linear), data, (note,), seed)
 
 
-def fit_composition(data: TrainingData, initial: str, seed: int, say: Report) -> list[FitResult]:
+def fit_composition(
+    data: TrainingData, initial: str, seed: int, say: Report, keeps_drift: bool = False
+) -> list[FitResult]:
     """Compositions from a curve alone to the best one; see `fit_compositions`."""
     state = state_of(initial)
     path: tuple[LinearFit, ...]
     if data.condition is None:
-        choices = path_of(data.record, data.parts, data.leadings, state)
+        choices = path_of(data.record, data.parts, data.leadings, state, keeps_drift=keeps_drift)
         if data.seeks_lag:
             chosen = choices[-1].problem.whole.of(*choices[-1].parts)
             say(f"{chosen.name}; is there a lag between the clocks?")
             if (lagging := fit_lagging(choices, data.record, data.parts, state)) is not None:
                 clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
                 choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
+        choices, data = _of_latest(choices, data, state, keeps_drift)
         path = fitted(choices)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
@@ -89,6 +96,27 @@ def fit_composition(data: TrainingData, initial: str, seed: int, say: Report) ->
         draws = DRAWS if linear is path[-1] else FEW_DRAWS
         results.append(_result(name, linear, detail, data, tuple(notes), seed, draws))
     return results
+
+
+def _of_latest(
+    path: list[Tried], data: TrainingData, initial: Any, keeps_drift: bool
+) -> tuple[list[Tried], TrainingData]:
+    """The choices learnt from the last cycles alone where that is earned on the rows held out from both.
+
+    They are looked for where the parts that were found with all cycles are better so.
+    """
+    if not data.may_leave_out:
+        return path, data
+    found, best = data, next(one for one in reversed(path) if not one.problem.whole.first)
+    for parts in latest(data.record, data.parts):
+        own = best.problem
+        few = Problem(data.record, parts.merged, own.whole, own.memory)
+        if not earned(best.blocks, few.tried(best.parts, best.strength).blocks):
+            continue
+        again = path_of(data.record, parts, data.leadings, initial, keeps_drift=keeps_drift)
+        if earned(path[-1].blocks, again[-1].blocks):
+            path, found = again, replace(data, parts=parts)
+    return path, found
 
 
 def state_of(initial: str) -> Any:
@@ -124,7 +152,7 @@ def _result(
         blocks=linear.blocks * linear.meaning.scale**2,
         noise=judged.noise,
         train=data.record,
-        notes=(*notes, *judged.notes),
+        notes=notes,
         detail=detail,
         clocks=data.clocks,
         channels=data.channels,

@@ -31,7 +31,7 @@ from ..parametric._multistart import (
     thinned_rows,
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
-from ..records._folds import held_out_errors
+from ..records._folds import earned, held_out_errors
 from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
@@ -141,7 +141,7 @@ def least_squares(
 
     The search for a start runs on about a thousand rows, side by side, from the free vectors in `first` and
     from `starts` others about the first of them. The best are refined on every row. The fit leaves out a
-    conditioning cycle where that predicts the held-out one better.
+    conditioning cycle where that takes away a part of the held-out error, see `earned`.
 
     Raises `InputError` where no start gives a finite output.
     """
@@ -179,7 +179,7 @@ def least_squares(
 
     choices = (False,) if parts.conditioning is None else (False, True)
     blocks = {drop: blocks_of(drop) for drop in choices}
-    dropped = min(blocks, key=lambda drop: blocks[drop].mean())
+    dropped = len(choices) > 1 and earned(blocks[False], blocks[True])
     optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
         name, data, template, bounds, settings, prepared, measured, tried, optimum,
@@ -229,7 +229,6 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
         settings=fit.settings,
         train=data.record,
         starts=fit.starts,
-        notes=judged.notes,
         clocks=data.clocks,
         channels=data.channels,
         seed=fit.seed,
@@ -297,7 +296,9 @@ def _errors(
         found = _plainest(free, at, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
-    evidence = {} if found is None else found.over_the_best
+    # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
+    tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
+    evidence = tried if found is None else found.over_the_best
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         covariance = covariance_of(found.root, 1.0)
         return _Errors(

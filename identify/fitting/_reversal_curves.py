@@ -95,7 +95,7 @@ def fit_surface(name: str, data: TrainingData) -> FitResult:
         blocks=blocks,
         noise=judged.noise,
         train=record,
-        notes=(note, *judged.notes),
+        notes=(note,),
         detail=ReversalCurves(count),
         clocks=data.clocks,
         channels=data.channels,

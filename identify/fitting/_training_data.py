@@ -19,19 +19,19 @@ from ..results._baseline import Baseline
 from ..results._fit_result import FitResult
 from ..results._metrics import metrics
 from ._baselines import baselines_of
-from ._settling import settled
 
 
 @dataclass(frozen=True)
 class TrainingData:
     """A record made ready for every candidate of a fit.
 
-    - `record`: as the models see it: channels combined, clocks corrected, what settles masked.
+    - `record`: as the models see it: channels combined, clocks corrected.
     - `test`: the record to judge on, its channels combined too; None where nothing is held out.
     - `parts`: the training rows cut into parts, and the folds made of them.
     - `falls`: whether the output falls, on the whole, as the input rises.
     - `leadings`: orientations worth trying. `initials`: initial states worth trying.
     - `clocks`: what was done to the input. `channels`: what combined several channels into it.
+    - `may_leave_out`: whether a fit may leave out first cycles.
     - `seeks_lag`: whether a constant lag between the clocks may be looked for.
     - `warnings`: what is wrong with the data though a fit is possible.
     - `condition`: the name of the condition that the output depends on; None without one.
@@ -47,6 +47,7 @@ class TrainingData:
     channels: ChannelMap | None
     seeks_lag: bool
     warnings: tuple[Note, ...]
+    may_leave_out: bool
     condition: str | None = None
 
     @property
@@ -56,7 +57,8 @@ class TrainingData:
 
     def tested(self, fit: FitResult) -> FitResult:
         """The fit with its figures on the test record, if there is one, all of `FitResult.predict`."""
-        if fit.beyond(fit.train).any():
+        (low, high), u = fit.trained, fit.train.input
+        if ((u < low) | (u > high)).any():
             # Rows that do not count drive the model beyond the inputs it was fitted to, where the model
             # alone saturates and a prediction goes on.
             predicted = fit.predict(fit.train)
@@ -112,11 +114,7 @@ def training_data(
     updates_late = not keep_clocks and record.time is not None and is_held(record)
     clocks = Clocks(interpolated=updates_late)
     record = clocks.applied(record)
-    # The cycles that settling masks are like the ones it keeps, so what follows holds for both.
     falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
-    if not (keep_conditioning or condition) and (later := settled(record, leadings)) is not record:
-        record = later
-        say(record.history[-1])
     cut = (
         parts(record, keep_conditioning=keep_conditioning)
         if condition is None
@@ -129,5 +127,5 @@ def training_data(
         record, test, cut, falls, leadings, initials, clocks, channels,
         # At a single rate a lag between the clocks is one loop more, and curves of channels take it up.
         seeks_lag=not keep_clocks and channels is None and not condition and rates_differ(record),
-        warnings=warnings, condition=condition,
+        warnings=warnings, may_leave_out=not keep_conditioning, condition=condition,
     )  # fmt: skip

@@ -1,7 +1,5 @@
 """The verdict on a fit: whether it can be used for a purpose, with all reasons."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hysteresis import InputError, Note
@@ -12,11 +10,12 @@ from ..diagnostics._loops_left import loops_left
 from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._sloppiness import without_effect
 from ..diagnostics._time_constants import unseen_time_constants
-from ..records._folds import root_difference
+from ..records._folds import LEAST_GAIN, root_difference
 from ..results._baseline import best_baseline
 from ..results._detail import DiscreteSpectrum
 from ..results._extrapolation import RowsBeyond
 from ..results._fit_result import PURPOSES, FitResult
+from ._verdict_over_cycles import Reasons, over_cycles
 
 GOOD, USABLE = 5.0, 15.0
 """Error in per cent, of the range of the rows or for holds of the reading, up to which a fit passes, and up
@@ -28,19 +27,11 @@ TIMES = 2.0
 SHARE = 0.1
 """Of the held-out rows: so many beyond the trained range are named."""
 
-HARMLESS = ("jittered-time",)
-"""Codes of warnings about the data that no model suffers from: steps in time are taken as they are."""
+FIRST = ("zero-jump", "zero-moves")
+"""Codes of warnings that come before the error: no model of new runs is right under them."""
 
 LEFT = 0.5
 """Part of the width of the loops that a fit may leave and still pass."""
-
-
-class Reasons(NamedTuple):
-    """Notes that make a verdict FAIL, that make it CAUTION, and that are good to know."""
-
-    fails: list[Note]
-    cautions: list[Note]
-    facts: list[Note]
 
 
 def check_purpose(purpose: str) -> None:
@@ -55,14 +46,17 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     FAIL: not converged; an error above 15 %; no better than the mean of the rows.
 
     CAUTION: an error above 5 %; a baseline that is better on the judged rows by more than the standard
-    error of the difference; more than half of the loops' width left in the residuals; nothing held out;
-    held-out rows with more than twice the rms error of the training rows; a tenth of them beyond the
-    trained inputs, or beyond the trained rates or times with twice the error; a time constant that the
+    error of the difference, or by a twentieth of the squared error; more than half of the loops' width left
+    in the residuals; nothing held out; held-out rows with more than twice the rms error of the training
+    rows; an error that grows by half from the first held-out cycles to the last; held-out loops of another
+    size than every trained one with more than 5 % of their own range; a tenth of the held-out rows beyond
+    the trained inputs, or beyond the trained rates or times with twice the error; a time constant that the
     record cannot show; a warning about the data, but for an uneven clock. For constants also: parameters
     without a standard error, a second minimum, no noise model that explains the residuals. To compensate: a
-    compensator that was not tried.
+    specimen that still changes; a compensator that was not tried.
 
-    Ratios are of like with like: rms with rms in the output's unit, for holds in per cent of the reading.
+    Rows that the fit leaves out are told. A zero that moves is told first of all. Ratios are of like with
+    like: rms with rms in the output's unit, for holds in per cent of the reading.
     """
     found = Reasons([], [], [])
     if not fit.success:
@@ -73,15 +67,18 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     _compare(fit, found)
     _loops(fit, found)
     _held_out(fit, found)
+    over_cycles(fit, found)
     _parameters(fit, found)
     found.cautions.extend(unseen_time_constants(fit.model, fit.train))
-    for note in map(Note.of, warnings):
-        (found.facts if note.code in HARMLESS else found.cautions).append(note)
+    notes = [*map(Note.of, warnings)]
+    found.cautions.extend(note for note in notes if note.code not in FIRST)
     _noise(fit, found)
     if fit.purpose == "compensate":
         text = "The compensator was not tried. hysid.fit, hysid fit and hysid qualify try it."
         found.cautions.append(Note("compensator-not-tried", text))
-    verdict = Verdict(level, (said,), "" if best is None else best.name)
+    first = [note for note in notes if note.code in FIRST]
+    verdict = Verdict(level, (*first, said), "" if best is None else best.name)
+    verdict = verdict.at_most("CAUTION" if first else "PASS")
     verdict = verdict.at_most("FAIL" if found.fails else "PASS", *found.fails)
     return verdict.at_most("CAUTION" if found.cautions else "PASS", *found.cautions, *found.facts)
 
@@ -99,11 +96,14 @@ def _error(fit: FitResult) -> tuple[Level, Note]:
         f"It predicts {where} to {percent:.2g} % of {of} ({quantity(judged.rmse, unit, 3)} rms,"
         f" {quantity(judged.max_abs, unit, 3)} at most)"
     )
+    values = {
+        "held_out": test is not None, "percent": percent, "rmse": judged.rmse, "largest": judged.max_abs,
+    }  # fmt: skip
     if percent > USABLE or not (holds or judged.r2 > 0):
-        return "FAIL", Note("error", f"{said}, which is too far off to use.")
+        return "FAIL", Note("error", f"{said}, which is too far off to use.", values)
     if percent > GOOD:
-        return "CAUTION", Note("error", f"{said}, which is above {GOOD:g} %.")
-    return "PASS", Note("error", f"{said}.")
+        return "CAUTION", Note("error", f"{said}, which is above {GOOD:g} %.", values)
+    return "PASS", Note("error", f"{said}.", values)
 
 
 def _compare(fit: FitResult, found: Reasons) -> None:
@@ -131,15 +131,21 @@ def _compare(fit: FitResult, found: Reasons) -> None:
     best, worse = (better or paired)[0]
     unit, other = fit.train.output_unit, best.judged[0]
     apart = f"{quantity(abs(worse.value), unit, 2)} +- {quantity(worse.error, unit, 2)}"
-    if better:
+    values = {
+        "held_out": tested, "baseline": best.name, "rmse": other, "of_fit": own, "more": -worse.value,
+        "error": worse.error,
+    }  # fmt: skip
+    # What it gains would be worth a further part of the model, even where it may be chance.
+    if better or (worse.value > least and other**2 <= (1 - LEAST_GAIN) * own**2):
         of_both = f"{quantity(other, unit, 3)} rms instead of {quantity(own, unit, 3)}"
         text = f"A baseline predicts {where} better: {best.name}, {of_both}, a difference of"
-        found.cautions.insert(0, Note("baseline-better", f"{text} {apart}."))
+        text += f" {apart}{'' if better else ', which may be chance'}."
+        found.cautions.insert(0, Note("baseline-better", text, values))
         return
     text = f"The best baseline on {where}, {best.name}, has {quantity(other, unit, 3)} rms,"
     more = f" {'more' if worse.value < 0 else 'less'} by {apart}."
     text += more if abs(worse.value) > least else " as the fit has."
-    found.facts.append(Note("best-baseline", text))
+    found.facts.append(Note("best-baseline", text, values))
 
 
 def _loops(fit: FitResult, found: Reasons) -> None:
@@ -153,7 +159,8 @@ def _loops(fit: FitResult, found: Reasons) -> None:
         f" ({quantity(loops.left, unit, 3)} of {quantity(loops.width, unit, 3)}): the model does not"
         " describe the hysteresis."
     )
-    found.cautions.append(Note("loops-left", text))
+    values = {"share": loops.share, "left": loops.left, "width": loops.width}
+    found.cautions.append(Note("loops-left", text, values))
 
 
 def _held_out(fit: FitResult, found: Reasons) -> None:
@@ -175,20 +182,33 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
     if held > TIMES * fitted and percent > 1:
         times = f"{held / fitted:.1f} times" if fitted else "more than"
         text = f"The rms error on the held-out rows is {times} that on the training rows: {both}."
-        found.cautions.append(Note("worse-than-trained", text))
+        values = {"times": held / fitted if fitted else None, "held_out": held, "trained": fitted}
+        found.cautions.append(Note("worse-than-trained", text, values))
     if (beyond := fit.extrapolation) is None:
         return
     inside = beyond.inside
     for name, part, words in (
-        ("input", beyond.input, "the trained inputs"),
+        ("input", beyond.input, _trained_inputs(fit)),
         ("rate", beyond.rate, "the trained rates of the input"),
         ("time", beyond.time, "the longest trained hold"),
     ):
         if part.rows <= SHARE * int(fit.test.mask.sum() if fit.test is not None else 0):
             continue
-        note = Note(f"beyond-{name}", _beyond(fit, part, inside, words))
+        code = "beyond" if name == "input" else f"beyond-{name}"
+        values = {
+            "rows": part.rows,
+            "rmse": part.rmse,
+            "inside": inside.rows,
+            "rmse_inside": inside.rmse,
+        }
+        note = Note(code, _beyond(fit, part, inside, words), values)
         worse = inside.rmse is None or (part.rmse or 0.0) > TIMES * inside.rmse
         (found.cautions if name == "input" or worse else found.facts).append(note)
+
+
+def _trained_inputs(fit: FitResult) -> str:
+    also = ["channels"] * (fit.channels is not None) + ["conditions"] * (fit.condition is not None)
+    return " or ".join(["the trained inputs", *also])
 
 
 def _beyond(fit: FitResult, part: RowsBeyond, inside: RowsBeyond, words: str) -> str:
@@ -236,4 +256,10 @@ def _noise(fit: FitResult, found: Reasons) -> None:
             f"The residuals are correlated over {fit.noise.correlation_time:.0f} samples, so"
             f" {fit.noise.samples} rows count as {fit.noise.effective:.0f} and errors are widened."
         )
-        found.facts.append(Note("correlated-residuals", text))
+        noise = fit.noise
+        values = {
+            "samples": noise.correlation_time,
+            "rows": noise.samples,
+            "count": noise.effective,
+        }
+        found.facts.append(Note("correlated-residuals", text, values))

@@ -2,7 +2,8 @@
 
 The map is linear in the rises of its curves over their cells, so all of them are found at once, by least
 squares with a prior that holds neighbouring rises alike. Held-out parts of the training rows choose its
-strength, and how many first cycles are left out: they are those of a sample that still settles.
+strength, and how many first cycles the map leaves out, where that takes away a part of their error: they
+are those of a sample that still settles. The scalar model is fitted to all rows.
 
 The scalar model is fitted to values that each part has from a map that did not see it. On the values of the
 whole fit, which is better on rows it saw than it will be on any other, a model with memory explains errors
@@ -19,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import ChannelMap, InputError, Note, Record
 
 from ..records._channel_map import columns_of, combine
-from ..records._folds import Fold, best_of, held_out_errors, simplest, thinned
+from ..records._folds import Fold, earned, held_out_errors, simplest, thinned
 from ._cross_validation import ROWS, STRENGTHS, Choice, jittered, normal_equations_of, total
 
 CELLS = 16
@@ -43,8 +44,7 @@ GROUPS = 5
 def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[ChannelMap, Record]:
     """The map of a record's channels, and the record with the combined input to fit a model to.
 
-    Its mask leaves out the first cycles that the map was not fitted to, and its history says what was done.
-    `keep_conditioning` leaves none out.
+    Its history says what was done. `keep_conditioning` leaves no cycle out of the map.
 
     Raises `InputError` where no channel changes, or there are fewer rows than channels.
     """
@@ -69,13 +69,13 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
     choices = [
         _chosen(_Problem(record, moving, part, tested, left_out)) for left_out in range(most + 1)
     ]
-    # As many as cost nothing: the cycles of a sample that settles are the least like those to come.
-    choice = simplest(reversed(choices), best_of(choices))
+    fewer = [one for one in choices[1:] if earned(choices[0].blocks, one.blocks)]
+    choice = simplest(fewer) if fewer else choices[0]
     problem = choice.problem
     fitted = problem.map(choice.strength)
     combined = combine(record, fitted)
     u = combined.input.copy()
-    used = u[record.mask & problem.settled]
+    used = u[record.mask]
     fitted = replace(fitted, trained=(float(used.min()), float(used.max())))
     # Values of a part that nothing else is like, an only ramp's end, would be no use to a model.
     for p in tested if len(tested) > 1 else ():
@@ -88,8 +88,12 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
         text = f"Left out {', '.join(map(repr, still))}: the same in all rows that count."
         said.append(Note("skipped", text))
     if problem.left_out:
-        text = f"Left out what comes before cycle {problem.left_out + 1}: the sample settles."
-        said.append(Note("settled", text))
+        rows, all_rows = int((record.mask & ~problem.settled).sum()), int(record.mask.sum())
+        text = (
+            f"The map of the channels leaves out what comes before cycle {problem.left_out + 1}, {rows} of"
+            f" {all_rows} rows: without it, it predicts held-out rows better."
+        )
+        said.append(Note("settled", text, {"rows": rows, "of": all_rows}))
     text = (
         f"Combined {len(moving)} channels by curves with a prior of strength {choice.strength:g}: parts"
         f" held out are {error:.2g} % of the range off. Each has the values of a map without it."
@@ -98,7 +102,6 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
     return fitted, replace(
         combined,
         input=u,
-        mask=record.mask & problem.settled,
         history=(*record.history, *said),
     )
 

@@ -111,6 +111,9 @@ class CompositionUnknowns(NamedTuple):
     - `rest`: where the input is before the first sample, for the stops. `relaxed`: for the branches, too,
       which otherwise have rested at `low`, and are stretched at once.
     - `unseen`: the shortest path before a fitted row, in ranges of the input: before it nothing drifts.
+    - `reached`: path, in the same unit, and time at which what drifts has stopped: it explains the fitted
+      rows, and the model that is made has none of it, as it was then. With `keeps_drift` the model drifts
+      from its first row until there.
     - `duration`: of the longest sequence, 0 without time.
     - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time. `smoothing`: of the
       velocity, in steps.
@@ -130,6 +133,8 @@ class CompositionUnknowns(NamedTuple):
     speed: float = 0.0
     step: float = 0.0
     unseen: float = 0.0
+    reached: tuple[float, float] = (0.0, 0.0)
+    keeps_drift: bool = False
     duration: float = 0.0
     smoothing: float = SMOOTHING
     centre: float = 0.0
@@ -154,7 +159,12 @@ class CompositionUnknowns(NamedTuple):
     @property
     def name(self) -> str:
         """What a composition of these parts is called."""
-        return " + ".join(self.parts) + (" of a mapped input" if self.first else "")
+        return " + ".join(self.lasting) + (" of a mapped input" if self.first else "")
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """The parts of the model that is made: what drifts only where it is kept."""
+        return tuple(part for part in self.parts if self.keeps_drift or part not in DRIFTS)
 
     @property
     def count(self) -> int:
@@ -247,8 +257,9 @@ class CompositionUnknowns(NamedTuple):
         self, memory: Memory, unknowns: Float[np.ndarray, " unknowns"]
     ) -> Float[np.ndarray, " rows"]:
         """The output of the model of the unknowns, which no column of relays is made for."""
-        dense = self.of(*(part for part in self.parts if part != RELAYS))
+        dense = self.of(*(part for part in self.lasting if part != RELAYS))
         x, y = unknowns[self.where(dense.parts)], np.empty(len(memory.v))
+        memory = self.stopped(memory, self.reached)
         for rows, some in memory.cut(AT_ONCE):
             y[rows] = sum(columns @ x[place] for place, columns in dense._made(some))
         if RELAYS in self.parts:
@@ -263,6 +274,16 @@ class CompositionUnknowns(NamedTuple):
         if self.floor is not None:
             y = np.maximum(y, self.least)
         return self.centre + self.scale * y
+
+    def stopped(self, memory: Memory, reached: tuple[float, float]) -> Memory:
+        """The memory of rows to which what drifts has stopped at this path and time."""
+        path, elapsed = reached
+        if not self.keeps_drift:
+            still = np.ones(len(memory.v))
+            return memory._replace(path=path * still, elapsed=elapsed * still)
+        return memory._replace(
+            path=np.minimum(memory.path, path), elapsed=np.minimum(memory.elapsed, elapsed)
+        )
 
     def minimum(
         self,
@@ -309,12 +330,13 @@ class CompositionUnknowns(NamedTuple):
                     viscous / self.speed, smoothing=self.smoothing * self.step,
                 )
             )  # fmt: skip
-        if DRIFT in values:
+        path, elapsed = self.reached
+        if DRIFT in self.lasting:
             span, places = self.high - self.low, self._inputs(PLACES)
-            lengths = {"length": span, "least": self.unseen * span}
+            lengths = {"length": span, "least": self.unseen * span, "most": path * span}
             parts.append(CyclicDrift(self.low, self.high, places, values[DRIFT], **lengths))
-        if TIME_DRIFT in values:
-            parts.append(TimeDrift(self.duration * DECAYS, values[TIME_DRIFT]))
+        if TIME_DRIFT in self.lasting:
+            parts.append(TimeDrift(self.duration * DECAYS, values[TIME_DRIFT], most=elapsed))
         before = [self._first] if self.first else []
         after = [] if self.floor is None else [Clip(low=self.floor)]
         whole: AbstractModel = Sum(parts)
@@ -343,7 +365,7 @@ class CompositionUnknowns(NamedTuple):
     @property
     def total_names(self) -> tuple[str, ...]:
         """Names of the sums that tell a person what the parts do."""
-        return ("offset", *(name for p in self.parts for name in self.branches(p) or (p,)))
+        return ("offset", *(name for p in self.lasting for name in self.branches(p) or (p,)))
 
     def branches(self, part: str) -> tuple[str, ...]:
         """Names of a part's branches; strengths differ after a rise and after a fall."""
@@ -364,7 +386,9 @@ class CompositionUnknowns(NamedTuple):
             if part == TIME_DRIFT:
                 each = _gone(np.ones(1))
             rows += [each / each.size if part in (STRENGTHS, DRIFT) else each] * branches
-        return np.asarray(scipy.linalg.block_diag(*rows))
+        counts = [1, *(len(self.branches(part)) or 1 for part in self.parts)]
+        there = np.repeat([True, *(part in self.lasting for part in self.parts)], counts)
+        return np.asarray(scipy.linalg.block_diag(*rows))[there]
 
     def _curve(self, memory: Memory) -> Columns:
         return rises(memory.v, CELLS[CURVE])
@@ -403,11 +427,13 @@ class CompositionUnknowns(NamedTuple):
         return modulated(np.hstack([np.tanh(speed / SPEEDS), speed]), hats_of(memory.felt, PLACES))
 
     def _drift(self, memory: Memory) -> Columns:
-        further = np.maximum(memory.path - self.unseen, 0.0) / (1 + self.unseen)
-        return np.log1p(further)[:, None] * hats_of(memory.felt, PLACES)
+        path = np.maximum(memory.path, self.unseen)
+        none_at = self.unseen if self.keeps_drift else max(self.reached[0], self.unseen)
+        return np.log((1 + path) / (1 + none_at))[:, None] * hats_of(memory.felt, PLACES)
 
     def _time_drift(self, memory: Memory) -> Columns:
-        return _gone(memory.elapsed / self.duration)
+        none_at = np.array([0.0 if self.keeps_drift else self.reached[1]])
+        return _gone(memory.elapsed / self.duration) - _gone(none_at / self.duration)
 
 
 def _gone(elapsed: Samples) -> Columns:

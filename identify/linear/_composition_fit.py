@@ -8,9 +8,19 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 from hysteresis.preisach import Initial
+from hysteresis.records._change import change
 
-from ..records._folds import Fold, Parts, as_good, best_of, held_out_errors, simplest, thinned
-from ..records._orientation import output_falls
+from ..records._folds import (
+    LEAST_GAIN,
+    Fold,
+    Parts,
+    best_of,
+    earned,
+    held_out_errors,
+    simplest,
+    thinned,
+)
+from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
 from ..records._speeds import moves_evenly, usual_speed
 from ._composition import (
@@ -31,8 +41,11 @@ from ._composition_memory import Memory, memory_blocks, memory_of
 from ._cross_validation import (
     ROWS,
     Choice,
+    Equations,
     NormalEquations,
+    averaged,
     jittered,
+    joined,
     normal_equations_of,
     total,
 )
@@ -49,17 +62,11 @@ STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 WEAKEST = 1e-6
 """The weakest of all."""
 
-LEAST_GAIN = 0.05
-"""Share of the mean squared held-out error that a further part must take away."""
-
 DRIFT_GAIN = 0.5
-"""The same for a drift: it tells of one history, and the next run of a sample may begin anew."""
+"""What a drift must take away where no equal cycles show a change: elsewhere it explains anything a bit."""
 
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
-
-SLACK = 0.02
-"""Part of the output's range within which it lies on its floor."""
 
 
 def fit_compositions(
@@ -68,9 +75,11 @@ def fit_compositions(
     """Compositions from a curve alone to the best one, each with one part more.
 
     Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
-    by more than the standard error of the difference, paired by blocks of rows. In the end a drift joins
-    if it takes away half of what is left, and the input is mapped by half of the static curve if that gains
-    as much as a part. All that is chosen on some thousand rows; the unknowns are fitted to all of them.
+    by more than the standard error of the difference, paired by blocks of rows. In the end a drift may
+    explain how the fitted rows change in the course of a run: it gains where the model without it, as it
+    was at the end of the rows that it is fitted to, predicts held-out ones better. Then the input is mapped
+    by half of the static curve if that gains as much as a part. All that is chosen on some thousand rows;
+    the unknowns are fitted to all of them.
     """
     return fitted(path_of(record, parts, leadings, initial))
 
@@ -81,13 +90,15 @@ def path_of(
     leadings: tuple[bool, ...],
     initial: Initial,
     weights: Samples | None = None,
+    keeps_drift: bool = False,
 ) -> "list[Tried]":
     """The choices of `fit_compositions`, one for each of its fits.
 
     `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
+    `keeps_drift`: see `CompositionUnknowns`.
     """
     parts = parts.merged
-    whole = unknowns_for(record, parts, initial)
+    whole = unknowns_for(record, parts, initial)._replace(keeps_drift=keeps_drift)
     whole, memory = _begun(whole, record, parts, leadings, weights)
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
@@ -198,10 +209,12 @@ class Problem:
         self.record, self.parts, self.rows = record, parts, fitted_rows(parts)
         if memory is None:
             memory = memory_of(whole.memory(), record, self.rows)
+        self.memory, self.several = memory, len(record.labels) > 1
+        self.label = parts.label[self.rows]
         whole = whole._replace(unseen=float(memory.path.min()))
-        self.whole = whole
-        self.floor = whole.least
-        self.label, self.y = parts.label[self.rows], relative(whole, record.output[self.rows])
+        whole = whole._replace(reached=self._reached(parts.fitted, whole))
+        self.whole, self.floor = whole, whole.least
+        self.y = relative(whole, record.output[self.rows])
         self.A = whole.columns(memory)
         self.taut = self._taut(self.y)
         of_part = {p: (self.label == p) & self.taut for p in parts.all}
@@ -213,6 +226,13 @@ class Problem:
         self.inside = np.ones(whole.count, bool)
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
+    def _reached(self, which: tuple[int, ...], whole: CompositionUnknowns) -> tuple[float, float]:
+        """The path and time at which a drift that these parts show has stopped: the end of a single run,
+        and the middle of several that begin anew, of which one that is kept goes on to the longest."""
+        rows = np.isin(self.label, which)
+        end = np.median if self.several and not whole.keeps_drift else np.max
+        return float(end(self.memory.path[rows])), float(end(self.memory.elapsed[rows]))
+
     def _taut(self, y: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows above the floor: below, an output tells only a limit."""
         return y > self.floor + SLACK
@@ -222,7 +242,7 @@ class Problem:
     ) -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range; the curve
         is fitted to the parts `which`, all by default."""
-        which = self.parts.all if which is None else which
+        which = self.parts.fitted if which is None else which
         unknowns = self.solution(which, choice.parts, choice.strength)
         meaning, increments = self.whole, unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
@@ -250,8 +270,9 @@ class Problem:
         some: tuple[str, ...],
         strength: float,
     ) -> tuple[np.ndarray, np.ndarray]:
-        # A floor may leave no row of a fold above it: then the prior alone speaks, and it is not chosen.
-        rows = max(normal.rows, 1)
+        rows = max(
+            normal.rows, 1
+        )  # a floor may leave no row of a fold above it: the prior alone speaks
         H = normal.H[np.ix_(columns, columns)] / rows
         H += self.whole.of(*some).prior(strength)
         return jittered(H), normal.b[columns] / rows
@@ -270,18 +291,33 @@ class Problem:
         self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()
     ) -> "Tried":
         """Held-out errors of some parts with a prior of some strength, over `parts`' folds or others."""
-        columns = self.whole.where(some)
 
-        def error(x: np.ndarray, which: tuple[int, ...]) -> np.ndarray:
-            test, used = np.isin(self.label, which), x != 0
-            outputs = self.A[np.ix_(test, columns[used])] @ x[used]
-            error = np.maximum(outputs, self.floor) - self.y[test]
+        def solve(train: tuple[int, ...]) -> Solved:
+            return train, self.solution(train, some, strength)
+
+        def error(solved: Solved, which: tuple[int, ...]) -> np.ndarray:
+            test = np.isin(self.label, which)
+            error = self.predicted(solved, some, test) - self.y[test]
             return error if self.weights is None else error * self.weights[self.rows][test]
 
-        blocks = held_out_errors(
-            folds or self.parts.folds, lambda train: self.solution(train, some, strength), error
-        )
+        blocks = held_out_errors(folds or self.parts.folds, solve, error)
         return Choice(self, strength, blocks, some)
+
+    def predicted(
+        self, solved: "Solved", some: tuple[str, ...], rows: Bool[np.ndarray, " rows"]
+    ) -> Float[np.ndarray, " some"]:
+        """The output of a solution at some rows as the model predicts them that is made of it."""
+        train, x = solved
+        columns, used = self.whole.where(some), x != 0
+        outputs = self.A[np.ix_(rows, columns[used])] @ x[used]
+        if any(part in DRIFTS for part in some):
+            drifts = self.whole.of(*(part for part in some if part in DRIFTS))
+            own = np.isin(columns, self.whole.where(drifts.parts)[1:])
+            memory = self.memory.at(np.flatnonzero(rows))
+            stopped = drifts.stopped(memory, self._reached(train, drifts))
+            moved = drifts.columns(stopped) - drifts.columns(memory)
+            outputs += moved[:, 1:] @ x[own]
+        return np.maximum(outputs, self.floor)
 
     def final(self, some: tuple[str, ...]) -> NormalEquations:
         """The normal equations of all rows of the training parts, of the unknowns of some parts.
@@ -292,8 +328,9 @@ class Problem:
         counted = np.flatnonzero(self.parts.label >= 0)
         meaning = self.whole.of(*some)
         if len(counted) == len(self.rows):
-            columns, normal = self.whole.where(some), self.total(self.parts.all)
+            columns, normal = self.whole.where(some), self.total(self.parts.fitted)
             return normal._replace(H=normal.H[np.ix_(columns, columns)], b=normal.b[columns])
+        counted = np.flatnonzero(np.isin(self.parts.label, self.parts.fitted))
         together = -(-len(counted) // EQUATIONS)
         at_once = together * max(1, AT_ONCE // together)
         H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
@@ -305,11 +342,11 @@ class Problem:
             memory, y = (memory.at(taut), y[taut]) if len(taut) < len(here) else (memory, y)
             w = None if self.weights is None else self.weights[here[taut]]
             parts = [
-                _averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
+                averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
                 for place, some in memory.cut(at_once)
             ]
             # Of averages all of a block make one product, because H is larger than they are.
-            for A, right in [_joined(parts)] if together > 1 else parts:
+            for A, right in [joined(parts)] if together > 1 else parts:
                 H += A.T @ A
                 b += A.T @ right
             rows += len(taut)
@@ -324,7 +361,7 @@ class Problem:
         """A choice, fitted to all the training parts; `normal`: the `final` equations of the parts `of`."""
         meaning = self.whole.of(*choice.parts)
         if normal is None or of is None:
-            normal, of = self.total(self.parts.all), self.whole.parts
+            normal, of = self.total(self.parts.fitted), self.whole.parts
         columns = self.whole.of(*of).where(choice.parts)
         H, b = self._regular(normal, columns, choice.parts, choice.strength)
         inside = self.inside[self.whole.where(choice.parts)]
@@ -340,39 +377,25 @@ class Problem:
 
 
 Tried: TypeAlias = Choice[Problem]
-
-Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
+Solved: TypeAlias = tuple[tuple[int, ...], Float[np.ndarray, " unknowns"]]
+"""The parts that were fitted, and the unknowns."""
 
 
 def _weighted(A: np.ndarray, y: np.ndarray, weights: Samples | None, place: slice) -> Equations:
     return (A, y) if weights is None else (A * weights[place, None], y * weights[place])
 
 
-def _averaged(A: np.ndarray, y: np.ndarray, together: int) -> Equations:
-    """The equations of so many neighbours averaged, times the root of their number."""
-    if together == 1:
-        return A, y
-    first = np.arange(0, len(y), together)
-    root = np.sqrt(np.diff(first, append=len(y)))
-    return np.add.reduceat(A, first) / root[:, None], np.add.reduceat(y, first) / root
-
-
-def _joined(parts: list[Equations]) -> Equations:
-    A, y = zip(*parts, strict=True)
-    return np.concatenate(A), np.concatenate(y)
-
-
 def _path(problem: Problem) -> list[Tried]:
-    """From the curve alone, part by part, and in the end a drift that takes away half of what is left.
+    """From the curve alone, part by part, and in the end a drift, by which the rows are explained.
 
     Parts that joined before it may have stood for what drifts, so they are chosen anew beside it.
     """
     path = _grown([best_prior(problem, (CURVE,))])
-    drifts = [part for part in DRIFTS if part in problem.whole.parts]
-    if not drifts:
+    if not (drifts := [part for part in DRIFTS if part in problem.whole.parts]):
         return path
     drifting = simplest([best_prior(problem, (*path[-1].parts, part)) for part in drifts])
-    if not _better(path[-1], drifting, DRIFT_GAIN):
+    shown = (found := change(problem.record)) is not None and found.is_sure
+    if not earned(path[-1].blocks, drifting.blocks, LEAST_GAIN if shown else DRIFT_GAIN):
         return path
     again = _grown([path[0], best_prior(problem, (CURVE, drifting.parts[-1]))])
     return again if _better(drifting, again[-1]) else [*path, drifting]
@@ -414,9 +437,9 @@ def _gain(before: Tried, after: Tried) -> float:
     return float(1 - after.blocks.mean() / before.blocks.mean())
 
 
-def _better(before: Tried, after: Tried, least: float = LEAST_GAIN) -> bool:
+def _better(before: Tried, after: Tried) -> bool:
     """Whether it gains enough, and more than the standard error of the difference."""
-    return _gain(before, after) >= least and not as_good(before.blocks, after.blocks)
+    return earned(before.blocks, after.blocks)
 
 
 def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:
@@ -427,14 +450,3 @@ def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:
     while (found := simplest(choices)) is choices[-1] and found.strength > 2 * last:
         choices.append(problem.tried(some, found.strength / 10))
     return found
-
-
-def slack(record: Record) -> tuple[float, ...]:
-    """The output at which a record lies on its floor for a twentieth of its rows or more, if it does.
-
-    That of a falling output's negative is its ceiling.
-    """
-    y = record.output[record.mask] * (-1 if output_falls(record) else 1)
-    least = np.quantile(y, 0.01)
-    down = y[y < least + SLACK * np.ptp(y)]
-    return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()

@@ -64,7 +64,8 @@ def fit_lagging(
     tried = best_prior(Problem(moved, merged, whole), some)
     if tried.blocks.mean() >= best.blocks.mean():
         return None
-    again = path_of(moved, parts, (found.leading,), initial)
+    keeps = best.problem.whole.keeps_drift
+    again = path_of(moved, parts, (found.leading,), initial, keeps_drift=keeps)
     without, within = path[-1].blocks, again[-1].blocks
     fall = np.log(without / within)
     worth = within.mean() < (1 - WORTH) * without.mean()

@@ -20,7 +20,7 @@ from ..records._folds import (
     held_out_errors,
     simplest,
 )
-from ._composition import CURVE, PARTS, TIME_DRIFT
+from ._composition import CURVE, DRIFTS, PARTS
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
@@ -34,8 +34,11 @@ WIDE = 1.5
 """The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
 straight one by enough to be tried."""
 
-CONDITIONED = tuple(part for part in PARTS if part != TIME_DRIFT)
-"""A condition may change slowly in time, so a drift in time is not told from its effect."""
+NO_ZERO = ("degC", "degF")
+"""Units whose zero is a convention: the logarithm and the reciprocal of such a value mean nothing."""
+
+CONDITIONED = tuple(part for part in PARTS if part not in DRIFTS)
+"""A condition may change slowly in a run, so a drift is not told from its effect."""
 
 GROWN_WITH = 3
 """Knots at most while parts join: how many there are at last is chosen with all parts."""
@@ -100,6 +103,7 @@ class ConditionedProblem(Problem):
         most = COUNTS[-1] if trained is None else min(COUNTS[-1], len(trained))
         self.counts = (*(count for count in COUNTS if count < most), most)
         wide = self.ends[0] > 0 and self.ends[1] > WIDE * self.ends[0]
+        wide = wide and record.conditions[name] not in NO_ZERO
         self.axes = AXES if wide else AXES[:1]
         self.axis, self.knot_count = "linear", 2
         self.inside_at: dict[float, Bool[np.ndarray, " unknowns"]] = {}

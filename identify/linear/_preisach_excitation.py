@@ -153,8 +153,8 @@ def excited_cells(
         ((6, 6), 21)
     """
     assert isinstance(model.density, GridDensity)
-    cells = model.density.cells
-    grid = _grid(cells, model.density.low, model.density.high, model.initial)
+    density, cells = model.density, model.density.cells
+    grid = _grid(cells, density.low, density.high, model.initial, density.nodes)
     return _swung(_swing(grid, located(grid, record), record, used), cells)
 
 
@@ -229,9 +229,9 @@ def _range(record: Record, cells: int, noise: float) -> tuple[float, float]:
     return low, high
 
 
-def _grid(cells: int, low: float, high: float, initial: Any) -> Preisach:
-    weights = np.zeros((cells, cells))
-    return Preisach(GridDensity(low, high, weights), np.zeros(cells), initial=initial)
+def _grid(cells: int, low: float, high: float, initial: Any, nodes: Any = None) -> Preisach:
+    density = GridDensity(low, high, np.zeros((cells, cells)), nodes=nodes)
+    return Preisach(density, np.zeros(cells), initial=initial)
 
 
 def _path(turns: np.ndarray, cells: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """What a vector of unknowns of a Preisach fit stands for: blocks of cells, slacks, a first state."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record, Scaled
 from hysteresis.preisach import GridDensity, Preisach
+from hysteresis.preisach._density import as_nodes
 
 from ..records._run_model import located
 from ._nnls import constrained_least_squares, nonnegative_least_squares
@@ -49,7 +51,8 @@ class GridUnknowns:
     2 (row k - column k) >= 0, are `constraints`.
 
     With `initial="fit"` each block has two masses, of relays that are down and of those that are up
-    before the first sample. `leading`, `initial` and `dead_band` are otherwise those of the model.
+    before the first sample. `leading`, `initial`, `dead_band` and the `nodes` between cells, None for cells
+    of one width, are otherwise those of the model.
     """
 
     def __init__(
@@ -63,7 +66,9 @@ class GridUnknowns:
         dead_band: float = 0.0,
         block: Int[np.ndarray, " weights"] | None = None,
         centre: float = 0.0,
+        nodes: Sequence[float] | None = None,
     ):
+        self.nodes = as_nodes(nodes)
         self.cells, self.low, self.high = cells, low, high
         self.leading, self.initial, self.scale = leading, initial, scale
         self.dead_band, self.centre, self.offsets = dead_band, centre, slice(1)
@@ -72,7 +77,13 @@ class GridUnknowns:
     def words(self) -> dict[str, Any]:
         """All but the blocks, as plain data."""
         names = ("cells", "low", "high", "leading", "initial", "scale", "dead_band", "centre")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in (*names, "nodes")}
+
+    @property
+    def edges(self) -> Float[np.ndarray, " nodes"]:
+        """The inputs between which the cells lie."""
+        even = np.linspace(self.low, self.high, self.cells + 1)
+        return even if self.nodes is None else np.asarray(self.nodes)
 
     @property
     def space(self) -> NodeSpace:
@@ -142,8 +153,10 @@ class GridUnknowns:
         """Rows that sum up the unknowns to `SUMS`, over `scale`."""
         offset, rise, mass = self.shares
         i, j = np.tril_indices(self.cells)
+        edges = self.edges
+        middle, wide = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
         # In a half cell thresholds are a third of a cell apart, in the mean.
-        apart = 2 * np.where(i == j, 1 / 3, i - j) / self.cells
+        apart = 2 * np.where(i == j, wide[i] / 3, middle[i] - middle[j]) / (self.high - self.low)
         side = -1.0 if self.leading else 1.0
         width = np.sign(self.scale) * self._of_weights(apart)
         return np.stack([offset + rise / 2, rise + 2 * side * mass, width])
@@ -225,14 +238,14 @@ class GridUnknowns:
         fitted = self.initial == "fit"
         up = np.minimum(self._table(z[1 + n + count :]), weights) if fitted else None
         model = Preisach(
-            GridDensity(self.low, self.high, weights), reversible, z[0], up,
+            GridDensity(self.low, self.high, weights, nodes=self.nodes), reversible, z[0], up,
             leading=self.leading, initial="negative" if fitted else self.initial,
             dead_band=self.dead_band,
         )  # fmt: skip
         if not self.leading:
             return model
         # Lift the increments by what rounding left the slopes below zero.
-        width = (self.high - self.low) / n
+        width = np.diff(self.edges)
         lifted = reversible + np.maximum(-np.asarray(model.least_slope()) * width, 0.0)
         return replace(model, reversible=lifted)
 

@@ -41,7 +41,8 @@ def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[
     "fixed": true or a number, "tied": "2 * E1"}; the numbers of an array are "tau.0", "tau.1".
 
     Raises `InputError` for an unknown name or key, bounds in the wrong order, a start on or outside them or
-    where the prior density is zero, and a tie to a parameter that is tied itself.
+    where the prior density is zero, a tie to a parameter that is tied itself, and a value that the model
+    cannot have.
     """
     numbers = {name: info for name, info, _ in numbers_of(model)}
     settings: Settings = {}
@@ -64,6 +65,9 @@ def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[
         if source == name or settings.get(source, Setting()).tied is not None:
             raise InputError("bad-tie", f"{name} is tied to {source}, which is tied itself.")
         model = replaced(model, name, factor * float(parameter_at(model, source)))
+    # A changed model skips the checks of its class, and a saved one would not load.
+    for kind in type(model).__mro__ if settings else ():
+        vars(kind).get("__check_init__", lambda _: None)(model)
     return model, settings
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, ParameterInfo, Record, parameter_at, parameters
+from hysteresis import AbstractModel, Record, parameter_at, parameters
 
 from ._priors import Prior
 from ._settings import Setting, Settings
@@ -136,9 +136,10 @@ class Transform(NamedTuple):
     def points_of(
         self, model: eqx.Module, *others: eqx.Module | None
     ) -> Float[np.ndarray, "points parameters"]:
-        """The free vectors of a model, and of those others in which the same parameters move."""
+        """The free vectors of a model, and of those others in which these parameters move too."""
+        free = set(self.names)
         there = [other for other in others if other is not None]
-        alike = [other for other in there if transform(other, 1.0).names == self.names]
+        alike = [other for other in there if free <= set(transform(other, 1.0).names)]
         return np.stack([self.to_free(one) for one in (model, *alike)])
 
     def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
@@ -170,15 +171,17 @@ def transform(
         of_words = {word: size for word, size in known.items() if size is not None}
     said, entries, ties = settings or {}, [], []
     for name, info, value in parameters(model):
-        if value is None or not _moves(info, value):
+        if value is None or np.ndim(value) > 1:
             continue
         for k in range(np.size(value)):
             number = name if np.ndim(value) == 0 else f"{name}.{k}"
             setting = said.get(number, Setting())
+            bounds = setting.bounds or info.bounds
+            # An entry on its bound stays there, and the others of its array move.
+            inside = np.ndim(value) == 0 or bounds[0] < value[k] < bounds[1]
             if setting.tied is not None:
                 ties.append((number, *setting.tied))
-            elif not setting.fixed:
-                bounds = setting.bounds or info.bounds
+            elif inside and not (info.fixed or setting.fixed):
                 size = data_scale(info.unit, of_words)
                 if info.unit == "output" and not np.isfinite(bounds).any():
                     size *= 1 + away
@@ -241,10 +244,3 @@ def data_scale(unit: str, sizes: Mapping[str, float]) -> float:
         size = sizes.get(base, 1.0) ** float(power or 1)
         scale, divide = (scale / size if divide else scale * size), False
     return scale
-
-
-def _moves(info: ParameterInfo, value: Any) -> bool:
-    if info.fixed or np.ndim(value) > 1:
-        return False
-    low, high = info.bounds
-    return np.ndim(value) == 0 or bool(np.all((value > low) & (value < high)))

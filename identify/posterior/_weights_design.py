@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 
-from ..linear._composition import DRIFT, CompositionUnknowns
+from ..linear._composition import DRIFTS, CompositionUnknowns
 from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks, memory_of
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
@@ -152,7 +152,7 @@ def slow_loop(base: CompositionUnknowns) -> Float[np.ndarray, "3 unknowns"]:
     record = Record.from_arrays(u, u, slowly * np.arange(len(u)))
     memory = memory_of(base.memory(), record, np.arange(2 * STEPS, len(u)))
     columns = base.columns(memory)
-    columns[:, np.repeat([False, *(part == DRIFT for part in base.parts)], base.sizes)] = 0.0
+    columns[:, np.repeat([False, *(part in DRIFTS for part in base.parts)], base.sizes)] = 0.0
     rising, falling = columns[: STEPS + 1], columns[: STEPS - 1 : -1]
     side = -1.0 if base.leading else 1.0
     low, high = falling[0], falling[-1]

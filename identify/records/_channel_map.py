@@ -38,10 +38,12 @@ def combined_name(channels: ChannelMap) -> str:
     return f"{len(channels.names)} channels combined"
 
 
-def beyond(record: Record, channels: ChannelMap) -> Bool[np.ndarray, " samples"]:
-    """Where some channel is outside what the map was fitted on."""
+def beyond(record: Record, channels: ChannelMap, seam: float) -> Bool[np.ndarray, " samples"]:
+    """Where some channel is outside what the map was fitted on, by more than this part of its range."""
     x, nodes = columns_of(record, channels), np.asarray(channels.nodes)
-    return np.any((x < nodes[:, 0]) | (x > nodes[:, -1]), axis=1)
+    low, high = nodes[:, 0], nodes[:, -1]
+    margin = seam * (high - low)
+    return np.any((x < low - margin) | (x > high + margin), axis=1)
 
 
 def columns_of(record: Record, channels: ChannelMap) -> Float[np.ndarray, "samples channels"]:

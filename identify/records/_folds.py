@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
+from hysteresis.records._cycles import default_dead_band, turning_points
 
 
 class Fold(NamedTuple):
@@ -25,6 +26,10 @@ KIND = 0.2
 """Relative difference of neighbouring ranges from which on they are of two kinds."""
 
 
+PIECES, GROUPS = 8, 4
+"""Pieces of each branch of a single loop, and groups of them that are held out in turn: a quarter each."""
+
+
 class Parts(NamedTuple):
     """The rows that count, cut into parts, and the folds made of them.
 
@@ -32,17 +37,24 @@ class Parts(NamedTuple):
     - `folds`: the hold-outs, none where the record is too short for one.
     - `conditioning`: the part that a fit may leave out as conditioning, if any: the first cycle.
     - `how`: in words.
+    - `kept`: the parts that the fit at last learns from; None for all, see `latest`.
     """
 
     label: Int[np.ndarray, " samples"]
     folds: tuple[Fold, ...]
     conditioning: int | None
     how: str
+    kept: tuple[int, ...] | None = None
 
     @property
     def all(self) -> tuple[int, ...]:
         """Every part."""
         return tuple(np.flatnonzero(np.bincount(self.label[self.label >= 0])).tolist())
+
+    @property
+    def fitted(self) -> tuple[int, ...]:
+        """Those that the fit learns from at last."""
+        return self.all if self.kept is None else self.kept
 
     def without_conditioning(self, which: tuple[int, ...], dropped: bool) -> tuple[int, ...]:
         """These parts, less the conditioning one where it is `dropped`."""
@@ -57,6 +69,7 @@ class Parts(NamedTuple):
         """
 
         sides = [set(side) for fold in self.folds for side in fold]
+        sides += [] if self.kept is None else [set(self.kept)]
         role = {p: (p == self.conditioning, *(p in side for side in sides)) for p in self.all}
         kinds = list(dict.fromkeys(role.values()))
         new = {p: kinds.index(role[p]) for p in role}
@@ -68,7 +81,8 @@ class Parts(NamedTuple):
             for fold in self.folds
         )
         conditioning = None if self.conditioning is None else new.get(self.conditioning)
-        return Parts(label, folds, conditioning, self.how)
+        kept = None if self.kept is None else tuple(sorted({new[p] for p in self.kept}))
+        return Parts(label, folds, conditioning, self.how, kept)
 
 
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
@@ -78,8 +92,9 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
     once, see `_by_amplitude`; but none whose inputs lie beyond those of all others, because a memory knows
     nothing there. In a single one the last cycle is held out; of eight cycles or more the third quarter,
     from a fit to those before, and then the last, because what creeps or settles shows over many cycles
-    only. The first may be a conditioning cycle where two more follow. The last quarter of a record without
-    two cycles is held out.
+    only. The first may be a conditioning cycle where two more follow. Of a record without two cycles the
+    last quarter is held out, or pieces of every branch where that quarter is the first to show its branch:
+    what a memory does there no other row tells.
     """
     label = np.full(len(record), -1)
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
@@ -122,8 +137,37 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
         conditioning = 0 if last > 1 and not keep_conditioning else None
         return Parts(label, folds, conditioning, how)
     rows = np.flatnonzero(record.mask)
-    label[rows] = np.arange(len(rows)) >= 0.75 * len(rows)
+    late = np.arange(len(rows)) >= 0.75 * len(rows)
+    branch = _branches(record.input)[rows]
+    if _is_new(record.input[rows], branch % 2, late):
+        for leg in np.unique(branch):
+            piece = np.arange(np.sum(branch == leg)) * PIECES // np.sum(branch == leg)
+            # Pieces of neighbouring branches at the same inputs are not held out together.
+            label[rows[branch == leg]] = (piece + leg * GROUPS // 2) % GROUPS
+        folds = tuple(Fold(tuple(p for p in range(GROUPS) if p != k), (k,)) for k in range(GROUPS))
+        how = "pieces of every branch, held out in turn, as each branch is passed once"
+        return Parts(label, folds, None, how)
+    label[rows] = late
     return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+
+
+def _branches(u: Float[np.ndarray, " samples"]) -> Int[np.ndarray, " samples"]:
+    """The number of the way from one reversal to the next on which each row lies: odd where u falls."""
+    turns = turning_points(u, default_dead_band(u))
+    falls = int(len(turns) > 1 and u[turns[1]] < u[turns[0]])
+    return falls + np.searchsorted(turns[1:-1], np.arange(len(u)))
+
+
+def _is_new(
+    u: Float[np.ndarray, " rows"], falls: Int[np.ndarray, " rows"], late: Bool[np.ndarray, " rows"]
+) -> bool:
+    """Whether most late rows are the first in their direction there, where the input goes both ways."""
+    new = np.zeros(len(u), bool)
+    for way in (0, 1):
+        here, before = late & (falls == way), u[~late & (falls == way)]
+        new |= here & ~((u >= before.min(initial=np.inf)) & (u <= before.max(initial=-np.inf)))
+    rows = np.bincount(falls, minlength=2)
+    return bool(new.sum() > 0.5 * late.sum() and rows.min() >= GROUPS * PIECES)
 
 
 def counted_share(
@@ -249,6 +293,20 @@ def simplest(trials: Iterable[Tried], best: Tried | None = None) -> Tried:
     trials = list(trials)
     best = best_of(trials) if best is None else best
     return next(trial for trial in trials if as_good(trial.blocks, best.blocks))
+
+
+LEAST_GAIN = 0.05
+"""Share of the squared held-out error that a further part of a model, or fewer rows, must take away."""
+
+
+def earned(
+    before: Float[np.ndarray, " blocks"],
+    after: Float[np.ndarray, " blocks"],
+    least: float = LEAST_GAIN,
+) -> bool:
+    """Whether a choice takes away enough of the held-out error, beyond the standard error of that."""
+    gains = after.mean() <= (1 - least) * before.mean()
+    return bool(gains) and not as_good(before, after)
 
 
 def as_good(blocks: Float[np.ndarray, " blocks"], least: Float[np.ndarray, " blocks"]) -> bool:

@@ -10,6 +10,9 @@ TOLD = 0.3
 SLIGHT = 0.3
 """A correlation of input and output up to which loops outweigh the slope."""
 
+SLACK = 0.02
+"""Part of the output's range within which it lies on its floor."""
+
 
 def orientations(record: Record) -> tuple[bool, ...]:
     """`leading` values worth trying: one where the loops tell their direction, else both.
@@ -52,6 +55,17 @@ def output_falls(record: Record) -> bool:
     follows[record.starts[1:] - 1] = False
     du, dy = np.diff(record.input)[follows], np.diff(record.output)[follows]
     return bool(_correlation(du, dy) < -3 / np.sqrt(max(len(du), 1)))
+
+
+def slack(record: Record) -> tuple[float, ...]:
+    """The output at which a record lies on its floor for a twentieth of its rows or more, if it does.
+
+    That of a falling output's negative is its ceiling.
+    """
+    y = record.output[record.mask] * (-1 if output_falls(record) else 1)
+    least = np.quantile(y, 0.01)
+    down = y[y < least + SLACK * np.ptp(y)]
+    return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()
 
 
 def _correlation(u: np.ndarray, y: np.ndarray) -> float:

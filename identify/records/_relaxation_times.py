@@ -4,10 +4,14 @@ import numpy as np
 
 from hysteresis import Record
 
+from ._latest import repeats
+
 
 def relaxation_times(record: Record) -> tuple[float, ...]:
     """Two a decade from the sampling step to twice the longest sequence; none without time.
 
+    Where one cycle is repeated, only to a sixth of the record: what has not died out, to exp(-3), in its
+    first half cannot be told from a drift, would explain how one run settles, and go on in the next.
     Where a sequence's first cycles do not count, only to a quarter of a cycle: what lasts longer cannot be
     told from what those cycles left behind.
     """
@@ -18,6 +22,9 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     step = float(np.median(steps[steps > 0]))
     last_time = 2 * longest_sequence(record)
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
+    if repeats(record):
+        t = record.time[record.mask & (record.cycle > 0)]
+        last_time = float(np.ptp(t)) / 6
     if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
         rows = np.flatnonzero(np.isin(record.cycle, numbers))
         first = np.flatnonzero(np.diff(record.cycle[rows], prepend=0))

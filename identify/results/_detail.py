@@ -20,6 +20,7 @@ from ..linear._linear_fit import LinearFit
 from ..linear._preisach_unknowns import GridUnknowns
 from ..noise._residual_statistics import Noise
 from ..spectra._extrapolation import Allowed
+from ..spectra._prony_series import Way
 from ..spectra._spectrum import Order, Spectrum
 from ._motion_detail import Motion
 
@@ -231,7 +232,10 @@ class DiscreteSpectrum:
         return None
 
     def arrays(self) -> dict[str, Any]:
-        return {f"spectrum_{name}": x for name, x in self.spectrum.allowed._asdict().items()}
+        parts = self.spectrum.allowed._asdict()
+        if self.spectrum.way is not None:
+            parts |= {"way": np.stack(self.spectrum.way)}
+        return {f"spectrum_{name}": x for name, x in parts.items()}
 
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "DiscreteSpectrum":
@@ -242,6 +246,7 @@ class DiscreteSpectrum:
             "noise": Noise(**words["noise"]),
             "allowed": Allowed(*(arrays[f"spectrum_{name}"] for name in Allowed._fields)),
             "notes": tuple(words["notes"]),
+            "way": Way(*arrays["spectrum_way"]) if "spectrum_way" in arrays else None,
         }
         return cls(Spectrum(**words | changed))
 

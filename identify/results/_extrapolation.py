@@ -19,7 +19,8 @@ class RowsBeyond(NamedTuple):
 class Extrapolation(NamedTuple):
     """Held-out rows beyond the range of the fitted ones, by what is beyond, and those inside all ranges.
 
-    - `input`: the input lies outside the trained inputs. `rate`: it moves faster than ever.
+    - `input`: the input, a channel of it or a condition lies outside the trained ones, see
+      `FitResult.beyond`. `rate`: it moves faster than ever.
     - `time`: it has been held for longer than ever, where that means within 2 % of its range.
     - `inside`: none of these.
 

@@ -1,6 +1,7 @@
 """What a fit gives back."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -28,10 +29,15 @@ from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
 from ..records._run_model import predict
 from ._baseline import Baseline
-from ._detail import Detail, Parametric
+from ._characteristics import Characteristic, characteristics
+from ._detail import Composition, Detail, Parametric
 from ._extrapolation import Extrapolation
 from ._metrics import Metrics
+from ._motion_detail import Motion
 from ._trained_condition import TrainedCondition, trained_condition
+
+SEAM = 0.01
+"""Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
 
 Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
 
@@ -48,7 +54,8 @@ class Parameter(NamedTuple):
       "inseparable" from others, the ends between which the data leave it open; None where there is none.
     - `repeatability`: standard error of the best value from what differs between cycles, three or more, of
       the fitted rows. It says how well the best parameters are known; `stderr` takes what the model misses
-      for noise, and says how far it is from the material.
+      for noise, and says how far it is from the material. Where no noise explains the residuals, `low` and
+      `high` are by this one, with Student's quantile: 90 % of such tests give a line in there.
     """
 
     name: str
@@ -112,6 +119,8 @@ class FitResult:
       of the test rows.
     - `baselines`: simple predictors on the same rows, see `Baseline`.
     - `extrapolation`: test rows beyond the trained inputs, rates and hold times, see `Extrapolation`.
+    - `compensator`: figures of the inverse, plain data, as a program that inverts the model has found them;
+      None where nobody has.
     - `purpose`: what the verdict is for: "predict", "compensate" or "constants".
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
@@ -150,6 +159,7 @@ class FitResult:
     test_blocks: Float[np.ndarray, " test_blocks"] | None = None
     baselines: tuple[Baseline, ...] = ()
     extrapolation: Extrapolation | None = None
+    compensator: dict[str, Any] | None = None
     purpose: str = "predict"
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)
@@ -208,6 +218,34 @@ class FitResult:
         """The condition that the model depends on beside its input; None where it depends on none."""
         return trained_condition(self.model, self.train, self.blocks)
 
+    @cached_property
+    def characteristics(self) -> tuple[Characteristic, ...]:
+        """What the specimen does: stiffness, loop width, energy, softening, zero drift, relaxation.
+
+        Report, page, print and fit.json show these. An oscillator and several channels have none.
+
+        **Example:**
+
+            >>> [one.name for one in fit.characteristics][:2]
+            ['stiffness', 'loop width']
+        """
+        if isinstance(self.detail, Motion) or self.channels is not None:
+            return ()
+        return characteristics(self.train, self.residuals, self.used)
+
+    @property
+    def determined(self) -> tuple[Parameter, ...]:
+        """Parameters to show: of a linear fit the sums that the data determine, else all of them.
+
+        **Example:**
+
+            >>> [p.name for p in fit.determined]
+            ['K', 'b', 'threshold']
+        """
+        if not self.detail.is_linear:
+            return self.parameters
+        return tuple(p for p in self.parameters if _is_determined(p))
+
     def combined(self, record: Record) -> Record:
         """The record with its channels combined as in the fit; as it is where it has one input.
 
@@ -239,11 +277,16 @@ class FitResult:
         return float(seen.min()), float(seen.max())
 
     def beyond(self, record: Record) -> Bool[np.ndarray, " samples"]:
-        """Rows with an input, a channel of it, or a condition outside those that counted in the fit."""
+        """Rows with an input, a channel of it, or a condition outside those that counted in the fit.
+
+        The verdict, `predict` and everything else that says what is beyond asks here. Less than a hundredth
+        of the trained range is no extrapolation.
+        """
         u, (low, high) = self.combined(record).input, self.trained
-        outside = (u < low) | (u > high)
-        if self.channels is not None and record.channels:
-            outside |= beyond(record, self.channels)
+        seam = SEAM * (high - low)
+        outside = (u < low - seam) | (u > high + seam)
+        if self.channels is not None and {*self.channels.names} <= {*record.columns}:
+            outside |= beyond(record, self.channels, SEAM)
         if (condition := self.condition) is not None:
             outside |= condition.beyond(record)
         return outside
@@ -263,16 +306,22 @@ class FitResult:
              f"R2 {m.r2:.4f}")
             for part, m in self.metrics.items() if m is not None
         ]  # fmt: skip
-        rows = [_row(p) for p in self.parameters]
+        told = [_told(one) for one in self.characteristics if one.value is not None]
+        rows = [_row(p) for p in self.determined]
+        hidden = len(self.parameters) - len(rows)
+        kind = "Composition" if isinstance(self.detail, Composition) else self.name
         ranked = [f"{fit.name} {fit.score:.3g} %" for fit in self.candidates]
         beside = [f"{one.name} {one.score:.3g} %" for one in self.baselines]
         return "\n".join([
-            f"{self.name}: {self.verdict.level}",
-            *at_most([f"  {reason}" for reason in self.verdict.reasons], 9),
+            f"{kind}: {self.verdict.level}",
+            *(["The specimen, by the model; how far the readings are from that"] if told else []),
+            *aligned(told),
+            *at_most([f"  {reason}" for reason in self.verdict.reasons], 7 if told else 9),
             "Errors",
             *aligned(errors),
-            "Parameters",
-            *at_most(aligned(rows), 14),
+            *([f"Model: {self.name}"] if kind != self.name else []),
+            *(["Parameters", *at_most(aligned(rows), 7 if told else 14)] if rows else []),
+            *([f"  {hidden} more are not determined by the data one by one"] if hidden else []),
             *([f"Candidates by held-out error: {', '.join(ranked)}"] if len(ranked) > 1 else []),
             *([f"Baselines by held-out error: {', '.join(beside)}"] if beside else []),
         ])  # fmt: skip
@@ -296,11 +345,28 @@ class FitResult:
         return html_of(self)
 
 
+def _is_determined(p: Parameter) -> bool:
+    """Whether the data tell a sum from nothing, or the range that they leave it."""
+    return p.status != "unidentified" and (p.stderr is None or p.stderr < abs(p.value))
+
+
+def _told(one: Characteristic) -> tuple[str, ...]:
+    """A characteristic as cells."""
+    assert one.value is not None
+    error = "" if one.error is None else f" +- {one.error:.2g}"
+    return (
+        f"  {one.name}",
+        f"{one.value:.4g}{error}",
+        "" if one.unit == "1" else one.unit,
+        one.basis,
+    )
+
+
 def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
     if p.repeatability is not None:
-        error += f" ({p.repeatability:.2g} from cycle to cycle)"
+        error = f" +- {p.repeatability:.2g} from cycle to cycle ({p.stderr:.2g} with the misfit)"
     word = "open:" if p.status == "inseparable" else "90 %:"
     interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (

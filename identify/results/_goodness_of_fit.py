@@ -20,7 +20,6 @@ class Evidence(NamedTuple):
     metrics: dict[str, Metrics | None]
     noise: Noise
     score: float
-    notes: tuple[str, ...]
 
 
 def evidence(
@@ -36,15 +35,13 @@ def evidence(
     `dropped`: the conditioning cycle was left out of the fit; `held_out`: mean squared error on the
     held-out parts; `free`: how many parameters were fitted.
     """
-    used = np.isin(parts.label, parts.without_conditioning(parts.all, dropped))
+    used = np.isin(parts.label, parts.without_conditioning(parts.fitted, dropped))
     residuals = np.where(record.mask, predicted - record.output, np.nan)
     sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
-    said = "The first cycle was left out of the fit: that predicts the later ones better."
     return Evidence(
         used,
         residuals,
         {"train": metrics(record.output, predicted, used), "test": None},
         estimate_noise(sequences, free),
         100 * float(np.sqrt(held_out)) / float(np.ptp(record.output[record.mask])),
-        (said,) if dropped else (),
     )

@@ -1,7 +1,8 @@
 """What a fit would have been without one cycle, or one sequence: its errors there are those of new rows.
 
 Residuals of the rows that a model was fitted to are too small, the more so the more weights it has. So
-every cycle is left out in turn; what was chosen for the fit (parts, grid, prior strength) is kept.
+every cycle is left out in turn, a long one in pieces; what was chosen for the fit (parts, grid, prior
+strength) is kept.
 """
 
 from collections.abc import Iterator
@@ -61,6 +62,7 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
         return []
     if count > MOST:
         group = np.where(group >= 0, group * MOST // count, -1)
+    group = _alike(group, fit.used)
     if isinstance(fit.detail, GridWeights | Composition):
         models = _of_weights(fit.detail.linear, fit.train, np.where(fit.used, group, -1))
     elif isinstance(fit.detail, Parametric):
@@ -68,6 +70,23 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
     else:
         return []
     return [WithoutGroup(fit.used & (group == g), model) for g, model in models]
+
+
+def _alike(
+    group: Int[np.ndarray, " samples"], used: Bool[np.ndarray, " samples"]
+) -> Int[np.ndarray, " samples"]:
+    """Groups of which none has more than twice the counted rows of the middle one: larger ones are divided.
+
+    A model without most of the rows is another one, and its errors are not those of the fit.
+    """
+    sizes = np.bincount(group[used & (group >= 0)])
+    most, found, number = 2 * np.median(sizes[sizes > 0]), np.full_like(group, -1), 0
+    for one in np.flatnonzero(sizes):
+        own, parts = np.flatnonzero(group == one), int(np.ceil(sizes[one] / most))
+        rank = np.cumsum(used[own]) - used[own]
+        found[own] = number + np.minimum(rank * parts // sizes[one], parts - 1)
+        number += parts
+    return found
 
 
 def _of_weights(

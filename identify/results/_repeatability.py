@@ -11,10 +11,12 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy.stats
 from jaxtyping import Float, Int
 
 from hysteresis import Record, parameter_at
 
+from ..parameters._settings import numbers_of
 from ._detail import Parametric
 from ._fit_result import FitResult
 
@@ -29,7 +31,7 @@ class Repeatability(NamedTuple):
     """What cycles of one record, or its sequences, tell of the parameters of a fit.
 
     - `names`: of the parameters. `covariance`: of their values, in their units.
-    - `cycles`: how many there were; an error has one degree of freedom fewer.
+    - `cycles`: how many told it; an error has one degree of freedom fewer.
     """
 
     names: tuple[str, ...]
@@ -41,15 +43,22 @@ class Repeatability(NamedTuple):
         """Standard errors of the values."""
         return np.sqrt(np.diagonal(self.covariance))
 
+    @property
+    def half_width(self) -> Float[np.ndarray, " parameters"]:
+        """Half the 90 % interval of each, Student's: a few cycles know their spread to a factor only."""
+        return float(scipy.stats.t.ppf(0.95, self.cycles - 1)) * self.stderr
+
 
 def repeatability(fit: FitResult) -> Repeatability | None:
     """How well the parameters that fit best are known, from the differences between cycles.
 
-        V = n / (n - 1)  sum over cycles c of (s_c - s) (s_c - s)',      s_c = (J' J)^-1 J_c' r_c
+        V = N / (n - 1)  sum over n cycles c of (s_c - s) (s_c - s)',      s_c = (J' J)^-1 J_c' r_c
 
-    with the Jacobian J and the residuals r of the counted rows, J_c and r_c of those of cycle c. Misfit
-    that comes again in every cycle has no part in it; the standard errors of the fit hold that too. Of a
-    record of several sequences with fewer than two cycles each, the sequences take the cycles' place.
+    with the Jacobian J and the residuals r of the rows of all N cycles that count, J_c and r_c of those of
+    cycle c. Misfit that comes again in every cycle has no part in it; the standard errors of the fit hold
+    that too. Nor has the first cycle of a sequence, where three others are left: foam softens in it, and
+    does so again when the test is repeated. Of a record of several sequences with fewer than two cycles
+    each, the sequences take the cycles' place.
 
     **Arguments:** `fit`: of few parameters.
 
@@ -77,18 +86,31 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     counted = belongs >= 0
     np.add.at(steps, belongs[counted], ((J / scale) * r[:, None])[counted])
     steps = np.linalg.lstsq((J / scale).T @ (J / scale), steps.T, rcond=None)[0].T / scale
-    away = steps - steps.mean(0)
-    return Repeatability(names, count / (count - 1) * away.T @ away, count)
+    first = fit.train.n_cycles >= 2 * len(fit.train.labels) and fit.train.cycle == 1
+    later = np.setdiff1d(np.arange(count), group[first])
+    told = later if len(later) >= LEAST else np.arange(count)
+    away = steps[told] - steps[told].mean(0)
+    return Repeatability(names, count / (len(told) - 1) * away.T @ away, len(told))
 
 
 def with_repeatability(fit: FitResult) -> FitResult:
-    """The fit with `Parameter.repeatability`, where cycles tell it."""
+    """The fit with `Parameter.repeatability`, where cycles tell it.
+
+    Where no noise explains the residuals, the model is off by what comes again in every cycle, and the 90 %
+    intervals are those of the cycles: standard errors that take a misfit for noise are many times too wide.
+    """
     found = repeatability(fit)
     if found is None:
         return fit
-    errors = dict(zip(found.names, found.stderr.tolist(), strict=True))
-    told = tuple(p._replace(repeatability=errors.get(p.name)) for p in fit.parameters)
-    return replace(fit, parameters=told)
+    misfit = fit.noise_model is None or fit.noise_model.misfit is not None
+    limits = {name: info.bounds for name, info, _ in numbers_of(fit.model)}
+    told = {p.name: p for p in fit.parameters}
+    for name, error, half in zip(found.names, found.stderr, found.half_width, strict=True):
+        p = told[name] = told[name]._replace(repeatability=float(error))
+        if misfit:
+            low, high = np.clip([p.value - half, p.value + half], *limits[name]).tolist()
+            told[name] = p._replace(low=low, high=high)
+    return replace(fit, parameters=tuple(told.values()))
 
 
 def groups_of(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:

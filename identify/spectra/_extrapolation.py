@@ -101,7 +101,7 @@ def _step_answers(
 ) -> Float[np.ndarray, "times columns"]:
     """The unit step response of each column, 0 for the offset, at the times of the search."""
     inside = np.geomspace(step, span, 1 + int(INSIDE * np.log10(span / step)), endpoint=False)
-    at = Input(input.kind, np.append(inside, span * np.array(BEYOND)), None)
+    at = Input(input.kind, np.append(inside, span * np.array(BEYOND)), None, input.way)
     memoryless = np.zeros((len(at.t), input.memoryless.shape[1]))
     memoryless[:, : at.memoryless.shape[1]] = at.memoryless
     return np.hstack([memoryless, at.branches(log_tau)])

@@ -5,7 +5,9 @@ The answer to an input u is linear in the strengths c (compliances in creep, sti
     creep:       y = c0 u + c1 (integral of u) + sum of c_k L_k + offset
     relaxation:  y = c0 u                      + sum of c_k (u - L_k) + offset,
 
-L_k = u through tau_k L' = u - L. Variable projection leaves only log tau to the outer search.
+L_k = u through tau_k L' = u - L. In a hold at 1 from t = 0 on, after any way there, the integral is t and
+that of the way, and 1 - L_k = left(tau_k) exp(-t / tau_k), with left = 1 - L_k at t = 0: 1 for a step.
+Variable projection leaves only log tau to the outer search.
 
 Source: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973); Kaufman, BIT 15 (1975) for the Jacobian.
 """
@@ -31,23 +33,49 @@ Times = Float[np.ndarray, " branches"]
 Branches = Float[np.ndarray, "rows branches"]
 
 
+class Way(NamedTuple):
+    """How an input came to the level of a hold: from rest, linear between its rows.
+
+    - `t` (rows,): times before the hold, at most 0, increasing; the last is 0.
+    - `u` (rows,): shares of the level, the last of them 1.
+    """
+
+    t: Float[np.ndarray, " rows"]
+    u: Float[np.ndarray, " rows"]
+
+    @property
+    def sum(self) -> float:
+        """Integral over the way."""
+        return float(np.trapezoid(self.u, self.t))
+
+    def left(self, tau: Float[np.ndarray, " branches"]) -> Float[np.ndarray, " branches"]:
+        """1 - L at the hold's begin: sum over the ways du of the mean of exp(t / tau), a jump at first."""
+        x = self.t[:, None] / tau
+        length = np.diff(x, axis=0)
+        mean = np.exp(x[1:]) * -np.expm1(-length) / np.maximum(length, 1e-300)
+        return self.u[0] * np.exp(x[0]) + np.diff(self.u) @ mean
+
+
 @dataclass(frozen=True)
 class Input:
     """What the columns of the problem are made from.
 
     - `t` (rows,): times since the load came on.
     - `u` (rows,): the input, or None for a unit step at t = 0; then there is no offset either.
+    - `way`: to a unit hold from t = 0 on, instead of a step.
     """
 
     kind: Kind
     t: Rows
     u: Rows | None
+    way: Way | None = None
 
     @cached_property
     def memoryless(self) -> Float[np.ndarray, "rows memoryless"]:
         """Columns that no time constant changes: spring, dashpot (creep), offset (any input)."""
         if self.u is None:
-            return np.stack([np.ones_like(self.t), self.t][: 2 if self.kind == "creep" else 1], 1)
+            flowed = self.t if self.way is None else self.t + self.way.sum
+            return np.stack([np.ones_like(self.t), flowed][: 2 if self.kind == "creep" else 1], 1)
         flow = np.append(0.0, np.cumsum(np.diff(self.t) * (self.u[1:] + self.u[:-1]) / 2))
         return np.stack([self.u, *([flow] if self.kind == "creep" else []), np.ones_like(flow)], 1)
 
@@ -56,6 +84,8 @@ class Input:
         tau = np.exp(log_tau)
         if self.u is None:
             decay = np.exp(-self.t[:, None] / tau[None])
+            if self.way is not None:
+                decay = decay * self.way.left(tau)
             return 1 - decay if self.kind == "creep" else decay
         delayed = np.asarray(_delayed(self.t, self.u, tau)).T
         return delayed if self.kind == "creep" else self.u[:, None] - delayed
@@ -125,7 +155,8 @@ class Problem:
     def rows(self, which: slice) -> "Problem":
         """The problem on some rows: with an input on adjoining ones only, since its path matters."""
         u = self.input.u
-        part = Input(self.input.kind, self.input.t[which], None if u is None else u[which])
+        u = None if u is None else u[which]
+        part = Input(self.input.kind, self.input.t[which], u, self.input.way)
         return Problem(part, self.y[which], self.weights[which])
 
     def columns(self, log_tau: Times) -> Matrix:

@@ -11,7 +11,10 @@ from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 from ..noise._residual_statistics import Noise, estimate_noise
 from ._extrapolation import Allowed, allowed
 from ._order_selection import orders, resolved, thinned
-from ._prony_series import Fitted, Input, Kind, Problem
+from ._prony_series import Fitted, Input, Kind, Problem, Way
+
+A_DECADE = 2
+"""Time constants in each decade at most: closer ones are told apart by no noise above a millionth."""
 
 
 class Order(NamedTuple):
@@ -60,6 +63,7 @@ class Spectrum(NamedTuple):
     - `allowed`: the spectra at the edge of what the record allows.
     - `step`, `span`: the shortest time that the record resolves, and the longest.
     - `notes`: what the record does not tell, in words.
+    - `way`: to the hold that was fitted; None for a step and for a record with an input.
     - `answers`: of every order; not kept with a saved fit.
 
     **Example:**
@@ -79,6 +83,7 @@ class Spectrum(NamedTuple):
     step: float
     span: float
     notes: tuple[str, ...]
+    way: Way | None = None
     answers: tuple[Answer, ...] = ()
 
     def predict(self, t: Any, input: Any = None) -> Band:
@@ -91,7 +96,9 @@ class Spectrum(NamedTuple):
         **Arguments:** times `t` since the load came on, shape `(times,)`, and for a spectrum of a
         record with an input that `input`, from the record's start.
         """
-        outputs = self.allowed.outputs(Input(self.kind, np.asarray(t, float), _array(input)))
+        way = self.way if input is None else None
+        at = Input(self.kind, np.asarray(t, float), _array(input), way)
+        outputs = self.allowed.outputs(at)
         return Band(outputs[0], outputs.min(0), outputs.max(0))
 
 
@@ -102,8 +109,9 @@ def spectrum(
     order: int | None = None,
     *,
     input: Any = None,
+    way: Way | None = None,
     relative: bool = True,
-    most: int = 8,
+    most: int | None = None,
 ) -> Spectrum:
     """The discrete spectrum of time constants behind a record.
 
@@ -116,9 +124,11 @@ def spectrum(
 
     - `t`, `y`: times and outputs of one sequence, shape `(samples,)`.
     - `kind`: `"creep"`, displacement under a force, or `"relaxation"`, force under a displacement.
-    - `order`: this many time constants; None for as many as the evidence supports, up to `most`.
+    - `order`: this many time constants; None for as many as the evidence supports, up to `most`:
+      by default 8, or `A_DECADE` in each decade of a longer record.
     - `input`: the force (creep) or displacement (relaxation), linear between samples; None for a unit
       step at t = 0, when y is the compliance J or the modulus G.
+    - `way`: how the input came to a unit hold from t = 0 on, without an `input`; None for a step.
     - `relative`: weigh errors by 1 / y, as a unit step's answer that spans decades needs; such rows
       with y <= 0 are left out. With an `input`, and where False, all rows weigh the same.
 
@@ -136,15 +146,18 @@ def spectrum(
     kind = _checked(t, y, u, kind)
     notes: list[str] = []
     relative = relative and u is None
-    if (left_out := relative & ((y <= 0) | (t <= 0))).any():
+    at_step = t <= 0 if way is None else t < 0
+    if (left_out := relative & ((y <= 0) | at_step)).any():
         t, y = t[~left_out], y[~left_out]
         rows = "row" if left_out.sum() == 1 else "rows"
         notes.append(f"Left out: {left_out.sum()} {rows} not positive or at the step itself.")
     if len(t) < 8:
         raise InputError("too-few-rows", f"{len(t)} rows: a spectrum needs at least 8.")
     weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
-    problem = Problem(Input(kind, t if u is None else t - t[0], u), y, weights)
+    problem = Problem(Input(kind, t if u is None else t - t[0], u, way), y, weights)
     step, span = resolved(problem.input)
+    if most is None:
+        most = max(8, int(A_DECADE * np.log10(span / step)))
     fits = orders(problem, step, span, most if order is None else order)
     noise = estimate_noise([fits[-1].residuals], fits[-1].parameters)
     evidence = [_evidence(fitted, noise) for fitted in fits]
@@ -160,7 +173,7 @@ def spectrum(
     notes += _notes(fits[best], step, span, kind)
     edges = allowed(thinned(problem), fits[best], noise, step, span)
     return Spectrum(
-        kind, answers[best].model, best, table, noise, edges, step, span, tuple(notes), answers
+        kind, answers[best].model, best, table, noise, edges, step, span, tuple(notes), way, answers
     )
 
 

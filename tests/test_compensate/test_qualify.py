@@ -302,7 +302,14 @@ def test_json_and_text_say_the_same():
     assert document["max_error"] == 0.4
     lines = found.text.splitlines()
     assert lines[0] == "FAIL: force estimated from path"
-    for word in ("loop width: ", "100 % OK", "round trip: ", "one step of JAX", "rising", "|du/dt|"):
+    for word in (
+        "loop width: ",
+        "100 % OK",
+        "round trip: ",
+        "one step of JAX",
+        "rising",
+        "|du/dt|",
+    ):
         assert word in found.text
 
 

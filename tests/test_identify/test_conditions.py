@@ -7,6 +7,7 @@ import pytest
 
 import identify
 from hysteresis import Conditioned, InputError, Record, condition_of
+from identify.linear._conditioned_fit import ConditionedProblem
 from identify.records._conditions import condition_parts, trained_values
 
 U, Y, C = "field (A/m)", "flux (mT)", "temperature (K)"
@@ -152,3 +153,14 @@ def test_two_conditions_and_a_constant_one():
     still = replace(record_of(rig()), columns={C: np.full(4 * ROWS, 300.0)})
     fit = identify.fit(still, "LinearSponge", noise="gaussian", starts=1)
     assert "constant-condition" in {note.code for note in fit.train.history}
+
+
+@pytest.mark.parametrize(("unit", "axes"), [("degC", 1), ("degF", 1), ("K", 3), ("bar", 3)])
+def test_a_scale_whose_zero_is_a_convention_is_interpolated_straight(unit: str, axes: int):
+    """One over 20 degC means nothing: 68 degF, the same temperature, would have another place."""
+    name = f"condition ({unit})"
+    columns = rig()
+    columns[name] = columns.pop(C) - 260.0
+    record = record_of(columns, condition=name)
+    problem = ConditionedProblem(record, condition_parts(record, name), name, False, "negative")
+    assert len(problem.axes) == axes

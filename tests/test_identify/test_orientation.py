@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from hysteresis import Record
+from hysteresis import Record, StandardLinearSolid
+from hysteresis._registry import registered
+from identify import fit
 from identify.records._orientation import orientations, output_falls
 
 
@@ -40,3 +42,22 @@ def test_the_steps_tell_the_sign_of_friction_on_a_random_path(seed: int, sign: f
         y[k] = held
     record = Record.from_arrays(u, sign * y + 0.01 * rng.normal(size=900))
     assert output_falls(record) == (sign < 0)
+
+
+@pytest.mark.parametrize("units", [("1", "1"), ("mm/mm", "MPa"), ("N", "mm"), ("deg", "1")])
+@pytest.mark.parametrize("relaxes", [True, False])
+def test_an_input_that_goes_one_way_tells_deformation_from_load(
+    units: tuple[str, str], relaxes: bool
+) -> None:
+    """By the units where both are known, else by what the output does in the hold."""
+    t = np.linspace(0.0, 30.0, 200)
+    u = np.minimum(t / 3.0, 1.0)
+    solid = StandardLinearSolid(4.0, 6.0, 20.0, leading=relaxes)
+    y = np.asarray(solid.simulate(t, u)) + np.random.default_rng(0).normal(0, 1e-3, len(t))
+    given = Record.from_arrays(u, y, t, input_unit=units[0], output_unit=units[1])
+    asked = {("mm/mm", "MPa"): True, ("N", "mm"): False}.get(units, relaxes)
+    start = registered(StandardLinearSolid).start(given)
+    assert start.leading is asked
+    if asked is relaxes:
+        found = fit(given, "StandardLinearSolid", starts=2, noise="gaussian")
+        assert found.metrics["train"].rmse < 1.2e-3  # that of the noise

@@ -116,6 +116,22 @@ def test_the_last_cycle_is_held_out_and_the_first_may_be_conditioning() -> None:
     assert parts(cycles(2)).conditioning is None
 
 
+def test_of_a_single_loop_pieces_of_both_branches_are_held_out() -> None:
+    """No row before the last branch tells what a memory does there. A ramp shows nothing new at its end."""
+    u = np.concatenate([np.linspace(1, -1, 200), np.linspace(-1, 1, 200)])
+    loop = parts(Record.from_arrays(u, u + 0.1 * np.sign(np.gradient(u))))
+    assert len(loop.folds) == 4
+    for fold in loop.folds:
+        held = np.isin(loop.label, fold.test)
+        assert abs(held.mean() - 0.25) < 0.01  # rows of a branch in 8 pieces
+        for branch in (slice(0, 200), slice(200, 400)):
+            assert abs(held[branch].mean() - 0.25) < 0.02
+        # Where one branch is held out, the other is fitted at the same inputs.
+        assert not (held[:200] & held[:199:-1]).sum() > 4  # neighbours at the cuts
+    for way in (np.linspace(0, 1, 400), np.minimum(np.linspace(0, 4, 400), 1.0)):
+        assert len(parts(Record.from_arrays(way, way, np.arange(400.0))).folds) == 1
+
+
 def test_rows_in_no_cycle_are_fitted_but_never_held_out() -> None:
     record = cycles(3)
     held = np.concatenate([record.input, np.linspace(0.0, 0.4, 30)])

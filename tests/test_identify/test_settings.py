@@ -177,3 +177,36 @@ def test_the_scale_of_a_unit() -> None:
     assert data_scale("force * time / displacement", sizes) == 20.0
     assert data_scale("1 / force", sizes) == 0.25
     assert data_scale("1", sizes) == 1.0
+
+
+def test_one_entry_of_an_array_is_fixed_and_the_others_move(tmp_path: Any) -> None:
+    """On its bound, tied or fixed inside: a branch of strength 0 is not there, and its fit loads."""
+    chain = GeneralizedMaxwell(1.0, [2.0, 1.0], [1.0, 10.0])
+    for said, gone in (
+        ({"E.1": {"fixed": 0.0}}, {"E.1"}),
+        ({"E.1": {"fixed": 0.5}}, {"E.1"}),
+        ({"E.1": {"tied": "2 * E.0"}}, {"E.1"}),
+        ({"tau.0": {"fixed": 3.0}, "E.1": {"fixed": 0.0}}, {"tau.0", "E.1"}),
+    ):
+        model, settings = with_settings(chain, said)
+        names = transform(model, 1.0, settings=settings).names
+        assert {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"} - set(names) == gone
+        # Other starts join where what is free here moves there too.
+        assert len(transform(model, 1.0, settings=settings).points_of(model, chain)) == 2
+    t = np.linspace(0.0, 30.0, 120)
+    u = np.interp(t, np.linspace(0, 30, 9), [0, 5, 5, 1, 1, 4, 4, 0, 0])
+    truth = GeneralizedMaxwell(3.0, [4.0], [6.0])
+    y = np.asarray(truth.simulate(t, u)) + np.random.default_rng(1).normal(0, 0.01, len(t))
+    found = fit(Record.from_arrays(u, y, t), "GeneralizedMaxwell", parameters={"E.1": {"fixed": 0}})
+    told = {p.name: p for p in found.parameters}
+    assert told["E.1"].status == "fixed"
+    assert told["E.0"].status == "free"
+    for name, value in (("E.0", 4.0), ("tau.0", 6.0), ("E_inf", 3.0)):
+        assert abs(told[name].value - value) < 4 * told[name].stderr < 0.1 * value
+    save(found, tmp_path / "fit")
+    assert load(tmp_path / "fit").model.E.tolist() == [told["E.0"].value, 0.0]
+
+
+def test_a_value_that_the_model_cannot_have_is_refused_at_once() -> None:
+    with pytest.raises(InputError, match="E2"):
+        with_settings(BURGERS, {"E2": {"fixed": 0.0}})

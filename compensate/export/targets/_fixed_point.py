@@ -72,9 +72,7 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
     guarded = made.document["guard"] and made.document["guard"]["parameters"]
     found = [v for v in golden["value"] if v is not None]
     span = max(found) - min(found)
-    told = (
-        max(guarded["rounding"], TOLERANCE * (guarded["high"] - guarded["low"])) if guarded else 0.0
-    )
+    told = max(guarded["slack"], TOLERANCE * (guarded["high"] - guarded["low"])) if guarded else 0.0
     seen = [k for k, v in enumerate(golden["value"]) if v is not None]
     readings = (np.array(golden["reading"])[seen] - p["offset"]) * factor
     steps = np.diff(reversible)
@@ -99,14 +97,26 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
         "margin": ROUNDING, "flat": max(output(p["flat"]), ROUNDING),
         "goes_on": bool(min(steps[0], steps[-1]) > p["flat"]),
         "guard": guarded and {
-            "low": edge(guarded["low"]), "high": edge(guarded["high"]), "unknown": guarded["unknown"],
-            "bottom": edge(guarded["bottom"]), "top": edge(guarded["top"]),
-            "rounding": edge(low + told),
+            "low": edge(guarded["low"]), "high": edge(guarded["high"]), "rounding": edge(low + told),
+            "bottom": edge(guarded["low"] + guarded["within"]),
+            "top": edge(guarded["high"] - guarded["within"]),
+            "ends": _ends(p, state) if made.document["starts"] else 0,
         },
         "golden": len(seen), "golden_readings": _rows(integer(readings)),
         "golden_values": _rows([edge(golden["value"][k]) for k in seen]),
         "tolerance": edge(low + TOLERANCE * span) + 1,
     }  # fmt: skip
+
+
+def _ends(p: dict[str, Any], state: dict[str, Any]) -> int:
+    """Which ends estimates have to reach before the first state no longer matters: 1 low, 2 high, 3 both.
+
+    Relays that are not as the virgin state has them shift estimates one way. At the end that estimates then
+    reach later than the input does, all relays are one way.
+    """
+    z, virgin = state["z"], {p["floor"]: 1, p["ceiling"]: 2}
+    found = virgin.get(z, 3)
+    return found if p["orientation"] > 0 or found == 3 else 3 - found
 
 
 def _rows(values: list[int]) -> str:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from hysteresis._atomic_file import write_whole
 from ...runtime._elements._codes import EXTRAPOLATED, FLAT, OK
 from ...runtime._file import LONGEST
 from ...runtime._status import Status
+from ...runtime._tree import begun
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 from ._onnx_graph import Graph, Value
@@ -78,6 +79,9 @@ class _Step:
         self.root = self._node(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
+        self.others = [
+            self._node(begun(document["tree"], iter(states))) for states in document["starts"]
+        ]
 
     # The model
 
@@ -288,38 +292,41 @@ class _Step:
             for share in self.shares:
                 self.write.call(share, "take", condition)
             value = self.root.find(passed, seen)
-            status = self.root.status()
+            status, beyond = self.root.status(), [clipped]
             if document["rates"]:
-                late = graph.node("GreaterOrEqual", [passed, longest], "bool")
-                status = self._extrapolated(status, late, (OK, FLAT))
+                beyond.append(graph.node("GreaterOrEqual", [passed, longest], "bool"))
             if known := document["condition"]:
                 ends = (("Less", "low"), ("Greater", "high"))
-                outside = [graph.node(o, [condition, real(known[end])], "bool") for o, end in ends]
-                status = self._extrapolated(status, graph.node("Or", outside, "bool"), (OK, FLAT))
+                beyond += [graph.node(o, [condition, real(known[end])], "bool") for o, end in ends]
+            outside = reduce(lambda a, b: graph.node("Or", [a, b], "bool"), beyond)
             self._set("waited", real(0.0))
             self._set("begun", graph.constant(1, "int"))
             if self.error:
-                self._set("deviation", self.write.call(self.error, "deviation", value))
+                self._set("deviation", self.write.call(self.error, "deviation", passed, value))
             if self.guard:
+                apart = real(0.0)
+                for other in self.others:
+                    away = graph.node("Sub", [other.find(passed, seen), value], "real")
+                    apart = graph.node("Max", [apart, graph.node("Abs", [away], "real")], "real")
                 value = self.write.call(
-                    self.guard, "limited", passed, value, status, graph.cast(clipped, "int")
+                    self.guard, "limited", value, status, graph.cast(outside, "int"), apart
                 )
                 status = self._status_of(self.guard)
                 if document["guard"]["beyond"] == "nan":
                     beyond = graph.cast(graph.variables["state", self.guard.key, "beyond"], "bool")
                     value = graph.node("Where", [beyond, real(float("nan")), value], "real")
             else:
-                status = self._extrapolated(status, clipped, (OK,))
+                status = self._extrapolated(status, outside)
             self._set("estimate", value)
             graph.variables[said] = status
 
         graph.branch(usable, take, lambda: None)
         return graph.variables.pop(said)
 
-    def _extrapolated(self, status: Value, test: Value, codes: tuple[int, ...]) -> Value:
-        """EXTRAPOLATED where the test holds and the status is one of some."""
+    def _extrapolated(self, status: Value, test: Value) -> Value:
+        """EXTRAPOLATED where the test holds and the status is OK or FLAT."""
         graph = self.graph
-        for code in codes:
+        for code in (OK, FLAT):
             same = graph.node("Equal", [status, graph.constant(code, "int")], "bool")
             both = graph.node("And", [test, same], "bool")
             beyond = graph.constant(EXTRAPOLATED, "int")

@@ -7,7 +7,7 @@ from ._search import among, at_level
 
 
 class Parameters:
-    """y = offset + sum of h_k(u before) drift_k log(1 + max(path - least, 0) / length).
+    """y = offset + sum of h_k(u before) drift_k log(1 + clip(path - least, 0, most) / length).
 
     h_k are hat functions on `levels`.
     """
@@ -16,6 +16,7 @@ class Parameters:
     levels: Reals
     drift: Reals
     least: float
+    most: float
     length: float
     offset: float
 
@@ -37,6 +38,8 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     further = s.path - p.least
     if further < 0.0:
         further = 0.0
+    if further > p.most:
+        further = p.most
     return p.offset + slope * log1p(further / p.length)
 
 

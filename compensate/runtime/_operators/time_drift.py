@@ -6,11 +6,12 @@ from .._elements._codes import Reals
 
 
 class Parameters:
-    """y = offset + sum of ends_j (1 - exp(-rates_j time since the first sample))."""
+    """y = offset + sum of ends_j (1 - exp(-rates_j min(time since the first sample, most)))."""
 
     count: int
     rates: Reals
     ends: Reals
+    most: float
     offset: float
 
 
@@ -26,6 +27,8 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     if not s.begun:
         return p.offset
     elapsed = s.elapsed + dt
+    if elapsed > p.most:
+        elapsed = p.most
     y = p.offset
     for j in range(p.count):
         y = y + p.ends[j] * (1.0 - exp(-p.rates[j] * elapsed))

@@ -357,7 +357,7 @@ def _unknown(
     elif not asked:
         record = _record(table, a, b, options)
         falls = _falls(record)
-        if (loop_direction(record) < 0) != falls:
+        if (way := loop_direction(record)) and (way < 0) != falls:
             a, b = b, a
     why = {
         "input": "the names are unknown; with this input the output lags",

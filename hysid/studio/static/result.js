@@ -48,8 +48,11 @@ export class ResultPanel {
       found.stale && h("p", {}, h("strong", {}, "The configuration was changed since this fit. "), "Fit again to judge the present one."),
       found.values.length > 0 && h("label", { class: "field" }, `${found.values.length} fits, one for each value: `,
         h("select", { onchange: (event) => this.pick(event.target.value) }, found.values.map((value) => h("option", { value, selected: value === found.value }, value)))),
+      found.characteristics.length > 0 && [h("dl", { class: "facts" }, found.characteristics.map((one) => fact(one.name,
+        [one.value === null ? "not told" : `${number(one.value)} ± ${quantity(one.error, one.unit === "percent" ? "%" : one.unit, 2)}`, h("small", {}, one.reason || one.basis)]))),
+      h("p", { class: "soft" }, "The specimen, by the model over the fitted rows. ± is how far the readings of the same cycles or holds are from that.")],
       h("ul", {}, found.reasons.map((reason) => h("li", {}, sentence(reason)))),
-      h("dl", { class: "facts" }, fact("model", found.model), fact(`${words} error, rms`, quantity(judged.rmse, unit)),
+      h("dl", { class: "facts" }, fact(`${words} error, rms`, quantity(judged.rmse, unit)),
         fact("of the range", quantity(judged.nrmse_percent, "%")), fact("largest", quantity(judged.max_abs, unit)), fact("purpose", found.purpose)));
   }
 
@@ -130,10 +133,11 @@ export class ResultPanel {
 
   parameters(found, curves) {
     const rows = found.parameters.slice(0, 60).map((one) => ({ cells: [one.name, quantity(one.value, one.unit, 4), one.stderr === null ? one.status : `± ${number(one.stderr, 2)}`, one.status] }));
-    const more = found.parameters.length - rows.length;
+    const more = found.parameters.length - rows.length, hidden = found.undetermined;
     return h("section", { class: "card", "aria-labelledby": "parameters-title" },
-      h("h2", { id: "parameters-title" }, "Parameters"),
-      table(more > 0 ? `The first ${rows.length} of ${found.parameters.length} parameters` : "Values with their standard errors", ["Parameter", "value", "standard error", "status"], rows),
+      h("h2", { id: "parameters-title" }, "What the model is made of"),
+      h("p", { class: "soft" }, found.model + (hidden > 0 ? `. ${hidden} of its sums are left out: the data do not determine them one by one.` : "")),
+      rows.length > 0 && h("details", { class: "same", open: hidden === 0 }, h("summary", {}, "Its parameters"), table(more > 0 ? `The first ${rows.length} of ${found.parameters.length} parameters` : "Values with their standard errors", ["Parameter", "value", "standard error", "status"], rows)),
       curves.sliders.length > 0 && [h("h3", {}, "What each one does"), this.sliders(curves.sliders)],
       h("h3", {}, "Posterior"), this.posterior(found),
       sameLines(this.look.equivalents.posterior));

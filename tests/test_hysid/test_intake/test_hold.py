@@ -45,21 +45,28 @@ def test_init_sees_the_hold_and_the_fit_its_time_constants():
     fit = run("fit", "run.csv", "--config", "run.toml", "--out", "out", "--json").json()
     assert fit["model"] == "GeneralizedMaxwell of order 2"
     said = numbers(fit)
-    # A ramp of 1 s takes from the strengths of the parts, not from their times.
+    # The ramp of 1 s is in the model: the strengths are those of a step.
     assert said["tau1"] == pytest.approx(2.0, rel=0.05)
     assert said["tau2"] == pytest.approx(40.0, rel=0.05)
+    assert said["E1"] == pytest.approx(1.0, rel=0.02)
+    assert said["E2"] == pytest.approx(4.0, rel=0.02)
     assert said["E_inf"] == pytest.approx(0.5, rel=0.02)
     (note,) = (line for line in fit["data"]["history"] if "is held at" in line)
-    assert "held at 5 from line 12 on: 1201 rows. Time counts from there. The way took 1:" in note
+    assert "held at 5 from line 12 on: 1201 rows. Time counts from there." in note
+    (note,) = (line for line in fit["data"]["history"] if "way to the hold" in line)
+    assert note.endswith("took 1 s: it drives the model, and its 10 rows are not fitted.")
     assert run("report", "out").code == 0
     said = run("predict", "out", "run.csv", "--json").json()
-    assert said["rows"] == 1201
+    assert said["rows"] == 1211
+    # The model rises from rest on the way, which was not fitted: the noise is 0.01 % of the range.
+    assert said["nrmse_percent"] < 0.03
     assert Path(said["file"]).read_text("utf-8").splitlines()[0].count("since the step") == 1
 
 
 def test_the_way_back_does_not_count():
     file = put(text(relaxing(released=True), (T, X, F)))
-    assert run("check", file, *SELECTED, "--json").json()["rows"] == 1201
+    found = run("check", file, *SELECTED, "--json").json()
+    assert (found["rows"], found["rows_used"]) == (1211, 1201)
 
 
 def test_each_specimen_has_its_own_hold():

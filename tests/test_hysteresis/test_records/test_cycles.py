@@ -13,7 +13,7 @@ from hysteresis.records._cycles import (
     branches,
     cycles,
     default_dead_band,
-    loop_area,
+    loop_sums,
     noise_level,
     turning_points,
 )
@@ -148,7 +148,7 @@ def test_speed_on_60_000_noisy_samples():
 def test_loop_area_has_the_sign_of_the_lag_and_ignores_drift(lag, drift, leads):
     t = np.linspace(0, 6 * np.pi, 601)
     y = -np.cos(t + lag * (0.5 if leads else -0.5)) + drift * t / t[-1]
-    net, total = loop_area(-np.cos(t), y, np.ones(601, bool))
+    net, total, _, _ = loop_sums(-np.cos(t), y, np.ones(601, bool))
     assert net / total == pytest.approx(-1 if leads else 1, abs=0.05)
 
 

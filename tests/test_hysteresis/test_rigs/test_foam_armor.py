@@ -1,4 +1,4 @@
-"""Rigs whose physics no model contains: foam with air, a plate frame, strain gauges, channel geometry."""
+"""Rigs of which no model is the whole: foam in layers, a plate frame, strain gauges, channel geometry."""
 
 from dataclasses import replace
 

@@ -73,7 +73,7 @@ def test_parameters_carry_both_errors(fits: list[FitResult], tmp_path: Path):
 
 def test_too_few_cycles_tell_nothing(fits: list[FitResult]):
     assert identify.repeatability(fitted(3, cycles=2)) is None
-    assert identify.repeatability(fits[0]).cycles == 5
+    assert identify.repeatability(fits[0]).cycles == 4  # foam softens in the first
     with pytest.raises(InputError, match="given-twice"):
         identify.change(fits[0], fits[0])
 

@@ -1,6 +1,7 @@
 """Fits of creep and relaxation: known elements come back, in the rig's units, and survive a folder."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import identify
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
 from identify import fit_step
-from identify.internal import kind_of, stepped
+from identify.internal import kind_of, stepped, told_by_the_change
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
@@ -21,6 +22,13 @@ def record(t: np.ndarray, y: np.ndarray, step: float = FORCE) -> Record:
     return Record.from_arrays(
         np.full(len(t), step), y, t,
         input_name="force", output_name="x", input_unit="N", output_unit="mm",
+    )  # fmt: skip
+
+
+def stretched(t: np.ndarray, y: np.ndarray, step: float) -> Record:
+    return Record.from_arrays(
+        np.full(len(t), step), y, t,
+        input_name="x", output_name="force", input_unit="mm", output_unit="N",
     )  # fmt: skip
 
 
@@ -55,7 +63,7 @@ def test_creep_under_a_press():
 def test_relaxation():
     y = 0.2 * np.asarray(RELAXING.relaxation_modulus(T))
     noise = 1 + 0.002 * np.random.default_rng(1).normal(size=len(T))
-    fit = fit_step(record(T, y * noise, 0.2))
+    fit = fit_step(stretched(T, y * noise, 0.2))
     assert isinstance(fit.model, GeneralizedMaxwell)
     found = {p.name: p.value for p in fit.parameters}
     assert list(found) == ["E_inf", "E1", "tau1", "E2", "tau2"]
@@ -64,7 +72,7 @@ def test_relaxation():
 
 def test_a_liquid_has_no_spring():
     y = np.asarray(GeneralizedMaxwell(0.0, [1.0, 4.0], [0.4, 20.0]).relaxation_modulus(T))
-    fit = fit_step(record(T[T < 100], y[T < 100], 1.0))
+    fit = fit_step(stretched(T[T < 100], y[T < 100], 1.0))
     spring = next(p for p in fit.parameters if p.name == "E_inf")
     # Without noise what is left of a spring is the normal equations' rounding.
     assert spring.status == "at bound" or spring.value < 1e-3
@@ -166,6 +174,62 @@ def test_what_is_no_step(given: Record, code: str):
         fit_step(given)
 
 
-def test_kind_is_told_by_the_direction_of_the_step():
-    assert kind_of(record(T, GOOD)) == "creep"
-    assert kind_of(record(T, GOOD[::-1])) == "relaxation"
+@pytest.mark.parametrize("truth", [CREEP, RELAXING], ids=["creep", "relaxation"])
+@pytest.mark.parametrize(
+    ("ramp", "smooth"), [(0.2, False), (2.0, False), (8.0, False), (0.2, True), (2.0, True)]
+)
+def test_the_way_to_a_hold_is_in_the_model(truth: Any, ramp: float, smooth: bool) -> None:
+    """Whatever the ramp, the strengths are those of a step, and the errors of short branches say when the
+    ramp hides them."""
+    t = np.arange(0.0, ramp + 200.0, 0.05)
+    share = np.minimum(t / ramp, 1.0)
+    u = FORCE * (np.sin(np.pi / 2 * share) ** 2 if smooth else share)
+    y = np.asarray(truth.simulate(t, u))
+    y = y * (1 + 1e-3 * np.random.default_rng(2).normal(size=len(t)))
+    found = fit_step(Record.from_arrays(u, y, t - 7.0))
+    told = {p.name: p for p in found.parameters}
+    one = told["E0" if truth.creeps else "E_inf"]
+    # Four standard errors, as above.
+    assert one.stderr is None or abs(one.value - (2.0 if truth.creeps else 0.5)) < 4 * one.stderr
+    for k, value in enumerate(np.asarray(truth.E), start=1):
+        one = told[f"E{k}"]
+        assert one.stderr is not None
+        assert abs(one.value - value) < 4 * one.stderr
+    rows = found.used
+    # Rows of a long way are thinned for the spectrum: far less than the noise of 1e-3.
+    np.testing.assert_allclose(
+        found.predict(found.train)[rows], (found.train.output + found.residuals)[rows], rtol=1e-5
+    )
+
+
+def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:
+    """Twelve decades of time: eight time constants leave 1.4 % of the reading."""
+    tau = 10.0 ** np.arange(-1, 11)
+    truth = GeneralizedMaxwell(1.0, 3.0 * np.exp(-0.1 * (np.arange(12) - 5) ** 2) + 0.3, tau)
+    t = np.geomspace(0.01, 1e11, 120)
+    y = np.asarray(truth.relaxation_modulus(t))
+    y = y * (1 + 0.001 * np.random.default_rng(3).normal(size=len(t)))
+    found = fit_step(record(t, y, 1.0))
+    assert found.metrics["train"].relative_percent < 0.12
+    assert {"E10", "tau10"} <= {p.name for p in found.parameters}
+
+
+def test_kind_is_told_by_what_is_held_and_else_by_the_change():
+    """A load that rises under a held deformation swells or is still loaded: it has no spectrum."""
+    u = np.full(len(T), FORCE)
+    up, down = GOOD, GOOD[::-1]
+    for units, rises, falls in (
+        (("N", "mm"), "creep", None), (("MPa", "percent"), "creep", None),
+        (("mm", "N"), None, "relaxation"), (("mm/mm", "kPa"), None, "relaxation"),
+        (("N", "V"), "creep", "relaxation"),
+        (("1", "1"), "creep", "relaxation"),
+    ):  # fmt: skip
+        for y, kind in ((up, rises), (down, falls)):
+            held = Record.from_arrays(u, y, T, input_unit=units[0], output_unit=units[1])
+            if kind is not None:
+                assert kind_of(held) == kind
+                said = told_by_the_change(held, kind)
+                assert [note.code for note in said] == ["kind-by-change"] * (units[1] in "1V")
+                continue
+            with pytest.raises(InputError, match="neither creep"):
+                kind_of(held)

@@ -161,7 +161,7 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     percent, left, width = numbers(loops.verdict, "loops-left")
     found = loops_left(loops)
     assert width == pytest.approx(found.width, rel=0.006)
-    assert 0.8 < width < 1.0
+    assert 0.7 < width < 1.0  # all cycles, the smallest has most of its width in its ends
     assert left == pytest.approx(found.left, rel=0.006)
     assert percent == pytest.approx(100 * found.left / found.width, abs=0.6)
     assert percent > 80
@@ -190,7 +190,7 @@ def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
     error = loops.predict(test) - test.output
     assert found.input.rows == beyond.sum()
     assert found.input.rmse == pytest.approx(rms(error[beyond]))
-    share, there, *inside = numbers(loops.verdict, "beyond-input")
+    share, there, *inside = numbers(loops.verdict, "beyond")
     assert share == pytest.approx(100 * beyond.sum() / test.mask.sum(), abs=0.6)
     assert there == pytest.approx(rms(error[beyond]), rel=0.006)
     assert inside == []  # it moves faster too, in every row
@@ -262,7 +262,8 @@ def test_a_hold_is_judged_by_its_reading():
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult, share: float):
     """A line through a line, and one with half of its errors."""
-    best = min(line.baselines, key=lambda one: one.judged[0])
+    (best,) = (one for one in line.baselines if one.name == "straight line")
+    line = replace(line, baselines=(best,))
     test, ours = best.metrics["test"], line.metrics["test"]
     assert test is not None
     assert ours is not None
@@ -276,10 +277,6 @@ def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult, share: floa
     theirs, *apart = numbers(verdict, "best-baseline")
     assert theirs == pytest.approx(test.rmse, rel=0.006)
     said = verdict.reasons[verdict.codes.index("best-baseline")]
-    if share == 1:
-        assert abs(difference.value) < 1e-9 * test.rmse
-        assert said.endswith(" rms, as the fit has.")
-        return
     assert apart == pytest.approx((abs(difference.value), difference.error), rel=0.06)
     assert (" rms, more by " in said) == (test.rmse > halved.rmse)
 
@@ -353,3 +350,13 @@ def test_time_constants_that_a_record_cannot_show_are_told(eta: float, bound: fl
     _, constant, limit = numbers(verdict, "unseen-time-constant")
     assert (constant, limit) == (pytest.approx(eta, rel=0.006), pytest.approx(bound, rel=0.006))
     assert f"identifiable only as {part};" in verdict.reasons[0]
+
+
+def test_rows_that_lie_close_after_a_step_show_a_short_time_constant():
+    """The usual distance of rows on a logarithmic clock says nothing of those just after the step."""
+    t = np.r_[0.0, np.geomspace(1e-3, 1e3, 90)]
+    creep = Record.from_arrays(np.ones(len(t)), t, t)
+    said = unseen_time_constants(Burgers(E1=1.0, eta1=100.0, E2=1.0, eta2=0.02), creep)
+    assert not [note for note in said if "shorter" in note]
+    said = unseen_time_constants(Burgers(E1=1.0, eta1=100.0, E2=1.0, eta2=1e-5), creep)
+    assert [note for note in said if "shorter" in note]

@@ -80,12 +80,13 @@ def test_columns_times_unknowns_are_the_model(
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
         rest=0.2, relaxed=relaxed, speed=0.3, step=0.1, duration=7.0, centre=3.0,
+        reached=(6.0, 20.0), keeps_drift=True,
     )  # fmt: skip
     x = np.random.default_rng(0).uniform(0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     memory = memory_of(meaning.memory(), data, rows)
     columns = meaning.columns(memory)
-    outputs = 3.0 + meaning.scale * columns @ x
+    outputs = 3.0 + meaning.scale * meaning.columns(meaning.stopped(memory, meaning.reached)) @ x
     np.testing.assert_allclose(meaning.outputs(memory, x), outputs, atol=1e-9)
     expected = predict(meaning.model(x), data)[rows]
     # A thousand products of numbers up to a hundred, each rounded.

@@ -1,4 +1,4 @@
-"""Rigs of other kinds, each by a plain loop over time that no model of ours contains."""
+"""Rigs of other kinds, each by a plain loop over time; no model of ours is one of them."""
 
 from collections.abc import Callable
 
@@ -108,7 +108,7 @@ def test_a_zero_that_warms_up_is_told_from_memory():
     """Ridge regression has it in its slow states; parts without a clock miss it sixfold."""
     rig = RIGS["warming load cell"]
     found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
-    assert "drift in time" in found.name
+    assert "drift in time" in found.detail.linear.meaning.parts
     test = found.metrics["test"]
     assert test is not None
     assert test.rmse < 1.05 * min(baseline.judged[0] for baseline in found.baselines)

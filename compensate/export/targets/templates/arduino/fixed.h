@@ -60,7 +60,7 @@ typedef struct {
     int32_t extremum[{{ upper }}_DEPTH];
     int32_t level[{{ upper }}_DEPTH];
     int32_t u, z, estimate;
-    uint8_t depth, rising, seen_bottom, seen_top;
+    uint8_t depth, rising, known;
 } {{ stem }}_state;
 
 static inline int32_t {{ stem }}_reading(float reading)
@@ -255,14 +255,13 @@ static inline int {{ stem }}_step(
         status = {{ upper }}_{{ "EXTRAPOLATED" if goes_on else "SATURATED" }};
     }
 {% if guard %}
-{% if guard.unknown %}
-    s->seen_bottom = (uint8_t)(s->seen_bottom | (u <= {{ guard.bottom }}));
-    s->seen_top = (uint8_t)(s->seen_top | (u >= {{ guard.top }}));
-    uint8_t known = s->seen_bottom && s->seen_top;
+{% if guard.ends %}
+    /* At an end of the trained inputs all relays that these reach are one way. */
+    s->known = (uint8_t)(s->known | (u <= {{ guard.bottom }} ? 1 : 0) | (u >= {{ guard.top }} ? 2 : 0));
 {% endif %}
     if (status == {{ upper }}_OK || status == {{ upper }}_FLAT) {
-{% if guard.unknown %}
-        if (!known) {
+{% if guard.ends %}
+        if ((s->known & {{ guard.ends }}) != {{ guard.ends }}) {
             status = {{ upper }}_RUN_IN;
         }
 {% endif %}

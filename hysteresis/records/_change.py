@@ -1,0 +1,142 @@
+"""How the output changes from cycle to cycle at the same inputs: drift, and a zero that moves."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .._format import quantity
+from .._note import Note, warning
+from ._abstract_record import AbstractRecord
+
+FEWEST = 4
+"""Cycles of one kind: two of them to see a rate, and two to see how well it is known."""
+
+ALIKE = 0.15
+"""By how much of their median range the ends of cycles that repeat each other may differ."""
+
+LEVELS = 32
+"""Inputs at which cycles are compared, on both branches."""
+
+SURE = 3.0
+"""Standard errors from which on a rate is not chance: one good record in some hundred has it so."""
+
+MOVED = 0.15
+"""Of the output's range: a zero that moves so far is as grave as an error that is too large to use."""
+
+
+class Change(NamedTuple):
+    """The output of one cycle less that of the cycles before, at the same inputs and on the same branch.
+
+    - `rate`, `error`: a cycle, over the later half of the cycles, and its standard error.
+    - `cycles`: how many were compared. `duration`: of one, NaN without time.
+    - `moved`: the farthest that the zero has moved from one cycle to another; `first`, `last`: the numbers
+      of those cycles.
+
+    **Example:**
+
+        >>> from hysteresis.records._change import change
+        >>> t = np.linspace(0, 6, 241)
+        >>> u = 1 - np.cos(2 * np.pi * t)
+        >>> found = change(hysteresis.Record.from_arrays(u, u + 0.1 * t, t))
+        >>> found.cycles, round(found.rate, 3), round(found.moved, 3)
+        (6, 0.1, 0.5)
+    """
+
+    rate: float
+    error: float
+    cycles: int
+    duration: float
+    moved: float
+    first: int
+    last: int
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the rate is more than chance."""
+        return abs(self.rate) > SURE * self.error
+
+
+def change(record: AbstractRecord) -> Change | None:
+    """Compare the cycles of the sequence that has most of one kind; None where there are fewer than four.
+
+    Of each cycle the output is read at 32 inputs that all of them pass, on both branches. The mean of its
+    differences from the median cycle tells the rate, their median how far the zero has moved: a curve that
+    changes its shape leaves the median where it is.
+    """
+    found = [one for _, rows in record.sequences() if (one := _levels(record, rows)) is not None]
+    if not found:
+        return None
+    levels = max(found, key=lambda one: len(one.numbers))
+    means, zeros = np.nanmean(levels.apart, axis=1), np.nanmedian(levels.apart, axis=1)
+    later = len(means) // 2 if len(means) >= 2 * FEWEST else 0
+    k, y = levels.numbers[later:].astype(float), means[later:]
+    k -= k.mean()
+    rate = float(k @ y / (k @ k))
+    left = y - y.mean() - rate * k
+    error = float(np.sqrt(left @ left / (len(k) - 2) / (k @ k)))
+    ends = int(np.argmin(zeros)), int(np.argmax(zeros))
+    first, last = (int(levels.numbers[at]) for at in sorted(ends))
+    moved = float(zeros[max(ends)] - zeros[min(ends)])
+    return Change(rate, error, len(means), levels.duration, moved, first, last)
+
+
+def change_warnings(record: AbstractRecord) -> list[Note]:
+    """A zero that moves by 15 % of the output's range, as a sentence with its fix."""
+    y, unit = record.output, record.output_unit
+    span = float(np.ptp(y[np.isfinite(y)])) if np.isfinite(y).any() else 0.0
+    one = change(record)
+    if one is None or abs(one.moved) < MOVED * span:
+        return []
+    percent = 100 * abs(one.moved) / span
+    said = (
+        f"The zero of the output moves by {quantity(one.moved, unit, 3)}, {percent:.0f} % of its range,"
+        f" from cycle {one.first} to cycle {one.last} at the same inputs. A model of new runs has no such"
+        " drift: let the sensor warm up, correct its zero, or fit the later cycles alone."
+    )
+    return [warning("zero-moves", said, {"moved": one.moved, "percent": percent})]
+
+
+class _Levels(NamedTuple):
+    """Of some cycles, by their numbers, the output less that of the median one: (cycles, inputs)."""
+
+    numbers: Int[np.ndarray, " cycles"]
+    apart: Float[np.ndarray, "cycles inputs"]
+    duration: float
+
+
+def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
+    u, y, cycle, rising = (
+        x[rows] for x in (record.input, record.output, record.cycle, record.branch)
+    )
+    counted = record.mask[rows] & np.isfinite(y) & (cycle > 0)
+    whole = np.bincount(cycle[cycle > 0])
+    share = np.bincount(cycle[counted], minlength=len(whole)) / np.maximum(whole, 1)
+    numbers = np.flatnonzero(share > 0.5)
+    if len(numbers) < FEWEST:
+        return None
+    inside = [counted & (cycle == number) for number in numbers]
+    ends = np.array([(u[own].min(), u[own].max()) for own in inside])
+    middle = np.median(ends, axis=0)
+    alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
+    if alike.sum() < FEWEST:
+        return None
+    numbers, inside = numbers[alike], [own for own, like in zip(inside, alike, strict=True) if like]
+    low, high = ends[alike, 0].max(), ends[alike, 1].min()
+    level = low + (high - low) * (np.arange(LEVELS) + 0.5) / LEVELS
+    read = np.full((len(numbers), 2, LEVELS), np.nan)
+    for out, own in zip(read, inside, strict=True):
+        for side, sign in zip(out, (1, -1), strict=True):
+            leg = np.flatnonzero(own & (rising == sign))
+            if len(leg) > 1:
+                leg = leg[np.argsort(u[leg], kind="stable")]
+                side[:] = np.interp(level, u[leg], y[leg])
+    both = read.reshape(len(numbers), -1)
+    both = both[:, np.isfinite(both).all(0)]
+    if not both.size:
+        return None
+    duration = np.nan
+    if record.time is not None:
+        t = record.time[rows]
+        duration = float(np.median([np.ptp(t[own]) for own in inside]))
+    return _Levels(numbers, both - np.median(both, axis=0), duration)
