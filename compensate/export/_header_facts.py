@@ -1,6 +1,7 @@
 """What a header says about the fit it comes from: trained inputs, run-in, verdict, date of the data."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
