@@ -46,7 +46,7 @@ def test_figures_of_a_known_loop():
     assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.02)
     assert found["energy a cycle"].unit == "N * mm"
     x, force, t = rig(hold=30.0)
-    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.05)
+    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.1)
 
 
 def test_stiffness_is_load_over_deformation_whichever_is_the_input():
