@@ -58,6 +58,17 @@ class Latency(NamedTuple):
     steps: int
 
 
+class Step(NamedTuple):
+    """What one step takes on the target: its name, seconds in the mean and at most, NaN where they are not
+    known, and operations in the mean and at most, as they were counted on readings."""
+
+    target: str
+    mean: float = float("nan")
+    most: float = float("nan")
+    operations: float | None = None
+    most_operations: int | None = None
+
+
 class Doubt(NamedTuple):
     """What a posterior leaves open, in the input's unit.
 
@@ -83,7 +94,8 @@ class Qualification:
     - `output_range`: outputs whose estimates were OK, None where none was.
     - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
       of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
-      model. `latency`: of one step. `doubt`: of an ensemble, None without one.
+      model. `latency`: of one step here; `step`: of one on the target, None where that was not given.
+      `doubt`: of an ensemble, None without one.
     """
 
     verdict: Verdict
@@ -102,6 +114,7 @@ class Qualification:
     doubt: Doubt | None
     max_error: float | None
     rate: float | None
+    step: Step | None
     names: dict[str, str]
 
     @property
@@ -118,7 +131,7 @@ class Qualification:
     def document(self) -> dict[str, Any]:
         """Plain data for JSON: NaN is None."""
         found = asdict(self)
-        for name in ("errors", "loop", "latency", "doubt"):
+        for name in ("errors", "loop", "latency", "doubt", "step"):
             if (value := getattr(self, name)) is not None:
                 found[name] = value._asdict()
         found["verdict"] = self.verdict.document
@@ -156,7 +169,10 @@ class Qualification:
         if self.round_trip is not None:
             lines.append(f"round trip: within {quantity(self.round_trip, other, 3)} where OK")
         median, tail = (f"{1e6 * x:.3g} µs" for x in self.latency[:2])
-        lines.append(f"one step: {median}, {tail} once in a thousand ({self.latency.steps} timed)")
+        lines.append(
+            f"one step of JAX, called from Python here: {median}, {tail} once in a thousand"
+            f" ({self.latency.steps} timed)"
+        )
         if self.doubt is not None:
             lines.append(
                 f"posterior: {quantity(self.doubt.worst, unit, 3)} at worst;"
@@ -172,13 +188,14 @@ def qualify(
     ensemble: Simulates[UncertainEstimate] | None = None,
     max_error: float | None = None,
     rate: float | None = None,
+    step: Step | None = None,
     progress: Tell = lambda done, total, text: None,
 ) -> Qualification:
     """A verdict on a compensator from a record it has not seen, each sequence from the virgin state.
 
     FAIL: an estimate that is not finite, an error above `max_error`, an rms error more than 5 % above that
-    of the straight line that fits these rows best, a median step longer than 1 / `rate`.
-    CAUTION: one step in a thousand longer than that; more than half of the rows RUN_IN, where the first
+    of the straight line that fits these rows best, a mean step on the target longer than 1 / `rate`.
+    CAUTION: some step on the target longer than that; more than half of the rows RUN_IN, where the first
     state is not known; more than 1 % neither OK nor RUN_IN; more than half of
     the loop's width left, or no loop to tell by; an NRMSE above 5 %; a round trip that misses by more
     than a millionth; draws of the ensemble with errors above `max_error`.
@@ -189,7 +206,8 @@ def qualify(
     - `model`: what `compensator` inverts, for the round trip.
     - `ensemble`: `simulate(t, y)` of it gives `value` and `deviation`, (samples,), and may give `draws`,
         (draws, samples): an `EnsembleCompensator`.
-    - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
+    - `max_error`, in the input's unit, and `rate`, in Hz: what is needed. `step`: what a step takes on
+        the target that has to keep up; without it the target is the compiled step, called from Python here.
     - `progress(done, total, text)` is called after each of a few parts.
 
     Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
@@ -237,6 +255,7 @@ def qualify(
         "doubt": None,
         "max_error": max_error,
         "rate": rate,
+        "step": step,
         "names": {
             "input": record.input_name, "input_unit": record.input_unit,
             "output": record.output_name, "output_unit": record.output_unit,
@@ -445,17 +464,23 @@ def _speed(found: dict[str, Any]) -> tuple[list[Note], list[Note], list[Note]]:
     """What stands against the rate that is needed, makes for care, and is good to know."""
     if (rate := found["rate"]) is None:
         return [], [], []
-    median, tail = (1e6 * seconds for seconds in found["latency"][:2])
-    if median > 1e6 / rate:
-        return (
-            [Note("too-slow", f"A step takes {median:.3g} µs: too long for {rate:g} Hz.")],
-            [],
-            [],
+    step = found["step"] or Step("JAX, called from Python here,", found["latency"].median)
+    if step.operations is not None and not np.isfinite(step.mean):
+        text = (
+            f"A step in {step.target} takes {step.operations:,.0f} operations in the mean and"
+            f" {step.most_operations:,} at most on the training's readings: {rate:g} Hz needs a processor"
+            f" of {1e-6 * rate * step.most_operations:.3g} million operations a second."
         )
-    if tail > 1e6 / rate:
-        text = f"One step in a thousand takes {tail:.3g} µs: too long for {rate:g} Hz."
+        return [], [], [Note("needs-processor", text)]
+    if step.mean > 1 / rate:
+        text = f"A step in {step.target} takes {1e6 * step.mean:.3g} µs: too long for {rate:g} Hz."
+        return [Note("too-slow", text)], [], []
+    if step.most > 1 / rate:
+        text = (
+            f"Some steps in {step.target} take {1e6 * step.most:.3g} µs: too long for {rate:g} Hz."
+        )
         return [], [Note("sometimes-slow", text)], []
-    text = f"A step takes {median:.3g} µs: {rate:g} Hz can be kept up."
+    text = f"A step in {step.target} takes {1e6 * step.mean:.3g} µs: {rate:g} Hz can be kept up."
     return [], [], [Note("fast-enough", text)]
 
 

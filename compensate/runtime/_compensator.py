@@ -29,7 +29,8 @@ class Compensator:
 
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
-    - `rates`: whether the model depends on the rate; `step` ignores the time where it does not.
+    - `rates`: whether the model, or its deviation, depends on the rate; `step` ignores the time where
+      neither does.
     - `longest`: time between two readings; a longer one is taken for it, EXTRAPOLATED.
     - `condition`: name, unit and known range of the condition that `step` needs beside the reading,
       {"name", "unit", "low", "high"}; None where the model depends on none.
@@ -118,7 +119,7 @@ class Compensator:
         """One reading in, one estimate out.
 
         `dt`: time since the last call, at most `longest`; the first one's does not matter, and one that is
-        negative or not a number is none. Models that do not depend on the rate ignore it. `condition`: at
+        negative or not a number is none. It is ignored where `rates` is False. `condition`: at
         this reading, where the model depends on one; beyond its known range the nearer end is taken,
         EXTRAPOLATED. A reading or a condition that is NaN or infinite is INVALID: the last estimate is
         held, and nothing else changes.

@@ -13,6 +13,7 @@ import hysid
 import identify
 from compensate.runtime import load as load_runtime
 from hysid import _invert
+from hysid.figures._format import number
 from hysid.intake._selection import Selection
 from hysid.operations._export import export
 from hysid.operations._fit import fit as fit_file
@@ -57,7 +58,7 @@ def test_every_consumer_tells_the_same_coverage(
     assert qualify(folder, file)["band"] == known
     export(folder, {"runtime": tmp_path / "it.json"})
     assert load_runtime(tmp_path / "it.json").coverage == known
-    assert f"{100 * known:.3g} %" in write_report(folder).read_text("utf-8")
+    assert f"deviations hold {number(100 * known)} %" in write_report(folder).read_text("utf-8")
     estimated = estimate_by_fit(folder, file, tmp_path / "estimated.csv")
     assert any(f"{100 * known:.3g} %" in note for note in estimated["notes"])
     with open(found["file"]) as one, (tmp_path / "estimated.csv").open() as other:

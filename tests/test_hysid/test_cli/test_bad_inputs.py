@@ -290,7 +290,7 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
             ("The clock is uneven (dt 200 ms to 1.4 s)",),
         ),
         (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
-        (SWAPPED, ("Loops create energy (-", "N mm a cycle", "columns swapped", "exchange --input")),
+        (SWAPPED, ("Loops create energy (-", "N mm a loop", "columns swapped", "exchange --input")),
         (TURNED, ("Loops create energy (-", "the sign of one column is turned? If so, turn it",)),
         (
             CLIPPED_X,
