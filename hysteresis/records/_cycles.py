@@ -139,10 +139,10 @@ def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> LoopSums:
     """The sums over the loops of one sequence.
 
     A loop is a pair of successive legs, over the inputs that both pass in rows where `used` holds:
-    pairs with cut ends serve as well. A steady drift of the output is no loop: where half of three loops or
-    more return to their first input and do not meet there, a line in time is taken out that closes them. It
-    is no steeper than the gap beside a loop's own end tells: one reading that is off at an end, a first loop
-    that starts elsewhere, or a single loop that stays open, is no drift.
+    pairs with cut ends serve as well. A steady drift of the output is no loop: where half of three loops
+    or more return to their first input and do not meet there, a line in time is taken out that closes them.
+    It is no steeper than the gap beside a loop's own end tells: one reading that is off at an end, a first
+    loop that starts elsewhere, or a single loop that stays open, is no drift.
     """
     return LoopSums.of(_gaps(u, y, used))
 
