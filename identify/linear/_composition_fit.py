@@ -272,8 +272,7 @@ class Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         # A floor may leave no row of a fold above it: then the prior alone speaks.
         rows = max(normal.rows, 1)
-        H = normal.H[np.ix_(columns, columns)] / rows
-        H += self.whole.of(*some).prior(strength)
+        H = normal.H[np.ix_(columns, columns)] / rows + self.whole.of(*some).prior(strength)
         return jittered(H), normal.b[columns] / rows
 
     def solution(
