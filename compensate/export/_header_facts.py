@@ -9,6 +9,7 @@ from hysteresis._escape import c_string, visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
+from ..runtime._tree import Tree
 
 HEAD = """\
 {title}
@@ -42,7 +43,7 @@ STATUSES = {
 BEYOND = {"limit": "is held there", "nan": "is NaN", "free": "is given as it is"}
 
 
-def trained(document: dict[str, Any], stem: str) -> str:
+def trained(document: Tree, stem: str) -> str:
     """The trained inputs, what becomes of an estimate beyond them, and when the memory is known."""
     if not (guard := document["guard"]):
         return ""
@@ -60,7 +61,7 @@ def trained(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def motions(document: dict[str, Any]) -> str:
+def motions(document: Tree) -> str:
     """For which motions the deviation was verified, and how often it held."""
     if not (error := document["error"]) or not (known := learnt_on(error["parameters"])):
         return ""
@@ -82,7 +83,7 @@ def learnt_on(p: Mapping[str, Any]) -> str:
     return text
 
 
-def clock(document: dict[str, Any], stem: str) -> str:
+def clock(document: Tree, stem: str) -> str:
     """What dt is, and how long it may be."""
     if not document["rates"]:
         return "dt: time since the last call, which this model does not need: any number.\n"
@@ -94,7 +95,7 @@ def clock(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def condition(document: dict[str, Any], stem: str) -> str:
+def condition(document: Tree, stem: str) -> str:
     """The condition that a step needs beside the reading, and the range in which it is known."""
     if not (known := document.get("condition")):
         return ""
@@ -105,7 +106,7 @@ def condition(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def origin(document: dict[str, Any]) -> str:
+def origin(document: Tree) -> str:
     """The verdict on the fit, the codes of its reasons, and the date of its data."""
     if not (known := document["origin"]):
         return ""
@@ -118,7 +119,7 @@ def origin(document: dict[str, Any]) -> str:
     return f"\n\n{visible(said)}{visible(digest, keep=chr(10))}"
 
 
-def facts(document: dict[str, Any], stem: str, literal: Callable[[float], str]) -> str:
+def facts(document: Tree, stem: str, literal: Callable[[float], str]) -> str:
     """The same for programs, as macros: they take no memory."""
     found = {"MODEL": c_string(document["title"])}
     for role in ("reading", "estimate"):
@@ -149,7 +150,7 @@ def tables(upper: str) -> str:
 #endif"""
 
 
-def spent(document: dict[str, Any]) -> str:
+def spent(document: Tree) -> str:
     """The operations of a step as they were counted; nothing where they were not."""
     if not (found := document.get("operations")):
         return ""

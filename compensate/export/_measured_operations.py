@@ -3,15 +3,17 @@
 import ast
 import inspect
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..runtime._compensator import Compensator
 from ..runtime._elements import _search, module_of
-from ..runtime._tree import KINDS
+from ..runtime._tree import KINDS, Tree
 from ._operation_count import CALL, OF_A_NODE, own_operations
+
+Tracer = Callable[[FrameType, str, object], object]
 
 TRACED = 200
 """Steps that are traced; one takes some tenths of a millisecond."""
@@ -25,7 +27,7 @@ class Operations(NamedTuple):
     readings: int
 
 
-def measured(document: dict[str, Any], samples: Sequence[Sequence[float]]) -> Operations:
+def measured(document: Tree, samples: Sequence[Sequence[float]]) -> Operations:
     """Of a document that `compensate.runtime` loads, over samples (dt, reading), and the condition if any.
 
     The lines of the elements that a step runs are traced, in so many of the steps, evenly; each counts as
@@ -33,13 +35,13 @@ def measured(document: dict[str, Any], samples: Sequence[Sequence[float]]) -> Op
     """
     lines, sensor, count = _costs(), Compensator(document), 0
 
-    def within(frame: FrameType, event: str, _: Any) -> Any:
+    def within(frame: FrameType, event: str, _: object) -> Tracer:
         nonlocal count
         if event == "line":
             count += lines[frame.f_code.co_filename].get(frame.f_lineno, 0)
         return within
 
-    def called(frame: FrameType, event: str, _: Any) -> Any:
+    def called(frame: FrameType, event: str, _: object) -> Tracer | None:
         nonlocal count
         if frame.f_code.co_filename not in lines:
             return None
@@ -53,7 +55,7 @@ def measured(document: dict[str, Any], samples: Sequence[Sequence[float]]) -> Op
                 sensor.step(*sample)
                 continue
             count = 0
-            sys.settrace(called)
+            sys.settrace(called)  # pyright: ignore[reportArgumentType]
             sensor.step(*sample)
             sys.settrace(before)
             each.append(count)

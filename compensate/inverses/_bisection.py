@@ -96,7 +96,7 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
         return size_of(self.model, t, self.low, self.high)
 
 
-def size_of(model: AbstractModel, t: ArrayLike | None, *inputs: Any) -> Array:
+def size_of(model: AbstractModel, t: ArrayLike | None, *inputs: float) -> Array:
     """Of the outputs of a virgin model at some inputs, the largest one without its sign."""
     own = model.init()
     return jnp.abs(jnp.stack([model.step(own, t, jnp.asarray(u, float))[1] for u in inputs])).max()

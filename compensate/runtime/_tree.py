@@ -62,6 +62,9 @@ class Node(NamedTuple):
     follow: Function | None = None
 
 
+FOR_EVER = 1e30
+
+
 def node_of(
     tree: Tree, states: list[Any] | None = None, takes: list[Callable[[float], float]] | None = None
 ) -> Node:
@@ -107,6 +110,8 @@ def parts_of(tree: Tree) -> list[Tree]:
 
 def _made(kind: type, values: dict[str, Any]) -> Any:
     made = kind()
+    if "most" in kind.__annotations__:
+        made.most = FOR_EVER  # files lack it that were written before drifts stopped
     vars(made).update({k: list(v) if isinstance(v, list) else v for k, v in values.items()})
     return made
 

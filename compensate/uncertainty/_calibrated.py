@@ -193,8 +193,8 @@ def calibrated(
       where samples drift: the error then grows with its square root, as a random walk's.
     - `left_out`: groups of the rows that the model was fitted to, each with the compensator of a model
       fitted without it. Residuals are then those of these compensators, and the error is scaled so that
-      1.645 deviations hold nine tenths of the scores, but by no more than n groups leave open: the 95 %
-      quantile of Student's t times sqrt(1 + 1/n) over 1.645.
+      1.645 deviations hold nine tenths of the scores, and of these residuals, but by no more than n groups
+      leave open: the 95 % quantile of Student's t times sqrt(1 + 1/n) over 1.645.
 
     Raises `InputError` where no row is left.
 
@@ -272,7 +272,8 @@ def calibrated(
     wider = 1.0
     if len(left_out) and (n := len(np.unique(of_visit))) > 1:
         open_to = float(stdtrit(n - 1, 0.95)) * np.sqrt(1 + 1 / n) / NORMAL_95
-        wider = min(_scale(r, unseen, more), open_to * _scale(r, own, more))
+        least = _scale(r, own, more)
+        wider = float(np.clip(_scale(r, unseen, more), least, open_to * least))
     errors, scores = (
         np.sqrt(ahead) * wider * errors,
         np.abs(r) / np.hypot(np.sqrt(more), wider * unseen),

@@ -128,13 +128,14 @@ def solve(
             fix="add a column time (s), or solve each wrench by itself (without --stream).",
         )  # fmt: skip
     readings = jnp.asarray(table.readings)
-    found = uncertain.simulate(table.time, readings) if stream else uncertain.solve(readings)
+    solve_all = partial(uncertain.simulate, table.time) if stream else uncertain.solve
+    found = solve_all(readings, table.motion)
     contact, covariance = found.contact, np.asarray(found.covariance)
     known_place = (np.asarray(contact.surface) > 0)[:, None, None] & np.isfinite(covariance)
     covariance = np.where(known_place, covariance, np.nan)
     out.mkdir(parents=True, exist_ok=True)
     _write_contacts(out / CONTACTS, table.time, table.line, found, covariance)
-    wrench = uncertain.armor.sensor.read(readings)
+    wrench = uncertain.armor.sensor.read(readings, table.motion)
     time = np.arange(float(len(readings))) if table.time is None else table.time
     title = wrenches.name + (VIRTUAL if is_virtual(table.sha256) else "")
     save_touches(

@@ -6,12 +6,13 @@ strength) is kept.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from hysteresis import AbstractModel, Record, parameter_at, parameters
 
@@ -34,6 +35,12 @@ MOST = 12
 LEAST = 2
 """Groups without which nothing can be left out."""
 
+KNOWN = 0.25
+"""Two groups alike hold a half each of what is known; a quarter is half of that."""
+
+HALVES, ROUNDING = (*0.5 ** np.arange(8), 0.0), 1e-9
+"""Parts of a step that are tried, and how much more than nothing an error may grow by it."""
+
 LONGEST = 100_000
 """Rows from which on no row is left out: each group takes a run of the model over all of them."""
 
@@ -52,6 +59,9 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
     normal equations H_g, b_g is found with the same signs; for few parameters one step of Gauss-Newton,
 
         dx = (J'J - J_g'J_g)^-1 J_g' r_g
+
+    halved until the other rows are missed by no more than before, and without the directions of which the
+    group holds more than three quarters of what is known.
 
     **Returns:** none where there are fewer than two groups, more than 100,000 rows, or neither weights nor
     few parameters.
@@ -142,11 +152,33 @@ def _of_parameters(
         own, rest = used & (group == g), used & (group != g)
         if not (own.any() and rest.any()):
             continue
-        step = np.linalg.lstsq(J[rest].T @ J[rest], J[own].T @ r[own], rcond=None)[0] / size
-        model = fit.model
-        for p, by in zip(free, step, strict=True):
-            model = _moved(model, p.name, float(by), lows)
+        step = _step(J[used].T @ J[used], J[rest].T @ J[rest], J[own].T @ r[own]) / size
+        # The fit to the rest cannot miss it by more than the whole fit does: where the step leads to more,
+        # it is longer than the model is linear.
+        least = float(np.sum(fit.residuals[rest] ** 2)) * (1 + ROUNDING)
+        for part in HALVES:
+            model = fit.model
+            for p, by in zip(free, part * step, strict=True):
+                model = _moved(model, p.name, float(by), lows)
+            missed = replace(fit, model=model).predict(fit.train) - fit.train.output
+            if float(np.sum(missed[rest] ** 2)) <= least:
+                break
         yield g, model
+
+
+def _step(
+    whole: Float[np.ndarray, "p p"], rest: Float[np.ndarray, "p p"], slope: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, " p"]:
+    """rest^-1 slope, in the directions of which the rest holds at least a `KNOWN` part of the information.
+
+    A model without nearly all that is known of a direction is another one; there the fit's own is kept.
+    """
+    value, vector = np.linalg.eigh(whole)
+    root = vector / np.sqrt(np.maximum(value, 1e-12 * value.max()))
+    part, direction = np.linalg.eigh(root.T @ rest @ root)
+    gain = np.where(part >= KNOWN, 1 / np.maximum(part, KNOWN), 0.0)
+    turned = root @ direction
+    return turned @ (gain * (turned.T @ slope))
 
 
 def _moved(model: AbstractModel, name: str, by: float, lows: dict[str, float]) -> AbstractModel:
