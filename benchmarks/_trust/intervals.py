@@ -108,7 +108,7 @@ def _rows(run: Callable[[int], Iterator[Held]], records: int, quick: bool) -> li
     found = []
     for name, several in of.items():
         share = 100 * float(np.mean([one.inside for one in several]))
-        pull = float(np.mean([one.pull for one in several]))
+        pull = float(np.nanmean([one.pull for one in several]))  # NaN where it is unidentified
         what = f"{run.__name__}: {name}, 90 % intervals of {records} records that hold the truth, %"
         if quick:
             found.append(
