@@ -43,7 +43,8 @@ def with_compensator(fit: identify.FitResult) -> identify.FitResult:
         kept = (fit.compensator or {}) | judged_compensator(fit).document
         fit = replace(fit, compensator=kept)
     assert fit.compensator is not None
-    if fit.compensator["refused"] is None and len(fit.train) <= AT_ONCE:
+    known = fit.compensator["refused"] is not None or "ok_share" in fit.compensator
+    if not known and len(fit.train) <= AT_ONCE:
         status = estimate(exported(fit), fit.train).status
         kept = fit.compensator | run_in_of(np.asarray(status), fit.train).document
         fit = replace(fit, compensator=kept)

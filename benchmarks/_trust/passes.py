@@ -82,7 +82,7 @@ def _measured() -> Iterator[tuple[str, Record]]:
         table = read_table(path)
         names = [None] if each is None else sorted(set(table.text[each].tolist()))
         for name in names:
-            where = None if name is None else {each: [name]}
+            where = None if each is None or name is None else {each: [name]}
             whole = read_csv(table, given, output, time, where=where)
             many = max(1, len(whole) // (max(whole.n_cycles, 1) * ROWS))
             inside = np.flatnonzero(whole.cycle > 0)[::many]

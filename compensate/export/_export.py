@@ -31,6 +31,7 @@ from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import write
 from ._element_tree import guard_tree, tree_of
+from ._measured_operations import Operations, measured
 from ._node import ONE_WAY, Tree
 from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
@@ -43,6 +44,9 @@ FAR = 1000.0
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
+
+COUNTED = 2000
+"""Readings over which the operations of a step are counted, evenly."""
 
 DEEP = 4096
 
@@ -128,7 +132,7 @@ def export_runtime(
     **Example:**
 
         >>> done = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u))
-        >>> round(compensate.runtime.load(done.path).step(float(model.simulate(t, u)[0])).value, 6)
+        >>> round(compensate.runtime.load(done.path).step(0.01, float(model.simulate(t, u)[0])).value, 6)
         0.0
     """
     return Program(model, readings, **options).write_runtime(path)
@@ -287,6 +291,10 @@ class Program:
 
     def document(self, precision: type = np.float64) -> dict[str, Any]:
         """What `compensate.runtime` loads, for numbers of a precision."""
+        _ = self.operations
+        return self._whole(precision)
+
+    def _whole(self, precision: type = np.float64) -> dict[str, Any]:
         if precision not in self._trees:
             self._trees[precision] = self._tree(precision)
         guard = self.guard and guard_tree(self.guard, precision)
@@ -297,6 +305,15 @@ class Program:
         if self._adaptive is None:
             return tree
         return adaptive_tree(self._adaptive, tree, precision, self.depth)
+
+    @cached_property
+    def operations(self) -> Operations:
+        """Of a step over the first of the readings, see `Operations`."""
+        if "operations" not in self._rest:
+            dt = np.diff(self._times, prepend=self._times[0])[:COUNTED]
+            samples = np.column_stack([dt, self._readings[:COUNTED]])
+            self._rest["operations"] = measured(self._whole(), samples.tolist())._asdict()
+        return Operations(**self._rest["operations"])
 
     @cached_property
     def notes(self) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def guard_of(tree: Tree) -> Guard:
 class Node(NamedTuple):
     """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`.
 
-    `learner`: element, parameters and state of a node that learns.
+    `learner`: element, parameters and state of a node that learns. `follow`: of an element that has it.
     """
 
     look: Function
@@ -59,6 +59,10 @@ class Node(NamedTuple):
     find: Function
     status: Callable[[], int]
     learner: tuple[Any, Any, Any] | None = None
+    follow: Function | None = None
+
+
+FOR_EVER = 1e30
 
 
 def node_of(
@@ -86,7 +90,8 @@ def node_of(
     if kind in made:
         return made[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
-    return Node(look, move, find, lambda: s.status)
+    follow = _bound(getattr(element, "follow", None), p, s)
+    return Node(look, move, find, lambda: s.status, None, follow)
 
 
 def begun(tree: Tree, states: Iterator[Tree]) -> Tree:
@@ -105,6 +110,8 @@ def parts_of(tree: Tree) -> list[Tree]:
 
 def _made(kind: type, values: dict[str, Any]) -> Any:
     made = kind()
+    if "most" in kind.__annotations__:
+        made.most = FOR_EVER  # files lack it that were written before drifts stopped
     vars(made).update({k: list(v) if isinstance(v, list) else v for k, v in values.items()})
     return made
 
@@ -163,11 +170,13 @@ def _share(element: Any, s: Any, inner: list[Node]) -> Node:
 def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
     # One after the other, as C adds: `sum` compensates its rounding from Python 3.12 on.
     first, rest = parts[0], parts[1:]
+    first_look, looks = first.look, [part.look for part in rest]
+    follows = [part.follow or part.move for part in parts]
 
     def look(whole: Any, dt: float, u: float) -> float:
-        total = first.look(dt, u)
-        for part in rest:
-            total += part.look(dt, u)
+        total = first_look(dt, u)
+        for one in looks:
+            total += one(dt, u)
         return total
 
     def move(dt: float, u: float) -> float:
@@ -178,7 +187,8 @@ def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
 
     def find(dt: float, y: float) -> float:
         u = element.search(look, p, s, None, dt, y)
-        move(dt, u)
+        for follow in follows:
+            follow(dt, u)
         return u
 
     return Node(partial(look, None), move, find, lambda: s.status)

@@ -21,7 +21,7 @@ DECADES = 0.7
 GROWTH = 0.3
 """Error of an estimate after a motion unlike all seen, over that of the best curve without a memory.
 
-`benchmarks._trust.bands` measures 0.15 to 0.5 on rigs whose physics no model contains.
+`benchmarks._trust.bands` measures 0.15 to 0.5 on rigs that no model here is.
 """
 
 FASTER = 5.0

@@ -73,6 +73,19 @@ def qualify(
         float | None,
         typer.Option(help="Samples per second that the compensator must keep up with."),
     ] = None,
+    target: Annotated[
+        str,
+        typer.Option(
+            metavar="c|python",
+            help="What must keep up with --rate: the header, or plain Python here.",
+        ),
+    ] = "c",
+    mhz: Annotated[
+        float | None,
+        typer.Option(
+            help="Clock of the processor that runs the header; an operation is taken for a cycle."
+        ),
+    ] = None,
     guarantee: Annotated[
         float | None,
         typer.Option(
@@ -92,8 +105,8 @@ def qualify(
 
     with Progress("qualify", later=True) as progress:
         found = _qualify.qualify(
-            folder, file, max_error=max_error, rate=rate, guarantee=guarantee, changes=selection,
-            tell=progress,
+            folder, file, max_error=max_error, rate=rate, target=target, mhz=mhz, guarantee=guarantee,
+            changes=selection, tell=progress,
         )  # fmt: skip
     lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
     print_result(found, as_json, lines)

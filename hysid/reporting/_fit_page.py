@@ -12,7 +12,7 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 
-from .._synthetic import is_synthetic
+from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
 from ..intake._command_words import as_words
 from ..intake._selection_options import HELD_OUT

@@ -14,6 +14,7 @@ from identify import excited_cells
 
 from .._compensator import with_compensator
 from .._invert import error_of
+from .._run_in import RunIn
 from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Link, Section, Table, picture
 
@@ -223,7 +224,9 @@ def _beside(case: Case, section: Section) -> None:
     known = learnt_on(error_parameters(band.motions, band.width))
     said = f"Its deviation was learnt {known}. Where the last two turns or the speed are others, it grows."
     if np.isfinite(band.coverage):
-        said += f" 1.645 deviations hold {number(100 * band.coverage)} % of the held-out rows."
+        said += f" 1.645 deviations hold {100 * band.coverage:.3g} % of the held-out rows."
     if band.coverage_before < band.coverage:
-        said += f" It was widened, because before it held {number(100 * band.coverage_before)} %."
+        said += f" It was widened, because before it held {100 * band.coverage_before:.3g} %."
     section.text.append(said)
+    run_in = RunIn.of(found)
+    section.text.append(f"{run_in.sentence(fit.train.time_unit)} That is on the training rows.")

@@ -139,10 +139,10 @@ def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> LoopSums:
     """The sums over the loops of one sequence.
 
     A loop is a pair of successive legs, over the inputs that both pass in rows where `used` holds:
-    pairs with cut ends serve as well. A steady drift of the output is no loop: where a pair returns to its
-    first input and its legs do not meet, a line in time between them is taken out. It is no steeper than
-    the gap beside that end tells too, nor than half of three loops or more are open by: one reading that is
-    off at an end, or a first loop that starts elsewhere, is no drift.
+    pairs with cut ends serve as well. A steady drift of the output is no loop: where half of three loops
+    or more return to their first input and do not meet there, a line in time is taken out that closes them.
+    It is no steeper than the gap beside a loop's own end tells: one reading that is off at an end, a first
+    loop that starts elsewhere, or a single loop that stays open, is no drift.
     """
     return LoopSums.of(_gaps(u, y, used))
 
@@ -179,9 +179,9 @@ def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
         loops.append((a, b, legs, _opened(u, y, (a, b, c), legs)))
     slopes = [slope for *_, slope in loops]
-    usual = [np.median(slopes)] if len(slopes) > 2 else []
+    usual = float(np.median(slopes)) if len(slopes) > 2 else 0.0
     for a, b, legs, slope in loops:
-        chord = _least(slope, *usual)
+        chord = _least(slope, usual)
         legs = [rows[used[rows]] for rows in legs]
         legs = [(u[rows], y[rows] - chord * (rows - a)) for rows in legs]
         if min(len(x) for x, _ in legs) < 2:

@@ -130,21 +130,25 @@ def _compare(fit: FitResult, found: Reasons) -> None:
     better = [(one, worse) for one, worse in paired if worse.value > max(worse.error, least)]
     best, worse = (better or paired)[0]
     unit, other = fit.train.output_unit, best.judged[0]
-    apart = f"{quantity(abs(worse.value), unit, 2)} +- {quantity(worse.error, unit, 2)}"
+    more = other - own  # of all rows: blocks of few rows weigh them differently
+    apart = f"{quantity(abs(more), unit, 2)} +- {quantity(worse.error, unit, 2)}"
     values = {
-        "held_out": tested, "baseline": best.name, "rmse": other, "of_fit": own, "more": -worse.value,
+        "held_out": tested, "baseline": best.name, "rmse": other, "of_fit": own, "more": more,
         "error": worse.error,
     }  # fmt: skip
     # What it gains would be worth a further part of the model, even where it may be chance.
-    if better or (worse.value > least and other**2 <= (1 - LEAST_GAIN) * own**2):
+    if better or (more < -least and other**2 <= (1 - LEAST_GAIN) * own**2):
         of_both = f"{quantity(other, unit, 3)} rms instead of {quantity(own, unit, 3)}"
         text = f"A baseline predicts {where} better: {best.name}, {of_both}, a difference of"
         text += f" {apart}{'' if better else ', which may be chance'}."
         found.cautions.insert(0, Note("baseline-better", text, values))
         return
     text = f"The best baseline on {where}, {best.name}, has {quantity(other, unit, 3)} rms,"
-    more = f" {'more' if worse.value < 0 else 'less'} by {apart}."
-    text += more if abs(worse.value) > least else " as the fit has."
+    text += (
+        f" {'more' if more > 0 else 'less'} by {apart}."
+        if abs(more) > least
+        else " as the fit has."
+    )
     found.facts.append(Note("best-baseline", text, values))
 
 

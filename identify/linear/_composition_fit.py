@@ -8,8 +8,18 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 from hysteresis.preisach import Initial
+from hysteresis.records._change import change
 
-from ..records._folds import Fold, Parts, best_of, earned, held_out_errors, simplest, thinned
+from ..records._folds import (
+    LEAST_GAIN,
+    Fold,
+    Parts,
+    best_of,
+    earned,
+    held_out_errors,
+    simplest,
+    thinned,
+)
 from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
 from ..records._speeds import moves_evenly, usual_speed
@@ -31,8 +41,11 @@ from ._composition_memory import Memory, memory_blocks, memory_of
 from ._cross_validation import (
     ROWS,
     Choice,
+    Equations,
     NormalEquations,
+    averaged,
     jittered,
+    joined,
     normal_equations_of,
     total,
 )
@@ -48,6 +61,9 @@ STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
 
 WEAKEST = 1e-6
 """The weakest of all."""
+
+DRIFT_GAIN = 0.5
+"""What a drift must take away where no equal cycles show a change: elsewhere it explains anything a bit."""
 
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
@@ -254,10 +270,9 @@ class Problem:
         some: tuple[str, ...],
         strength: float,
     ) -> tuple[np.ndarray, np.ndarray]:
-        # A floor may leave no row of a fold above it: then the prior alone speaks, and it is not chosen.
+        # A floor may leave no row of a fold above it: then the prior alone speaks.
         rows = max(normal.rows, 1)
-        H = normal.H[np.ix_(columns, columns)] / rows
-        H += self.whole.of(*some).prior(strength)
+        H = normal.H[np.ix_(columns, columns)] / rows + self.whole.of(*some).prior(strength)
         return jittered(H), normal.b[columns] / rows
 
     def solution(
@@ -325,11 +340,11 @@ class Problem:
             memory, y = (memory.at(taut), y[taut]) if len(taut) < len(here) else (memory, y)
             w = None if self.weights is None else self.weights[here[taut]]
             parts = [
-                _averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
+                averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
                 for place, some in memory.cut(at_once)
             ]
             # Of averages all of a block make one product, because H is larger than they are.
-            for A, right in [_joined(parts)] if together > 1 else parts:
+            for A, right in [joined(parts)] if together > 1 else parts:
                 H += A.T @ A
                 b += A.T @ right
             rows += len(taut)
@@ -362,25 +377,10 @@ class Problem:
 Tried: TypeAlias = Choice[Problem]
 Solved: TypeAlias = tuple[tuple[int, ...], Float[np.ndarray, " unknowns"]]
 """The parts that were fitted, and the unknowns."""
-Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
 
 
 def _weighted(A: np.ndarray, y: np.ndarray, weights: Samples | None, place: slice) -> Equations:
     return (A, y) if weights is None else (A * weights[place, None], y * weights[place])
-
-
-def _averaged(A: np.ndarray, y: np.ndarray, together: int) -> Equations:
-    """The equations of so many neighbours averaged, times the root of their number."""
-    if together == 1:
-        return A, y
-    first = np.arange(0, len(y), together)
-    root = np.sqrt(np.diff(first, append=len(y)))
-    return np.add.reduceat(A, first) / root[:, None], np.add.reduceat(y, first) / root
-
-
-def _joined(parts: list[Equations]) -> Equations:
-    A, y = zip(*parts, strict=True)
-    return np.concatenate(A), np.concatenate(y)
 
 
 def _path(problem: Problem) -> list[Tried]:
@@ -389,11 +389,11 @@ def _path(problem: Problem) -> list[Tried]:
     Parts that joined before it may have stood for what drifts, so they are chosen anew beside it.
     """
     path = _grown([best_prior(problem, (CURVE,))])
-    drifts = [part for part in DRIFTS if part in problem.whole.parts]
-    if not drifts:
+    if not (drifts := [part for part in DRIFTS if part in problem.whole.parts]):
         return path
     drifting = simplest([best_prior(problem, (*path[-1].parts, part)) for part in drifts])
-    if not _better(path[-1], drifting):
+    shown = (found := change(problem.record)) is not None and found.is_sure
+    if not earned(path[-1].blocks, drifting.blocks, LEAST_GAIN if shown else DRIFT_GAIN):
         return path
     again = _grown([path[0], best_prior(problem, (CURVE, drifting.parts[-1]))])
     return again if _better(drifting, again[-1]) else [*path, drifting]

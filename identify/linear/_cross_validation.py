@@ -6,7 +6,7 @@ sum, so that trying a prior strength on held-out parts does not touch the rows a
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,6 +21,10 @@ JITTER = 1e-12
 """Added to the diagonal, over its mean, so that Cholesky's factorisation exists."""
 
 Problem = TypeVar("Problem")
+
+
+Equations: TypeAlias = tuple[Float[np.ndarray, "rows unknowns"], Float[np.ndarray, " rows"]]
+"""The left and the right side of some equations."""
 
 
 class NormalEquations(NamedTuple):
@@ -72,6 +76,21 @@ def jittered(H: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
     """H with a trace of `JITTER`, in place."""
     H[np.diag_indices(len(H))] += JITTER * np.trace(H) / len(H)
     return H
+
+
+def averaged(A: np.ndarray, y: np.ndarray, together: int) -> Equations:
+    """The equations of so many neighbours averaged, times the root of their number."""
+    if together == 1:
+        return A, y
+    first = np.arange(0, len(y), together)
+    root = np.sqrt(np.diff(first, append=len(y)))
+    return np.add.reduceat(A, first) / root[:, None], np.add.reduceat(y, first) / root
+
+
+def joined(parts: list[Equations]) -> Equations:
+    """Of several blocks, one after the other."""
+    A, y = zip(*parts, strict=True)
+    return np.concatenate(A), np.concatenate(y)
 
 
 @dataclass(frozen=True, eq=False)

@@ -299,9 +299,13 @@ LEAST_GAIN = 0.05
 """Share of the squared held-out error that a further part of a model, or fewer rows, must take away."""
 
 
-def earned(before: Float[np.ndarray, " blocks"], after: Float[np.ndarray, " blocks"]) -> bool:
+def earned(
+    before: Float[np.ndarray, " blocks"],
+    after: Float[np.ndarray, " blocks"],
+    least: float = LEAST_GAIN,
+) -> bool:
     """Whether a choice takes away enough of the held-out error, beyond the standard error of that."""
-    gains = after.mean() <= (1 - LEAST_GAIN) * before.mean()
+    gains = after.mean() <= (1 - least) * before.mean()
     return bool(gains) and not as_good(before, after)
 
 

@@ -11,9 +11,9 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     """Two a decade from the sampling step to twice the longest sequence; none without time.
 
     Where one cycle is repeated, only to a sixth of the record: what has not died out, to exp(-3), in its
-    first half cannot be told from a drift, would explain how one run settles, and go on in the next. Where
-    a sequence's first cycles do not count, only to a quarter of a cycle: what lasts longer cannot be told
-    from what those cycles left behind.
+    first half cannot be told from a drift, would explain how one run settles, and go on in the next.
+    Where a sequence's first cycles do not count, only to a quarter of a cycle: what lasts longer cannot be
+    told from what those cycles left behind.
     """
     if record.time is None:
         return ()

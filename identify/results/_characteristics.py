@@ -36,6 +36,12 @@ LEVELS, MARGIN = 33, 0.05
 HELD, HELD_ROWS = 0.02, 8
 """A hold: so many rows in which the input stays within this part of its range."""
 
+LEVEL, SCATTER = 1e-3, 6.0
+"""At its level an input is this close, of its range, or this many median deviations."""
+
+RESTS = 0.05
+"""Of the way that the input goes in the time of a hold where it moves: more is a slow turn."""
+
 ALIKE = 0.5
 """Of the largest change in a hold: holds that change by so much are compared."""
 
@@ -222,18 +228,30 @@ def _relaxation(
 
 
 def _holds(record: Record) -> list[np.ndarray]:
-    """Rows of each stretch in which the input stays where it is."""
-    found = []
+    """Rows of each stretch in which the input stays where it is: a smooth turn is slow, but moves on."""
+    assert record.time is not None
+    found, t = [], record.time
     span = float(np.ptp(record.input[record.mask])) if record.mask.any() else 0.0
     for _, where in record.sequences():
         u = record.input[where]
         if len(u) < HELD_ROWS:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(u, HELD_ROWS)
+        moves, steps = np.abs(np.diff(u)), np.diff(t[where])
+        # Along its path, so that rests do not slow it down.
+        pace = float(np.sum(moves**2 / steps) / moves.sum()) if moves.any() else 0.0
         still = np.flatnonzero(np.ptp(windows, axis=1) <= HELD * span)
         for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-            if len(run) and np.ptp(u[run[0] : run[-1] + HELD_ROWS]) <= HELD * span:
-                found.append(where.start + np.arange(run[0], run[-1] + HELD_ROWS))
+            if not len(run):
+                continue
+            rows = np.arange(run[0], run[-1] + HELD_ROWS)
+            # Where it arrives and leaves it still moves: from the first row at the level to the last.
+            away = np.abs(u[rows] - np.median(u[rows]))
+            at = np.flatnonzero(away <= max(SCATTER * np.median(away), LEVEL * span))
+            rows = rows[at[0] : at[-1] + 1]
+            moved = np.ptp(u[rows])
+            if moved <= HELD * span and moved <= RESTS * pace * np.ptp(t[where][rows]):
+                found.append(where.start + rows)
     return found
 
 

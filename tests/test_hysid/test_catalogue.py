@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 import typer
 
-from hysid._synthetic import SYNTHETIC
 from hysid.catalogue._catalogue import SHIPPED, catalogue
+from hysid.catalogue._synthetic import SYNTHETIC
 from hysid.cli._app import app
 from hysid.cli._config_file import read_config
 from tests.test_hysid.command import Result, refused, run

@@ -16,19 +16,14 @@ def record_of(force: np.ndarray, x: np.ndarray, t: np.ndarray, turned: bool = Fa
 
 
 def rig(hold: float = 0.0, softer: float = 0.0, drift: float = 0.0) -> tuple[np.ndarray, ...]:
-    """Triangles of 2 mm: 2.5 N/mm with branches 0.8 N apart, then a hold in which 1 N relaxes."""
-    x, force = [], []
-    up = np.linspace(0, 2, ROWS // 2, endpoint=False)
-    for k in range(CYCLES):
-        stiff = STIFFNESS * (1 - softer * k / (CYCLES - 1))
-        x += [up, 2 - up]
-        force += [stiff * up + WIDTH / 2, stiff * (2 - up) - WIDTH / 2]
-        force[-2:] = [part + drift * k / (CYCLES - 1) for part in force[-2:]]
+    """Round loops of 2 mm: 2.5 N/mm with branches 0.8 N apart, then a hold in which 1 N relaxes."""
+    k, angle = np.divmod(np.arange(CYCLES * ROWS + 1), ROWS)
+    angle = 2 * np.pi * angle / ROWS
+    x, gone = 1 - np.cos(angle), np.minimum(k, CYCLES - 1) / (CYCLES - 1)
+    force = STIFFNESS * (1 - softer * gone) * x + 2 * WIDTH / np.pi * np.sin(angle) + drift * gone
     if hold:
         t = np.arange(0, hold, 0.05)
-        x.append(np.full(len(t), x[-1][-1]))
-        force.append(1 + np.exp(-t / TAU))
-    x, force = np.concatenate(x), np.concatenate(force)
+        x, force = np.append(x, np.full(len(t), x[-1])), np.append(force, np.exp(-t / TAU) - 1)
     return x, force, 0.05 * np.arange(len(x))
 
 
@@ -40,25 +35,26 @@ def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Character
 def test_figures_of_a_known_loop():
     x, force, t = rig(softer=0.1, drift=0.3)
     found = told(record_of(force, x, t))
-    # Branches that do not meet are joined by one step at either end, and a drift is spread over a loop.
     assert found["stiffness"].value == pytest.approx(0.95 * STIFFNESS, rel=0.02)
-    assert found["loop width"].value == pytest.approx(WIDTH, rel=0.06)
-    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.06)
-    assert found["energy a cycle"].unit == "N * mm"
     assert found["softening"].value == pytest.approx(10, abs=0.5)
     assert found["zero drift"].value == pytest.approx(0.3, abs=0.02)
     errors = [one.error for one in found.values() if one.value is not None]
     assert errors == pytest.approx([0.0] * 5, abs=1e-9)
+    x, force, t = rig()
+    found = told(record_of(force, x, t))
+    assert found["loop width"].value == pytest.approx(WIDTH, rel=0.02)
+    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.02)
+    assert found["energy a cycle"].unit == "N * mm"
     x, force, t = rig(hold=30.0)
-    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.05)
+    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.1)
 
 
 def test_stiffness_is_load_over_deformation_whichever_is_the_input():
     x, force, t = rig()
     for turned in (False, True):
         found = told(record_of(force, x, t, turned))
-        # Along the force such a step covers a sixth of the range.
-        assert found["stiffness"].value == pytest.approx(STIFFNESS, rel=0.04 if turned else 0.01)
+        # The middle of a round loop is another line along the other axis.
+        assert found["stiffness"].value == pytest.approx(STIFFNESS, rel=0.05)
         assert found["stiffness"].unit == "N / mm"
     plain = Record.from_arrays(x, force, t)
     assert "slope" in told(plain)

@@ -290,7 +290,7 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
             ("The clock is uneven (dt 200 ms to 1.4 s)",),
         ),
         (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
-        (SWAPPED, ("Loops create energy (-", "N mm a cycle", "columns swapped", "exchange --input")),
+        (SWAPPED, ("Loops create energy (-", "N mm a loop", "columns swapped", "exchange --input")),
         (TURNED, ("Loops create energy (-", "the sign of one column is turned? If so, turn it",)),
         (
             CLIPPED_X,
@@ -378,7 +378,7 @@ def test_single_precision_is_refused_by_the_fit():
     # All of a fit can be had in it, the search for the kind of noise among it.
     options = ("--model", "LinearSponge", "--starts", 2, "--out", "out", "--allow-float32")
     found = run("fit", "run.csv", *COLUMNS, *options, "--json").json()
-    assert found["parameters"][0]["value"] == pytest.approx(1.3178, rel=1e-4)
+    assert found["parameters"][0]["value"] == pytest.approx(1.3213, rel=1e-4)
 
 
 @pytest.mark.parametrize(

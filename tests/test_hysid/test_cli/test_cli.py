@@ -28,7 +28,7 @@ CANDIDATE = {
     "model": str,
     "parameters": [PARAMETER],
     "metrics": {"train": METRICS, "test": METRICS},
-    "verdict": {"level": str, "reasons": [{"code": str, "text": str}]},
+    "verdict": {"level": str, "reasons": [{"code": str, "text": str, "values": dict}]},
 }
 FIT = CANDIDATE | {
     "schema": int,

@@ -1,0 +1,77 @@
+"""Cycles of one kind tell how a specimen changes; a zero that moves far is told before anything else."""
+
+import numpy as np
+import pytest
+
+import hysid
+from hysteresis import InputError, Record
+from hysteresis.records._change import change
+from hysteresis.records._cycles import loop_sums
+from hysteresis.records._excitation import check_identifiable
+from hysteresis.records._turned import turned
+
+
+def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:
+    """A loop of 1 N over 10 mm whose zero moves at a steady rate."""
+    t = np.linspace(0, cycles, 60 * cycles + 1)
+    u = 5 - 5 * np.cos(2 * np.pi * t)
+    y = u + 0.5 * np.sin(2 * np.pi * t) + per_cycle * t
+    y += np.random.default_rng(0).normal(0, noise, len(t))
+    return Record.from_arrays(u, y, t, input_unit="mm", output_unit="N", output_name="force")
+
+
+@pytest.mark.parametrize("per_cycle", [0.05, -0.2])
+def test_the_rate_is_the_drift_and_its_error_covers_it(per_cycle: float):
+    found = change(cycled(per_cycle))
+    assert found is not None
+    assert found.is_sure
+    assert abs(found.rate - per_cycle) < 4 * found.error
+    assert found.moved == pytest.approx(7 * per_cycle, rel=0.05)
+    assert (found.first, found.last) == (1, 8)
+
+
+def test_no_change_is_seen_where_there_is_none_or_nothing_is_repeated():
+    still = change(cycled(0.0))
+    assert still is not None
+    assert not still.is_sure
+    u = np.concatenate([a * (1 - np.abs(np.linspace(-1, 1, 41))) for a in (1, 2, 3, 4, 5)])
+    assert change(Record.from_arrays(u, u)) is None
+
+
+def test_a_zero_that_moves_far_is_told_first():
+    (first, *_) = check_identifiable(cycled(0.3))
+    assert first.code == "zero-moves"
+    assert first.values["moved"] == pytest.approx(2.1, rel=0.05)
+    assert all(note.code != "zero-moves" for note in check_identifiable(cycled(0.05)))
+
+
+def test_one_reading_off_and_a_first_loop_that_starts_elsewhere_open_no_loop():
+    """A lozenge 1 wide: a steady drift is taken out of it, one reading at an end is not spread."""
+    way = np.linspace(0, 10, 51)
+    u = np.concatenate([[0.0], *[np.r_[way[1:], way[-2::-1]] for _ in range(4)]])
+    rising = np.r_[True, np.diff(u) > 0]
+    y = u + np.where(rising, -0.5, 0.5) * np.minimum(1, np.minimum(u, 10 - u))
+    used = np.ones(len(u), bool)
+    exact = loop_sums(u, y, used).width
+    assert loop_sums(u, y + 0.001 * np.arange(len(u)), used).width == pytest.approx(exact, rel=0.01)
+    off = y.copy()
+    off[0] -= 2
+    assert loop_sums(u, off, used).width == pytest.approx(exact, rel=0.02)
+    virgin = y + np.where(np.arange(len(u)) < 20, 0.5 * np.exp(-u), 0)
+    assert loop_sums(u, virgin, used).width == pytest.approx(exact, rel=0.03)
+
+
+def test_a_sign_is_turned_and_said():
+    record = cycled(0.0)
+    back = turned(record, "force")
+    np.testing.assert_array_equal(back.output, -record.output)
+    np.testing.assert_array_equal(back.input, record.input)
+    assert "Turned the sign of 'force'." in back.history
+    with pytest.raises(InputError, match="'torque' is not used"):
+        turned(record, ["torque"])
+    columns = {"x (mm)": record.input, "F (N)": record.output}
+    fit = hysid.fit(
+        columns, input="x (mm)", output="F (N)", turn="F (N)", model="LinearSponge",
+        noise="gaussian", starts=1,
+    )  # fmt: skip
+    np.testing.assert_array_equal(fit.train.output, -record.output)

@@ -1,0 +1,96 @@
+"""What one run shows of its own course explains its rows, and is in no model of the next run."""
+
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from hysteresis import AbstractModel, Burgers, CyclicDrift, Record, TimeDrift
+from identify import FitResult, fit
+from identify.results._detail import Composition
+
+PERIOD = 10.0
+
+
+def drifting(size: float = 0.3, cycles: int = 12) -> Record:
+    """A loop that lags, whose stiffness and zero move with the logarithm of the cycles."""
+    t = np.linspace(0, cycles * PERIOD, 50 * cycles + 1)
+    u = 5 - 5 * np.cos(2 * np.pi * t / PERIOD)
+    moved = size * np.log1p(t / PERIOD) * (0.5 + 0.05 * u)
+    y = 0.4 * u + 0.02 * u**2 + 0.3 * np.sin(2 * np.pi * t / PERIOD) + moved
+    y += 0.01 * np.random.default_rng(0).normal(size=len(t))
+    return Record.from_arrays(u, y, t, input_unit="mm", output_unit="N")
+
+
+def drifts(model: AbstractModel) -> list[Any]:
+    kinds = CyclicDrift | TimeDrift
+    parts = jax.tree_util.tree_leaves(model, is_leaf=lambda x: isinstance(x, kinds))
+    return [part for part in parts if isinstance(part, kinds)]
+
+
+@pytest.fixture(scope="module")
+def fits() -> dict[str, FitResult]:
+    record = drifting()
+    return {way: fit(record, "Composition", test_cycles=1, drift=way) for way in ("auto", "keep")}
+
+
+def test_a_drift_is_in_no_model_of_new_runs_unless_it_is_kept(fits: dict[str, FitResult]):
+    assert not drifts(fits["auto"].model)
+    assert "drift" not in fits["auto"].name
+    (kept,) = drifts(fits["keep"].model)
+    assert np.isfinite(kept.most)
+    # It stops at its last value: ten runs on, nothing drifts from cycle to cycle.
+    u = np.tile(drifting().input[:-1], 10)
+    t = 0.2 * np.arange(len(u))
+    late = np.asarray(fits["keep"].model.simulate(t, u))[-100:].reshape(2, 50)
+    np.testing.assert_allclose(late[0], late[1], atol=1e-6)
+
+
+def test_the_verdict_tells_the_change_with_its_error(fits: dict[str, FitResult]):
+    found = fits["auto"]
+    (note,) = [r for r in found.verdict.reasons if getattr(r, "code", "") == "drift"]
+    k = np.arange(6, 11)
+    true = np.polyfit(k, 0.3 * 0.75 * np.log1p(k + 0.5), 1)[0]
+    assert note.values["rate"] == pytest.approx(true, rel=0.15)
+    assert note.values["hourly"] == pytest.approx(note.values["rate"] * 3600 / PERIOD, rel=0.03)
+    assert 0 < note.values["error"] < 0.3 * true
+
+
+def test_the_model_is_of_the_last_state(fits: dict[str, FitResult]):
+    """The held-out cycle is as far from it as a cycle drifts, and the mean one many times that."""
+    found = fits["auto"]
+    test, train = found.metrics["test"], found.metrics["train"]
+    assert isinstance(found.detail, Composition)
+    assert test is not None
+    assert train is not None
+    assert test.rmse < 0.05
+    assert train.rmse > 2 * test.rmse
+
+
+def test_a_named_model_of_equal_cycles_has_all_rows():
+    """Creep is what Burgers is for: it is not taken for a sample that settles."""
+    truth = Burgers(2.0, 60.0, 1.5, 3.0, 0.1)
+    t = np.linspace(0, 80, 801)
+    u = 5 - 5 * np.cos(2 * np.pi * t / PERIOD)
+    y = np.asarray(truth.simulate(t, u))
+    y = y + 0.02 * np.random.default_rng(0).normal(size=len(t))
+    found = fit(Record.from_arrays(u, y, t), "Burgers", test_cycles=1, noise="gaussian", starts=4)
+    np.testing.assert_array_equal(found.used, found.train.mask)
+    assert {p.name: p.value for p in found.parameters}["E1"] == pytest.approx(2.0, rel=0.02)
+    assert np.sqrt(np.mean((found.predict(found.train) - y) ** 2)) < 0.022
+
+
+def test_rows_left_out_are_earned_told_and_never_the_baselines():
+    """A first cycle that is like no other one."""
+    record = drifting(0.0, 5)
+    soft = np.where(record.cycle == 1, 0.5, 0.0) * record.input
+    record = Record.from_arrays(record.input, record.output + soft, record.time)
+    each = {way: fit(record, "LinearSponge", test_cycles=1, conditioning=way, noise="gaussian",
+                     starts=2) for way in ("auto", "keep")}  # fmt: skip
+    (note,) = [r for r in each["auto"].verdict.reasons if getattr(r, "code", "") == "settling"]
+    left = each["auto"].train.mask & ~each["auto"].used
+    assert note.values["rows"] == left.sum() == (record.cycle == 1).sum()
+    assert "settling" not in each["keep"].verdict.codes
+    for one, other in zip(each["auto"].baselines, each["keep"].baselines, strict=True):
+        assert one.judged == other.judged
