@@ -227,8 +227,7 @@ class Problem:
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
     def _reached(self, which: tuple[int, ...], whole: CompositionUnknowns) -> tuple[float, float]:
-        """The path and time at which a drift that these parts show has stopped: the end of a single run,
-        and the middle of several that begin anew, of which one that is kept goes on to the longest."""
+        """Path and time at which what drifts in these parts stopped: the end, of several runs the middle."""
         rows = np.isin(self.label, which)
         end = np.median if self.several and not whole.keeps_drift else np.max
         return float(end(self.memory.path[rows])), float(end(self.memory.elapsed[rows]))
@@ -242,8 +241,7 @@ class Problem:
     ) -> "Problem":
         """The same, its input half mapped by the static curve of a choice, which keeps its range; the curve
         is fitted to the parts `which`, all by default."""
-        which = self.parts.fitted if which is None else which
-        unknowns = self.solution(which, choice.parts, choice.strength)
+        unknowns = self.solution(which or self.parts.fitted, choice.parts, choice.strength)
         meaning, increments = self.whole, unknowns[1 : 1 + CELLS[CURVE]]
         even = np.full(CELLS[CURVE], 1 / CELLS[CURVE])
         half = (even + increments / max(increments.sum(), 1e-12)) / 2
