@@ -44,7 +44,8 @@ def fit(
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
     - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
       (`test_cycles`, `noise`, `parameters`, `purpose`, ...). With `purpose="compensate"` the compensator is
-      tried too, and the verdict is FAIL where a straight line is better.
+      tried too, and the verdict is FAIL where a straight line is better, CAUTION where only a cubic for
+      either way of the output is.
 
     **Returns:** the `FitResult`.
 

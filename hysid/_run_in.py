@@ -30,6 +30,12 @@ class RunIn(NamedTuple):
             "start": self.start,
         }
 
+    @classmethod
+    def of(cls, document: dict[str, Any]) -> "RunIn":
+        """From `fit.json`."""
+        after = document["ok_after"]
+        return cls(document["ok_share"], after["cycles"], after["time"], document["start"])
+
     def sentence(self, time_unit: str) -> str:
         """When the compensator is OK, and for how much of the record."""
         of_rows = f"Switched on at the first row, {100 * self.share:.3g} % of the estimates are OK"

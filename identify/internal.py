@@ -8,12 +8,14 @@ they may change with any release.
   `to_json`, `posterior_json`, `versions`.
 - Units: `check_unit`.
 - Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
+- Simple inverses, with which a compensator is compared: `backwards`.
 - The models of a fit without each cycle of its rows: `models_without_groups`.
 - Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`, `told_by_the_change`, `way_of`.
 """
 
 from hysteresis._format import plain
 
+from .baselines._backwards import backwards
 from .files._fit_folder import read_document, read_fit, residuals_of_all, to_json, write_fit
 from .files._posterior import posterior_json
 from .files._several_fits import replace_fits
@@ -27,6 +29,7 @@ from .storage._json import check_free, read_json, write_json
 from .storage._provenance import versions
 
 __all__ = [
+    "backwards",
     "block_errors",
     "check_free",
     "check_unedited",

@@ -79,7 +79,7 @@ def _grid() -> Record:
 def _ok_share(fit: identify.FitResult) -> float:
     """Of the exported file over the record it was made of, after the first full cycle of each sequence."""
     with tempfile.TemporaryDirectory() as folder:
-        fit.save(Path(folder) / "fit")
+        identify.save(fit, Path(folder) / "fit")
         export(Path(folder) / "fit", {"runtime": Path(folder) / "it.json"})
         it = runtime.load(Path(folder) / "it.json")
     record, ok = fit.train, []

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from ._contact import Contact
 from ._solver import ContactSolver
-from ._wrench import WristSensor
+from ._wrench import AT_REST, Motion, WristSensor
 
 
 class Armor(eqx.Module):
@@ -23,10 +23,15 @@ class Armor(eqx.Module):
     sensor: WristSensor
     solver: ContactSolver
 
-    def solve(self, readings: ArrayLike) -> Contact:
-        """The contacts behind readings (..., 6), each by itself: no history of sensor or cover."""
-        return self.solver.solve(*self.sensor.read(readings))
+    def solve(self, readings: ArrayLike, motion: Motion = AT_REST) -> Contact:
+        """The contacts behind readings (..., 6), each by itself: no history of sensor or cover.
 
-    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Contact:
+        `motion`: of the shell, whose weight and inertia the sensor feels.
+        """
+        return self.solver.solve(*self.sensor.read(readings, motion))
+
+    def simulate(
+        self, t: ArrayLike | None, readings: ArrayLike, motion: Motion = AT_REST
+    ) -> Contact:
         """The contacts of a stream of readings (samples, 6), with the sensor's and the cover's history."""
-        return self.solver.simulate(t, *self.sensor.simulate(t, readings))
+        return self.solver.simulate(t, *self.sensor.simulate(t, readings, motion))

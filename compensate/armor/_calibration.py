@@ -14,7 +14,7 @@ from hysteresis import InputError, Scalar, parameter
 
 from ._armor import Armor
 from ._faces import dots
-from ._wrench import Slip, combined_axes
+from ._wrench import AT_REST, Slip, combined_axes
 
 MATRIX, HYSTERESIS = 0.03, 0.01
 """Prior deviation of an entry of the matrix, and the hysteresis of the data sheet, of full scale."""
@@ -34,6 +34,8 @@ class Presses(eqx.Module):
       points inwards.
     - `touched` (presses, 3), m: P^i, on the undeformed surface. `surface` (presses,): its number, from 1.
     - `displacement` (presses, samples), m: d_n, where it was measured; None where not.
+    - `gravity` (presses, samples, 3), m/s^2: in the shell's axes, where poses differ, for a sensor whose
+      mass is known; by default down the shell's z.
 
     Raises `InputError` where shapes do not agree, a number is not finite, or a direction is not of
     length 1.
@@ -46,6 +48,7 @@ class Presses(eqx.Module):
     touched: Float[Array, "*presses 3"]
     surface: Int[Array, "*presses"]
     displacement: Float[Array, "*presses samples"] | None = None
+    gravity: Float[Array, "*presses samples 3"] | None = None
 
     def __init__(
         self,
@@ -56,6 +59,7 @@ class Presses(eqx.Module):
         touched: ArrayLike,
         surface: ArrayLike,
         displacement: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ):
         force = np.asarray(force, float)
         if force.ndim != 2:
@@ -67,6 +71,8 @@ class Presses(eqx.Module):
         }  # fmt: skip
         if displacement is not None:
             shapes["displacement"] = (displacement, (presses, samples))
+        if gravity is not None:
+            shapes["gravity"] = (gravity, (presses, samples, 3))
         for name, (given, shape) in shapes.items():
             if np.shape(given) != shape:
                 raise _fault(f"{name} has the shape {np.shape(given)}.", f"give {shape}.")
@@ -79,6 +85,7 @@ class Presses(eqx.Module):
         self.direction, self.touched = jnp.asarray(direction, float), jnp.asarray(touched, float)
         self.surface = jnp.asarray(surface)
         self.displacement = None if displacement is None else jnp.asarray(displacement, float)
+        self.gravity = None if gravity is None else jnp.asarray(gravity, float)
 
 
 def planned_presses(
@@ -291,7 +298,8 @@ def missed_of(armor: Armor, press: Presses) -> Missed:
     offset = armor.solver.shape.faces().offset[press.surface - 1]
     modelled = _modelled(armor, press, normal)
     measured = press.displacement
-    found = armor.sensor.simulate(press.time, press.readings)
+    motion = AT_REST if press.gravity is None else AT_REST._replace(gravity=press.gravity)
+    found = armor.sensor.simulate(press.time, press.readings, motion)
     load = _load(press, normal, modelled if measured is None else measured)
     wrench = jnp.concatenate([found.force - load[0], found.moment - load[1]], axis=1)
     told = press.force >= armor.solver.threshold

@@ -28,6 +28,9 @@ from ._fields import AbstractField, Uniform, as_field
 HARD_PUSH = 20.0
 """N, the paper's largest force: what a cover gives way under it tells its unit."""
 
+LINEAR = 25.0
+"""N, up to which the paper measured its sponges as lines: beyond, a line that was typed in is a guess."""
+
 LATER = 60.0
 """s, after which a cover under a constant force is looked at again."""
 
@@ -53,8 +56,9 @@ class Cover(eqx.Module):
       where a hard push of 20 N makes less than 0.1 mm, which are metres.
     - `thickness`, m: of the cover, beyond which no displacement is possible.
 
-    A contact whose force is beyond those of the fit (`trained` of the model), whose displacement is beyond
-    them or beyond the thickness, or that a guarded compensator calls so, is EXTRAPOLATED.
+    A contact whose force is beyond those of the fit (`trained` of the model; 25 N for a `LinearSponge` that
+    was typed in, the end of the paper's linear range), whose displacement is beyond them or beyond the
+    thickness, or that a guarded compensator calls so, is EXTRAPOLATED.
 
     Raises `InputError` `no-unit` for a material of which nothing tells the units, `wrong-unit` for units
     that contradict those given or cannot be right, `unknown-unit`, and `wrong-direction` for a material
@@ -122,10 +126,17 @@ class Cover(eqx.Module):
         beyond = jnp.zeros_like(force, bool)
         if isinstance(self.compensator, AbstractCompensator):
             beyond, found = found.status == int(Status.EXTRAPOLATED), found.value
-        if (most := most_of(self.compensator)) is not None:
+        if (most := self.known_to()) is not None:
             is_inverse = isinstance(self.compensator, AbstractCompensator)
             beyond = beyond | ((found if is_inverse else own) > most)
         return state, of_length * found, beyond
+
+    def known_to(self) -> Array | None:
+        """The greatest force that the material is known for, of an inverse the displacement; its units."""
+        most = most_of(self.compensator)
+        if most is None and isinstance(self.compensator, LinearSponge):
+            return jnp.asarray(LINEAR * self.scales[0])
+        return most
 
     def displacement(
         self,

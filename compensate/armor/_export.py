@@ -16,10 +16,10 @@ from ..export._element_tree import program_of
 from ..export._precision import require_double
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
-from ._cover import Cover, most_of
+from ._cover import Cover
 from ._fields import AbstractField, Bumps, Grid, Uniform
 from ._solver import TURNS, ContactSolver
-from ._wrench import WristSensor
+from ._wrench import AT_REST, WristSensor
 
 MOST_FACES = 256
 """Plain Python looks at every face: more of them take longer than a control loop has."""
@@ -89,7 +89,7 @@ def _cover(cover: Cover, model: AbstractModel | None, surfaces: int) -> dict[str
     exported: Any = model if is_inverse else material
     tree = None if exported is None else program_of(exported)
     of_force, of_length, of_time = (1.0, 1.0, 1.0) if cover.is_rigid else cover.scales
-    most = most_of(material)
+    most = cover.known_to()
     return {
         "tree": tree, "inverse": is_inverse, "scale": of_length, "force_scale": of_force,
         "time_scale": of_time, "thickness": number(cover.thickness),
@@ -146,6 +146,8 @@ def _sensor(sensor: WristSensor) -> dict[str, Any]:
         "range": [number(end) for end in np.asarray(sensor.range)],
         "time_constant": float(sensor.time_constant),
         "hysteresis": [program_of(model) for model in sensor.hysteresis or ()],
+        "mass": float(sensor.mass), "centre": sensor.centre.tolist(), "inertia": sensor.inertia.tolist(),
+        "gravity": list(AT_REST.gravity),
     }  # fmt: skip
 
 

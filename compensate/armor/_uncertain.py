@@ -15,6 +15,7 @@ from hysteresis._type_variables import PyTree
 from ..runtime._contact_status import ContactStatus
 from ._armor import Armor
 from ._contact import Contact
+from ._wrench import AT_REST, Motion
 
 FRICTION = 0.5
 """Coefficient that a load is expected to need, as a deviation of tan(angle between F and n)."""
@@ -87,16 +88,21 @@ class UncertainArmor(eqx.Module):
     scatter: Scalar = parameter(0.0, unit="m", fixed=True)
     seed: int = eqx.field(default=0, static=True)
 
-    def solve(self, readings: ArrayLike) -> UncertainContact:
+    def solve(self, readings: ArrayLike, motion: Motion = AT_REST) -> UncertainContact:
         """The contacts behind readings (..., 6), each by itself, as `Armor.solve`."""
         readings = jnp.asarray(readings, float)
-        return UncertainContact(self.armor.solve(readings), _spread(self, None, readings))
+        motion = motion.of(readings[..., :3])
+        found = self.armor.solve(readings, motion)
+        return UncertainContact(found, _spread(self, None, readings, motion))
 
-    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> UncertainContact:
+    def simulate(
+        self, t: ArrayLike | None, readings: ArrayLike, motion: Motion = AT_REST
+    ) -> UncertainContact:
         """The contacts of a stream of readings (samples, 6), with history, as `Armor.simulate`."""
         readings = jnp.asarray(readings, float)
-        t = jnp.asarray(t, readings.dtype)
-        return UncertainContact(self.armor.simulate(t, readings), _spread(self, t, readings))
+        t, motion = jnp.asarray(t, readings.dtype), motion.of(readings[..., :3])
+        found = self.armor.simulate(t, readings, motion)
+        return UncertainContact(found, _spread(self, t, readings, motion))
 
     def alternatives(self, reading: ArrayLike, friction: float = FRICTION) -> list[Alternative]:
         """All that one reading (6,) may mean, the most probable first; nothing where nothing is touched.
@@ -129,14 +135,14 @@ class UncertainArmor(eqx.Module):
 
 
 @eqx.filter_jit
-def _spread(uncertain: UncertainArmor, t: Array | None, readings: Array) -> Contact:
+def _spread(uncertain: UncertainArmor, t: Array | None, readings: Array, motion: Motion) -> Contact:
     def one(armor: Armor, key: Key[Array, ""]) -> Contact:
         of_noise, of_scatter = jax.random.split(key)
         noise = uncertain.noise * jax.random.normal(of_noise, (6,), readings.dtype)
         seen = readings + jnp.broadcast_to(noise, readings.shape)
         deeper = uncertain.scatter * jax.random.normal(of_scatter, ())
-        contact = armor.solve(seen) if t is None else armor.simulate(t, seen)
-        force = armor.sensor.read(seen).force
+        contact = armor.solve(seen, motion) if t is None else armor.simulate(t, seen, motion)
+        force = armor.sensor.read(seen, motion).force
         along = jnp.where(contact.normal_force > 0, contact.normal_force, jnp.inf)
         ahead = force / along[..., None]
         return contact._replace(

@@ -46,6 +46,11 @@ class Motion(NamedTuple):
     velocity: Any = 0.0
     angular_acceleration: Any = 0.0
 
+    def of(self, force: Float[Array, "*samples 3"]) -> "Motion":
+        """One for each of some forces."""
+        each = (jnp.asarray(v, force.dtype) for v in self)
+        return Motion(*(jnp.broadcast_to(v, force.shape) for v in each))
+
 
 AT_REST = Motion()
 
@@ -314,10 +319,12 @@ class WristSensor(eqx.Module):
         doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
         return after, Wrench(told[:3], told[3:], doubt)
 
-    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Wrench:
-        """`step` over all readings (samples, 6), at rest."""
+    def simulate(
+        self, t: ArrayLike | None, readings: ArrayLike, motion: Motion = AT_REST
+    ) -> Wrench:
+        """`step` over all readings (samples, 6); each of `motion` is (samples, 3), or one for all."""
         readings = self._readings(readings)
-        return _scan(self, jnp.asarray(t, readings.dtype), readings)
+        return _scan(self, jnp.asarray(t, readings.dtype), readings, motion.of(readings[..., :3]))
 
     def reading_of(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "*samples 6"]:
         """The readings at rest that loads (..., 3) make: `read` run backwards."""
@@ -381,8 +388,7 @@ class WristSensor(eqx.Module):
         rotation = self.turned().T
         force, moment = sound[..., :3] @ rotation, sound[..., 3:] @ rotation
         moment = moment + jnp.cross(_along(self.offset, force), force)
-        given = (jnp.asarray(v, force.dtype) for v in motion)
-        acceleration, gravity, velocity, spin = (jnp.broadcast_to(v, force.shape) for v in given)
+        acceleration, gravity, velocity, spin = motion.of(force)
         centre, inertia = _along(self.centre, force), self.inertia.T
         middle = acceleration + jnp.cross(spin, centre)
         middle = middle + jnp.cross(velocity, jnp.cross(velocity, centre))
@@ -396,10 +402,9 @@ class WristSensor(eqx.Module):
 
 
 @eqx.filter_jit
-def _scan(sensor: WristSensor, t: Array, readings: Array) -> Wrench:
-    return jax.lax.scan(lambda state, now: sensor.step(state, *now), sensor.init(), (t, readings))[
-        1
-    ]
+def _scan(sensor: WristSensor, t: Array, readings: Array, motion: Motion) -> Wrench:
+    samples = t, readings, motion
+    return jax.lax.scan(lambda state, now: sensor.step(state, *now), sensor.init(), samples)[1]
 
 
 def _side_by_side(models: tuple[AbstractModel, ...]) -> AbstractModel | None:

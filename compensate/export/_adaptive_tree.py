@@ -4,7 +4,7 @@ import numpy as np
 
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING
 from ..recalibration._adaptive import AdaptiveCompensator
-from ._element_tree import is_search, tree_of
+from ._element_tree import is_search, precisions, tree_of
 from ._node import Tree, node
 
 
@@ -20,7 +20,7 @@ def adaptive_tree(
     return node(
         "adaptive",
         {
-            "low": own.low, "high": own.high, "rounding": ROUNDING * eps, "finest": 2 * eps * reach,
+            "low": own.low, "high": own.high, "rounding": ROUNDING * eps, **precisions(eps, reach),
             "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(own.parts), "sign": own.sign,
             "floored": own.floored,
             "zero": p.zero, "centres": own.centres, "nominal": p.nominal, "least": p.least,
@@ -29,8 +29,8 @@ def adaptive_tree(
             "error": p.error,
         },
         {
-            "value": own.low, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0, "idle": 0.0,
-            "used": begin.used, "theta": begin.theta, "covariance": begin.covariance,
+            "value": own.low, "slope": 0.0, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0,
+            "idle": 0.0, "used": begin.used, "theta": begin.theta, "covariance": begin.covariance,
             "before": begin.before, "run": 0.0, "common": 0.0, "apart": 0.0,
             "evidence": 0.0, "excess": 0.0,
             "possible": 0.0, "settled": 0.0, "loss": begin.loss, "residual": 1.0, "changes": 0,

@@ -1,6 +1,5 @@
 """A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
 
-import ctypes
 from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
@@ -10,6 +9,7 @@ from ..runtime._status import Status
 from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
+from ._c99_state import size_of, state_in_c
 from ._cost import cost
 from ._header_facts import (
     HEAD,
@@ -17,8 +17,10 @@ from ._header_facts import (
     clock,
     condition,
     facts,
+    motions,
     origin,
     quantity,
+    spent,
     tables,
     trained,
 )
@@ -26,6 +28,9 @@ from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
+
+AROUND = 60
+"""Operations of a step around its nodes."""
 
 
 class _Part(NamedTuple):
@@ -70,7 +75,14 @@ class _Header:
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.tree),
-            self._state(),
+            state_in_c(
+                self.parts,
+                self.elements,
+                self.stem,
+                self._number(self.document["start"], "real"),
+                self._list,
+                self._number,
+            ),
             *(self._functions(part) for part in self.parts),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
@@ -84,20 +96,25 @@ class _Header:
         d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
         low, high = d["limits"]
-        whole = self.root, self.error, self.guard, *self.others
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN",
+            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
-            real="float" if self.single else "double", state=self._size(),
+            real="float" if self.single else "double",
+            state=size_of(self.parts, self.elements, self.single),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
-            operations=f"{sum(p.cost['find'] for p in whole if p) + 60:,}",
+            bound=f"{self._bound():,}", operations=spent(d),
             trained=trained(d, self.stem), origin=origin(d),
             held="condition, " if self.condition else "", condition=condition(d, self.stem),
         )  # fmt: skip
+
+    def _bound(self) -> int:
+        """Operations of a step, at most."""
+        whole = self.root, self.error, self.guard, *self.others
+        return sum(p.cost["find"] for p in whole if p) + AROUND
 
     # Elements and their constants
 
@@ -166,61 +183,6 @@ class _Header:
         own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
         return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
-    # The state
-
-    def _state(self) -> str:
-        fields, values = [], []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            if kind == "series":
-                fields.append(f"    struct {{ int status; }} n{part.number};")
-                values.append("        {0}")
-                continue
-            home = self.elements[kind]
-            fields.append(f"    {home.prefix}_state n{part.number};")
-            given = [
-                self._list(value) if t == "Reals" else self._number(value, t)
-                for k, t in home.structures["State"].items()
-                for value in [part.tree["state"][k]]
-            ]  # fmt: skip
-            values.append("        {" + ", ".join(given) + "}")
-        stem = self.stem
-        fields += [f"    {self.real} {name};" for name in ("estimate", "deviation", "waited")]
-        fields.append("    int begun;")
-        start, zero = (self._number(v, "real") for v in (self.document["start"], 0.0))
-        values += [f"        {value}" for value in (start, f"({self.real})NAN", zero, "0")]
-        body = ",\n".join(values)
-        return "\n".join(
-            [
-                comment("Everything that changes; the caller keeps it.", ""),
-                "typedef struct {", *fields, f"}} {stem}_state;", "",
-                f"static inline void {stem}_reset({stem}_state *s)", "{",
-                f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
-                f"    {stem.upper()}_COPY(s, &initial);", "}",
-            ]
-        )  # fmt: skip
-
-    def _size(self) -> int:
-        """sizeof, by the rules that C compilers share."""
-        real = ctypes.c_float if self.single else ctypes.c_double
-        members: list[tuple[str, Any]] = []
-        for part in self.parts:
-            kind = part.tree["kind"]
-            fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
-            if kind != "series":
-                same = [p.tree["state"] for p in self.parts if p.tree["kind"] == kind]
-                fields = [
-                    (k, ctypes.c_int if t == "int" else real if t != "Reals"
-                     else real * max(1, *(len(state[k]) for state in same)))
-                    for k, t in self.elements[kind].structures["State"].items()
-                ]  # fmt: skip
-            members.append(
-                (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
-            )
-        members += [(name, real) for name in ("estimate", "deviation", "waited")]
-        members.append(("begun", ctypes.c_int))
-        return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))
-
     # Functions of the nodes
 
     def _functions(self, part: _Part) -> str:
@@ -247,12 +209,11 @@ class _Header:
             bodies = self._wrapped(part)
         else:
             home = self.elements[kind]
-            for name in ("look", "move", "find"):
+            for name in ("look", "move", "follow", "find"):
                 if name in home.functions:
                     dt = "dt, " if home.takes_time(name) else ""
-                    bodies[name] = [
-                        f"    return {home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
-                    ]
+                    call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
+                    bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
         return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
 
     def _wrapped(self, part: _Part) -> dict[str, list[str]]:
@@ -285,7 +246,11 @@ class _Header:
         search = home.specialised("search", given, done)
         found = [
             f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
-            f"    (void){self.stem}_{k}_move(s, dt, value);", "    return value;",
+            *(
+                f"    {self._call(i, 'follow')};" if "follow" in i.cost
+                else f"    (void){self._call(i, 'move')};" for i in part.inner
+            ),
+            "    return value;",
         ]  # fmt: skip
         looks = [self._function(k, name, body) for name, body in both.items()]
         return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
@@ -303,7 +268,8 @@ class _Header:
 
     def _function(self, k: int, name: str, body: list[str]) -> str:
         stem, real = self.stem, self.real
-        head = f"static inline {real} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
+        given = "void" if name == "follow" else real
+        head = f"static inline {given} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
         uses = "\n".join(body)
         spare = [
             f"    (void){v};"
@@ -340,7 +306,7 @@ class _Header:
             beyond += f" || condition < {first} || condition > {last}"
         e = self.error.number if self.error else 0
         deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, s->estimate);"
+            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
             if self.error else ""
         )  # fmt: skip
         text = f"""\

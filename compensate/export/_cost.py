@@ -11,7 +11,7 @@ from ._python_to_c99 import Element
 def cost(
     tree: Tree, inner: Sequence[dict[str, int]], elements: Mapping[str, Element]
 ) -> dict[str, int]:
-    """Operations of `look`, `move` and `find` of a node; `inner`: those of the nodes in it."""
+    """Operations of `look`, `move`, `follow` and `find` of a node; `inner`: those of the nodes in it."""
     if tree["kind"] == "adaptive":
         return _c99_adaptive.cost(elements["adaptive"], tree["parameters"], inner)
     names = ("look", "move", "find")
@@ -23,10 +23,11 @@ def cost(
     home, p = elements[tree["kind"]], tree["parameters"]
     if tree["kind"] == "sum":
         looked = operations(home, "search", p, {"look": both["look"]})
-        return both | {"find": looked + both["move"] + 12}
+        followed = sum(one.get("follow", one["move"]) + 12 for one in inner)
+        return both | {"find": looked + followed}
     if inner:
         return {name: cost + 60 for name, cost in both.items()}
     called = {"error": "deviation", "guard": "limited"}
     if tree["kind"] in called:
         return {"find": operations(home, called[tree["kind"]], p)}
-    return {n: operations(home, n, p) + 12 for n in names if n in home.functions}
+    return {n: operations(home, n, p) + 12 for n in (*names, "follow") if n in home.functions}

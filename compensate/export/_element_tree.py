@@ -44,7 +44,6 @@ from ..inverses import inverse_of
 from ..inverses._bisection import FLAT_WIDTH, ROUNDING, BracketedCompensator
 from ..inverses._conditioned import ConditionedCompensator
 from ..inverses._degrading_bouc_wen import LEAST_SLOPE
-from ..uncertainty._calibrated import CalibratedCompensator
 from ._node import Tree, node
 from ._oscillator_tree import oscillator_node
 from ._preisach_tree import preisach_node, preisach_parts
@@ -65,19 +64,6 @@ def program_of(model: AbstractModel, precision: type = np.float64, depth: int = 
 def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
     """`program_of` a model that is known to have an inverse, or is only run forwards."""
     return _tree(model, float(np.finfo(precision).eps), depth)
-
-
-def error_tree(found: CalibratedCompensator) -> Tree:
-    """The error of a model, by level and branch, as an element."""
-    falling, rising = np.asarray(found.error)
-    return node(
-        "error",
-        {
-            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
-            "width": found.width,
-        },
-        {"begun": 0, "follower": 0.0, "up": 1},
-    )  # fmt: skip
 
 
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
@@ -317,8 +303,12 @@ def _(model: NonlinearMaxwell, eps: float, depth: int) -> Tree:
             "branches": n, "cells": cells, "low": model.low, "scale": cells / (model.high - model.low),
             "rates": 1 / np.asarray(model.times), "springs": springs, "increments": increments,
             "above": above, "below": below, "offset": model.offset, "leading": model.leading,
+            "sprung": bool(increments.any()),
         },
-        {"u": model.init().u, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none},
+        {
+            "u": model.init().u, "spring": none, "linear": none, "dt": -1.0, "decay": none, "gain": none,
+            "begun": 0, "held": none, "rise": none, "rest": 0.0,
+        },
     )  # fmt: skip
     return _bracketed(model, [part], eps)
 
@@ -334,7 +324,10 @@ def _(model: ModulatedStops, eps: float, depth: int) -> Tree:
             "levels": model.levels, "slopes": slopes, "springs": springs,
             "offset": model.offset, "rest": model.rest, "by_position": model.by == "position",
         },
-        {"u": begin.u, "least": begin.least, "largest": begin.largest, "z": begin.z},
+        {
+            "u": begin.u, "least": begin.least, "largest": begin.largest, "z": begin.z,
+            "level": -1.0, "spring": 0.0, "weights": np.zeros(len(model.thresholds)),
+        },
     )  # fmt: skip
     return _bracketed(model, [part], eps)
 
@@ -441,8 +434,13 @@ def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
     return node(
         "sum",
         {
-            "low": low, "high": high, "rounding": ROUNDING * eps, "finest": 2 * eps * (high - low),
-            "flat": max(FLAT_WIDTH, 256 * eps) * (high - low),
+            "low": low, "high": high, "rounding": ROUNDING * eps, "size": compensator.size(),
+            "flat": max(FLAT_WIDTH, 256 * eps) * (high - low), **precisions(eps, high - low),
         },
-        {"value": low}, parts,
+        {"value": low, "slope": 0.0}, parts,
     )  # fmt: skip
+
+
+def precisions(eps: float, reach: float) -> dict[str, float]:
+    """How close inputs are found: to a thousandth of what they may be off, and as close as they can."""
+    return {"finest": max(1e-12, 2 * eps) * reach, "closest": 2 * eps * reach}

@@ -27,10 +27,11 @@ from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
-from ._band import banded
+from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import write
-from ._element_tree import error_tree, guard_tree, tree_of
+from ._element_tree import guard_tree, tree_of
+from ._measured_operations import Operations, measured
 from ._node import ONE_WAY, Tree
 from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
@@ -43,6 +44,9 @@ FAR = 1000.0
 
 GOLDEN, GOLDEN_SEARCHED = 200, 40
 """Samples that a file is checked with when it is loaded; fewer where each is a search."""
+
+COUNTED = 2000
+"""Readings over which the operations of a step are counted, evenly."""
 
 DEEP = 4096
 
@@ -128,7 +132,7 @@ def export_runtime(
     **Example:**
 
         >>> done = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u))
-        >>> round(compensate.runtime.load(done.path).step(float(model.simulate(t, u)[0])).value, 6)
+        >>> round(compensate.runtime.load(done.path).step(0.01, float(model.simulate(t, u)[0])).value, 6)
         0.0
     """
     return Program(model, readings, **options).write_runtime(path)
@@ -228,6 +232,8 @@ class Program:
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        # The error may depend on the speed where the model does not.
+        counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
             raise InputError(
                 "no-time", "This model depends on the rate, and no times were given.",
@@ -261,12 +267,13 @@ class Program:
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
-            "limits": [float(low), float(high)], "rates": rates,
-            "longest": self._longest(t) if rates else None,
+            "limits": [float(low), float(high)], "rates": counts_time,
+            "longest": self._longest(t) if counts_time else None,
             "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
             "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
+            "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {
@@ -284,6 +291,10 @@ class Program:
 
     def document(self, precision: type = np.float64) -> dict[str, Any]:
         """What `compensate.runtime` loads, for numbers of a precision."""
+        _ = self.operations
+        return self._whole(precision)
+
+    def _whole(self, precision: type = np.float64) -> dict[str, Any]:
         if precision not in self._trees:
             self._trees[precision] = self._tree(precision)
         guard = self.guard and guard_tree(self.guard, precision)
@@ -294,6 +305,15 @@ class Program:
         if self._adaptive is None:
             return tree
         return adaptive_tree(self._adaptive, tree, precision, self.depth)
+
+    @cached_property
+    def operations(self) -> Operations:
+        """Of a step over the first of the readings, see `Operations`."""
+        if "operations" not in self._rest:
+            dt = np.diff(self._times, prepend=self._times[0])[:COUNTED]
+            samples = np.column_stack([dt, self._readings[:COUNTED]])
+            self._rest["operations"] = measured(self._whole(), samples.tolist())._asdict()
+        return Operations(**self._rest["operations"])
 
     @cached_property
     def notes(self) -> tuple[str, ...]:

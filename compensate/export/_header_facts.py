@@ -1,12 +1,15 @@
 """What a header says about the fit it comes from: trained inputs, run-in, verdict, date of the data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from hysteresis._escape import c_string, visible
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
+from ..runtime._tree import Tree
 
 HEAD = """\
 {title}
@@ -17,13 +20,14 @@ HEAD = """\
 
 reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
-deviation: its standard deviation{unknown}; a null pointer for none.
+deviation: its standard deviation{unknown}; a null pointer for none.{motions}
 {time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
 nothing: the last estimate is held. {stem}_reset is the state before the first sample;
 {stem}_self_test replays what the file was made with. {predict}{origin}
 
-Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant. A step takes at most
-{operations} operations (arithmetic, comparisons, look-ups, assignments; a call of math.h for 250).
+Numbers are {real}. State: {state} bytes. Tables: {tables} bytes, constant.
+{operations}No step can take more than {bound} operations (arithmetic, comparisons, look-ups,
+assignments; a call of math.h for 250): a bound, which no reading need reach.
 """
 
 STATUSES = {
@@ -39,7 +43,7 @@ STATUSES = {
 BEYOND = {"limit": "is held there", "nan": "is NaN", "free": "is given as it is"}
 
 
-def trained(document: dict[str, Any], stem: str) -> str:
+def trained(document: Tree, stem: str) -> str:
     """The trained inputs, what becomes of an estimate beyond them, and when the memory is known."""
     if not (guard := document["guard"]):
         return ""
@@ -57,7 +61,29 @@ def trained(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def clock(document: dict[str, Any], stem: str) -> str:
+def motions(document: Tree) -> str:
+    """For which motions the deviation was verified, and how often it held."""
+    if not (error := document["error"]) or not (known := learnt_on(error["parameters"])):
+        return ""
+    text = f"\nIt was learnt {known}.\nWhere the last two turns or the speed are others, it grows."
+    if (held := document.get("coverage")) is not None:
+        text += f" Of held-out rows {100 * held:.3g} %\nwere within 1.645 of it; 90 % are meant."
+    return text
+
+
+def learnt_on(p: Mapping[str, Any]) -> str:
+    """The motions that an error was learnt on, from the parameters of its element, in words."""
+    if not p["growth"]:
+        return ""
+    turns = np.ravel(p["turns"])
+    down, up = (f"{low:.4g} to {high:.4g}" for low, high in (turns[:2], turns[4:6]))
+    text = f"at inputs from {p['least']:.4g} to {p['most']:.4g} that turned down at {down} and up at {up}"
+    if p["slow"] > 0:
+        text += f", in strokes of a mean speed from {p['slow']:.4g} to {p['fast']:.4g}"
+    return text
+
+
+def clock(document: Tree, stem: str) -> str:
     """What dt is, and how long it may be."""
     if not document["rates"]:
         return "dt: time since the last call, which this model does not need: any number.\n"
@@ -69,7 +95,7 @@ def clock(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def condition(document: dict[str, Any], stem: str) -> str:
+def condition(document: Tree, stem: str) -> str:
     """The condition that a step needs beside the reading, and the range in which it is known."""
     if not (known := document.get("condition")):
         return ""
@@ -80,7 +106,7 @@ def condition(document: dict[str, Any], stem: str) -> str:
     )
 
 
-def origin(document: dict[str, Any]) -> str:
+def origin(document: Tree) -> str:
     """The verdict on the fit, the codes of its reasons, and the date of its data."""
     if not (known := document["origin"]):
         return ""
@@ -93,7 +119,7 @@ def origin(document: dict[str, Any]) -> str:
     return f"\n\n{visible(said)}{visible(digest, keep=chr(10))}"
 
 
-def facts(document: dict[str, Any], stem: str, literal: Callable[[float], str]) -> str:
+def facts(document: Tree, stem: str, literal: Callable[[float], str]) -> str:
     """The same for programs, as macros: they take no memory."""
     found = {"MODEL": c_string(document["title"])}
     for role in ("reading", "estimate"):
@@ -122,6 +148,16 @@ def tables(upper: str) -> str:
 #define {upper}_AT(table, k) (table)[k]
 #define {upper}_COPY(to, from) (void)(*(to) = *(from))
 #endif"""
+
+
+def spent(document: Tree) -> str:
+    """The operations of a step as they were counted; nothing where they were not."""
+    if not (found := document.get("operations")):
+        return ""
+    return (
+        f"A step took {found['mean']:,.0f} operations in the mean and {found['most']:,} at most, counted on"
+        f" {found['readings']:,} readings.\n"
+    )
 
 
 def quantity(one: dict[str, str]) -> str:

@@ -10,6 +10,8 @@ from ._python_to_c99 import Element
 
 LIBRARY = 250
 """Operations that a call of math.h is taken for."""
+CALL, OF_A_NODE = 8, 12
+"""Those of the call of a function, and of what a node of the tree adds to its element's."""
 
 
 def operations(
@@ -40,7 +42,7 @@ class Count:
             if isinstance(e, ast.Name) and e.id in self.home.functions
         }
         inner = Count(home, self.known["p"], self.calls | given)
-        return 8 + sum(map(inner.of, home.functions[name].body))
+        return CALL + sum(map(inner.of, home.functions[name].body))
 
     def of(self, node: ast.AST) -> int:
         match node:
@@ -63,15 +65,31 @@ class Count:
                     else self.of_function(name, node.args)
                 )
                 return own + 2 * len(node.args) + sum(map(self.of, node.args))
-        counted = isinstance(
-            node,
-            ast.BinOp
-            | ast.Compare
-            | ast.BoolOp
-            | ast.IfExp
-            | ast.UnaryOp
-            | ast.Assign
-            | ast.Return,
-        )
-        own = 2 * counted + 2 * isinstance(node, ast.Attribute | ast.Subscript)
-        return own + sum(map(self.of, ast.iter_child_nodes(node)))
+        return _own(node) + sum(map(self.of, ast.iter_child_nodes(node)))
+
+
+def own_operations(node: ast.stmt) -> int:
+    """Operations of a statement, without those of the statements and functions in it."""
+    parts = [part for part in ast.iter_child_nodes(node) if not isinstance(part, ast.stmt)]
+    match node:
+        case ast.For():
+            return 4
+        case ast.If() | ast.While():
+            return 2 + sum(map(_of_expression, parts))
+    return _own(node) + sum(map(_of_expression, parts))
+
+
+def _of_expression(node: ast.AST) -> int:
+    own = _own(node)
+    if isinstance(node, ast.Call):
+        name = node.func.id if isinstance(node.func, ast.Name) else ""
+        own = 2 * len(node.args) + (2 if name == "int" else LIBRARY if hasattr(math, name) else 0)
+    return own + sum(map(_of_expression, ast.iter_child_nodes(node)))
+
+
+def _own(node: ast.AST) -> int:
+    counted = isinstance(
+        node,
+        ast.BinOp | ast.Compare | ast.BoolOp | ast.IfExp | ast.UnaryOp | ast.Assign | ast.Return,
+    )
+    return 2 * counted + 2 * isinstance(node, ast.Attribute | ast.Subscript)

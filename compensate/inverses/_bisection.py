@@ -14,7 +14,8 @@ from hysteresis import AbstractModel, register
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 
 ROUNDING = 32
-"""Outputs closer than so many roundings of the largest one are one output: sums are not exact."""
+"""Outputs closer than so many roundings of the largest one are one output: sums are not exact. The largest
+is the reading, or the output of the virgin model at one of the ends."""
 
 FLAT_WIDTH = 1e-6
 """Part of the range. After a reversal y grows with the square of u: 1e-14 in y is 1e-7 in u."""
@@ -85,7 +86,20 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
         self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[BracketedState, Estimate]:
         y = jnp.asarray(y, state.value.dtype)
-        return bracketed(lambda own, u: self.model.step(own, t, u), state, y, self.low, self.high)
+        size = self.size(t).astype(y.dtype)
+        return bracketed(
+            lambda own, u: self.model.step(own, t, u), state, y, self.low, self.high, size
+        )
+
+    def size(self, t: ArrayLike | None = 0.0) -> Array:
+        """Of the outputs of the virgin model at the ends, the largest one."""
+        return size_of(self.model, t, self.low, self.high)
+
+
+def size_of(model: AbstractModel, t: ArrayLike | None, *inputs: float) -> Array:
+    """Of the outputs of a virgin model at some inputs, the largest one without its sign."""
+    own = model.init()
+    return jnp.abs(jnp.stack([model.step(own, t, jnp.asarray(u, float))[1] for u in inputs])).max()
 
 
 def bracketed(
@@ -94,13 +108,17 @@ def bracketed(
     y: Float[Array, ""],
     low: float,
     high: float,
+    size: Array,
 ) -> tuple[BracketedState, Estimate]:
-    """One reading of a `BracketedCompensator`; `run` is one step of its model: (state, u) to (state, y)."""
+    """One reading of a `BracketedCompensator`; `run` is one step of its model: (state, u) to (state, y).
+
+    Outputs closer than `ROUNDING` roundings of the reading, or of `size`, are one output.
+    """
     outputs = jax.vmap(lambda u: run(state.model, u)[1])
     ends = jnp.stack([jnp.full_like(y, low), jnp.full_like(y, high)])
     least, greatest = outputs(ends)
     eps = jnp.finfo(y.dtype).eps
-    margin = ROUNDING * eps * jnp.maximum(jnp.abs(least), jnp.abs(greatest))
+    margin = ROUNDING * eps * jnp.maximum(jnp.abs(y), size)
     wanted = jnp.stack([y - margin, y + margin])
     first, last = inputs_between(outputs, ends, wanted)
 

@@ -21,7 +21,7 @@ from hysteresis import (
 from hysteresis.records._common_part import STILL
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-from ._bisection import BracketedState, bracketed
+from ._bisection import BracketedState, bracketed, size_of
 from ._compose import range_of
 from ._default import REACH, size_of_inputs
 from ._inverse_of import inverse_of
@@ -51,6 +51,10 @@ class ConditionedCompensator(AbstractCompensator[BracketedState, Estimate]):
     def init(self) -> BracketedState:
         return BracketedState(self.model.init(), jnp.asarray(self.low, float))
 
+    def size(self, t: ArrayLike | None = 0.0) -> Array:
+        """Of the outputs of the virgin models at the ends, the largest one."""
+        return jnp.stack([size_of(one, t, self.low, self.high) for one in self.model.models]).max()
+
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: BracketedState | None = None
     ) -> Estimate:
@@ -76,7 +80,8 @@ class ConditionedCompensator(AbstractCompensator[BracketedState, Estimate]):
             return own, sign * output
 
         wanted = jnp.where(valid, sign * reading, jnp.nan)
-        after, found = bracketed(run, state, wanted, self.low, self.high)
+        size = self.size(t).astype(wanted.dtype)
+        after, found = bracketed(run, state, wanted, self.low, self.high, size)
         margin = STILL * (knots[-1] - knots[0])
         beyond = (known < knots[0] - margin) | (known > knots[-1] + margin)
         sound = (found.status == Status.OK) | (found.status == Status.FLAT)

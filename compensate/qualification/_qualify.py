@@ -1,12 +1,10 @@
 """Whether a compensator can be used: its errors on a record, the loop it leaves, its time, in words."""
 
-import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -17,10 +15,12 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import Simulates, estimate
-from .._readings import readings_of
 from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
 from ._loop_widths import Loop, loop_widths
+from ._speed import Latency as Latency
+from ._speed import Step as Step
+from ._speed import latency, speed
 
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and
@@ -50,14 +50,6 @@ class Errors(NamedTuple):
     bias: float
 
 
-class Latency(NamedTuple):
-    """Seconds of one compiled step, called from Python on this machine; `tail` is the 99.9 % quantile."""
-
-    median: float
-    tail: float
-    steps: int
-
-
 class Doubt(NamedTuple):
     """What a posterior leaves open, in the input's unit.
 
@@ -83,7 +75,8 @@ class Qualification:
     - `output_range`: outputs whose estimates were OK, None where none was.
     - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
       of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
-      model. `latency`: of one step. `doubt`: of an ensemble, None without one.
+      model. `latency`: of one step here; `step`: of one on the target, None where that was not given.
+      `doubt`: of an ensemble, None without one.
     """
 
     verdict: Verdict
@@ -102,6 +95,7 @@ class Qualification:
     doubt: Doubt | None
     max_error: float | None
     rate: float | None
+    step: Step | None
     names: dict[str, str]
 
     @property
@@ -118,7 +112,7 @@ class Qualification:
     def document(self) -> dict[str, Any]:
         """Plain data for JSON: NaN is None."""
         found = asdict(self)
-        for name in ("errors", "loop", "latency", "doubt"):
+        for name in ("errors", "loop", "latency", "doubt", "step"):
             if (value := getattr(self, name)) is not None:
                 found[name] = value._asdict()
         found["verdict"] = self.verdict.document
@@ -156,7 +150,10 @@ class Qualification:
         if self.round_trip is not None:
             lines.append(f"round trip: within {quantity(self.round_trip, other, 3)} where OK")
         median, tail = (f"{1e6 * x:.3g} µs" for x in self.latency[:2])
-        lines.append(f"one step: {median}, {tail} once in a thousand ({self.latency.steps} timed)")
+        lines.append(
+            f"one step of JAX, called from Python here: {median}, {tail} once in a thousand"
+            f" ({self.latency.steps} timed)"
+        )
         if self.doubt is not None:
             lines.append(
                 f"posterior: {quantity(self.doubt.worst, unit, 3)} at worst;"
@@ -172,13 +169,14 @@ def qualify(
     ensemble: Simulates[UncertainEstimate] | None = None,
     max_error: float | None = None,
     rate: float | None = None,
+    step: Step | None = None,
     progress: Tell = lambda done, total, text: None,
 ) -> Qualification:
     """A verdict on a compensator from a record it has not seen, each sequence from the virgin state.
 
     FAIL: an estimate that is not finite, an error above `max_error`, an rms error more than 5 % above that
-    of the straight line that fits these rows best, a median step longer than 1 / `rate`.
-    CAUTION: one step in a thousand longer than that; more than half of the rows RUN_IN, where the first
+    of the straight line that fits these rows best, a mean step on the target longer than 1 / `rate`.
+    CAUTION: some step on the target longer than that; more than half of the rows RUN_IN, where the first
     state is not known; more than 1 % neither OK nor RUN_IN; more than half of
     the loop's width left, or no loop to tell by; an NRMSE above 5 %; a round trip that misses by more
     than a millionth; draws of the ensemble with errors above `max_error`.
@@ -189,7 +187,8 @@ def qualify(
     - `model`: what `compensator` inverts, for the round trip.
     - `ensemble`: `simulate(t, y)` of it gives `value` and `deviation`, (samples,), and may give `draws`,
         (draws, samples): an `EnsembleCompensator`.
-    - `max_error`, in the input's unit, and `rate`, in Hz: what is needed.
+    - `max_error`, in the input's unit, and `rate`, in Hz: what is needed. `step`: what a step takes on
+        the target that has to keep up; without it the target is the compiled step, called from Python here.
     - `progress(done, total, text)` is called after each of a few parts.
 
     Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
@@ -237,6 +236,7 @@ def qualify(
         "doubt": None,
         "max_error": max_error,
         "rate": rate,
+        "step": step,
         "names": {
             "input": record.input_name, "input_unit": record.input_unit,
             "output": record.output_name, "output_unit": record.output_unit,
@@ -263,28 +263,6 @@ def line_error(record: Record) -> float | None:
     rising = y - y.mean()
     slope = float(rising @ (u - u.mean()) / (rising @ rising))
     return float(np.sqrt(np.mean((u - u.mean() - slope * rising) ** 2)))
-
-
-def latency(
-    compensator: AbstractCompensator, record: Record, steps: int = 2000, seconds: float = 1.0
-) -> Latency:
-    """Time one compiled step after the other on a record's first rows, for so many steps or seconds."""
-    step = jax.jit(lambda state, t, y: compensator.step(state, t, y))
-    clock = np.zeros(len(record)) if record.time is None else record.time
-    readings = readings_of(compensator, record)
-    rows = np.arange(min(steps, int(np.append(record.starts[1:], len(record))[0])))
-    state = compensator.init()
-    for k in rows[[0, 0, 0]]:  # compiled twice: a first state may be weakly typed
-        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
-    state, taken = compensator.init(), []
-    end = time.perf_counter() + seconds
-    for k in np.resize(rows, steps):
-        begin = time.perf_counter()
-        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
-        taken.append(time.perf_counter() - begin)
-        if begin > end:
-            break
-    return Latency(float(np.median(taken)), float(np.quantile(taken, 0.999)), len(taken))
 
 
 def _check(record: Record, max_error: float | None, rate: float | None) -> None:
@@ -396,7 +374,7 @@ def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verd
         )
         fails.append(Note("worse-than-line", text))
     fails, cautions, facts = (
-        [*some, *more] for some, more in zip((fails, cautions, facts), _speed(found), strict=True)
+        [*some, *more] for some, more in zip((fails, cautions, facts), speed(found), strict=True)
     )
     if found["nrmse_percent"] > ERROR:
         text = f"The error is {found['nrmse_percent']:.2g} % of the range, above {ERROR:g} %."
@@ -439,24 +417,6 @@ def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verd
         facts.append(Note("coverage", text))
     level = "FAIL" if fails else "CAUTION" if cautions else "PASS"
     return Verdict(level, (said, *fails, *cautions, *facts))
-
-
-def _speed(found: dict[str, Any]) -> tuple[list[Note], list[Note], list[Note]]:
-    """What stands against the rate that is needed, makes for care, and is good to know."""
-    if (rate := found["rate"]) is None:
-        return [], [], []
-    median, tail = (1e6 * seconds for seconds in found["latency"][:2])
-    if median > 1e6 / rate:
-        return (
-            [Note("too-slow", f"A step takes {median:.3g} µs: too long for {rate:g} Hz.")],
-            [],
-            [],
-        )
-    if tail > 1e6 / rate:
-        text = f"One step in a thousand takes {tail:.3g} µs: too long for {rate:g} Hz."
-        return [], [Note("sometimes-slow", text)], []
-    text = f"A step takes {median:.3g} µs: {rate:g} Hz can be kept up."
-    return [], [], [Note("fast-enough", text)]
 
 
 def _shares(statuses: dict[str, float]) -> str:

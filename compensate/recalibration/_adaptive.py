@@ -132,10 +132,11 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         # estimate is then held, and not the end of the range.
         reading = self.sign * y
         ends = [run(state.parts, jnp.asarray(end, float))[1] for end in (self.low, self.high)]
-        margin = ROUNDING * jnp.finfo(y.dtype).eps * jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
+        size = jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
+        margin = ROUNDING * jnp.finfo(y.dtype).eps * size
         beyond = (reading + margin < ends[0]) | (reading - margin > ends[1])
         before = BracketedState(state.parts, state.value)
-        _, searched = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high)
+        _, searched = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high, size)
         searched = searched._replace(status=jnp.where(beyond, Status.SATURATED, searched.status))
         fitted, found = self.fitted.step(state.fitted, t, y)
         found = Estimate(

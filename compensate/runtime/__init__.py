@@ -6,6 +6,7 @@ value, status, deviation = compensator.step(dt, reading)
 
 from ._armor import Armor as Armor
 from ._armor import ArmorContact as ArmorContact
+from ._armor import Motion as Motion
 from ._armor import load_armor as load_armor
 from ._compensator import Compensator as Compensator
 from ._compensator import Estimate as Estimate

@@ -5,7 +5,7 @@ from math import exp, inf, isfinite, isnan, nan, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ._armor_geometry import Vector, crossing, dot, field, moved, outside, square
+from ._armor_geometry import Vector, cross, crossing, dot, field, moved, outside, square
 from ._contact_status import ContactStatus
 from ._file import READING_MISSING, replayed
 from ._tree import Node, node_of
@@ -14,6 +14,16 @@ KIND = "hysid armor"
 
 _ZERO: Vector = (0.0, 0.0, 0.0)
 _STATUSES = tuple(ContactStatus)
+
+
+class Motion(NamedTuple):
+    """How the shell moves, in its own axes: acceleration of P_o without gravity, m/s^2; the direction in
+    which gravity pulls, m/s^2; angular velocity, rad/s; angular acceleration, rad/s^2."""
+
+    acceleration: Vector = (0.0, 0.0, 0.0)
+    gravity: Vector = (0.0, 0.0, -9.80665)
+    velocity: Vector = (0.0, 0.0, 0.0)
+    angular_acceleration: Vector = (0.0, 0.0, 0.0)
 
 
 class ArmorContact(NamedTuple):
@@ -65,12 +75,15 @@ class Armor:
         self._now = 0.0
         self._contact = ArmorContact(_ZERO, 0, 0.0, ContactStatus.NO_CONTACT, 0.0, _ZERO, 0.0, 0.0)
 
-    def step(self, dt: float, reading: Collection[float] | None = None) -> ArmorContact:
+    def step(
+        self, dt: float, reading: Collection[float] | None = None, motion: Motion | None = None
+    ) -> ArmorContact:
         """The contact from a reading (Fx, Fy, Fz, Mx, My, Mz), N and N m, `dt` seconds after the last one.
 
         The first `dt` does not matter, and one that is negative or not finite is none. Without a sensor in
         the file the reading is the load's wrench about P_o. A reading that is not finite changes nothing:
-        the last contact is held, INVALID.
+        the last contact is held, INVALID. `motion`: of the shell, whose weight and inertia the sensor of
+        the file feels; None: at rest, gravity down the shell's z.
 
         Raises `TypeError` where `reading` is left out.
         """
@@ -80,7 +93,7 @@ class Armor:
             self._now += dt
         t, doubt = self._now, 0
         if self._sensor:
-            reading, doubt = self._sensor.step(t, reading)
+            reading, doubt = self._sensor.step(t, reading, motion)
         fx, fy, fz, mx, my, mz = reading
         if doubt == ContactStatus.INVALID or not isfinite(t + fx + fy + fz + mx + my + mz):
             return self._contact._replace(status=ContactStatus.INVALID)
@@ -263,6 +276,11 @@ class _Sensor:
         self._range = [inf if v is None else v for v in document["range"]]
         self._slow: float = document["time_constant"]
         self._trees = document["hysteresis"]
+        # Files of earlier versions know no mass.
+        self._mass: float = document.get("mass", 0.0)
+        self._centre: Vector = tuple(document.get("centre", _ZERO))
+        self._inertia: list[list[float]] = document.get("inertia", [[0.0] * 3] * 3)
+        self._gravity: Vector = tuple(document.get("gravity", Motion().gravity))
         self.reset()
 
     def reset(self) -> None:
@@ -270,21 +288,39 @@ class _Sensor:
         self._finds = [node_of(tree).find for tree in self._trees]
         self._held, self._time = [0.0] * 6, nan
 
-    def step(self, t: float, reading: Collection[float]) -> tuple[Collection[float], int]:
+    def step(
+        self, t: float, reading: Collection[float], motion: Motion | None
+    ) -> tuple[Collection[float], int]:
         """The load's wrench, and 0 or the status of a reading that is not to be trusted."""
-        if not isfinite(sum(reading) + t):
+        if not isfinite(sum(reading) + t + (0.0 if motion is None else sum(map(sum, motion)))):
             return self._held, ContactStatus.INVALID
         dt = 0.0 if isnan(self._time) else t - self._time
         wrench = _mapped(self._calibration, reading)
         if self._finds:
             wrench = [find(dt, y) for find, y in zip(self._finds, wrench, strict=True)]
             wrench = _mapped(self._placement, wrench)
+        if motion is not None:
+            wrench = [w + more for w, more in zip(wrench, self._beyond_rest(motion), strict=True)]
         if self._slow > 0 and not isnan(self._time):
             part = 1.0 - exp(-max(dt, 0.0) / self._slow)
             wrench = [h + part * (w - h) for h, w in zip(self._held, wrench, strict=True)]
         self._held, self._time = wrench, t
         over = any(abs(y) >= end for y, end in zip(reading, self._range, strict=True))
         return wrench, ContactStatus.SATURATED if over else 0
+
+    def _beyond_rest(self, motion: Motion) -> list[float]:
+        """What is added to the load's wrench because the shell is not at rest, see `WristSensor`."""
+        acceleration, gravity, velocity, spin = motion
+        centre, turned = self._centre, cross(velocity, cross(velocity, self._centre))
+        off = [
+            -self._mass * (g - rest - a - s - c)
+            for g, rest, a, s, c in zip(
+                gravity, self._gravity, acceleration, cross(spin, centre), turned, strict=True
+            )
+        ]
+        whirled, swung = ([dot(row, v) for row in self._inertia] for v in (velocity, spin))
+        more = zip(cross(centre, off), swung, cross(velocity, whirled), strict=True)
+        return [*off, *(a + b + c for a, b, c in more)]
 
 
 def _rows(affine: dict[str, Any] | None) -> list[Any]:

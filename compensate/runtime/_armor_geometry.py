@@ -12,6 +12,12 @@ def dot(a: Sequence[float], b: Sequence[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def cross(a: Sequence[float], b: Sequence[float]) -> Vector:
+    return (
+        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
+    )  # fmt: skip
+
+
 def square(a: Sequence[float], b: Sequence[float]) -> float:
     """|a - b|^2."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]

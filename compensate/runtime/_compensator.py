@@ -29,7 +29,8 @@ class Compensator:
 
     - `title`; `reading`, `estimate`: names and units, {"name", "unit"}.
     - `limits`: of readings that are known; beyond, the nearer limit is taken, EXTRAPOLATED.
-    - `rates`: whether the model depends on the rate; `step` ignores the time where it does not.
+    - `rates`: whether the model, or its deviation, depends on the rate; `step` ignores the time where
+      neither does.
     - `longest`: time between two readings; a longer one is taken for it, EXTRAPOLATED.
     - `condition`: name, unit and known range of the condition that `step` needs beside the reading,
       {"name", "unit", "low", "high"}; None where the model depends on none.
@@ -38,6 +39,8 @@ class Compensator:
     - `lasting`: {"share", "time"}: the part of the error's variance that lasts, and the time in which that
       decays to 1/e, in the unit of `dt` (in readings where the record had no times), for filters in which
       the error is a state; None where the file does not know it.
+    - `coverage`: the part of held-out rows that estimate +- 1.645 deviations held, where 0.9 is meant; None
+      where the file does not know it.
     - `band`: of the last estimate; it holds whole runs with a guaranteed probability. `watch` and `follow`
       keep the share of runs that leave it, as the sensor drifts.
     - `advice` and `lost`: of a compensator that recalibrates itself.
@@ -64,6 +67,7 @@ class Compensator:
         self._band: Tree | None = document.get("band")
         self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
+        self.coverage: float | None = document.get("coverage")
         self._error_tree, self._checksum = document["error"], document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
@@ -95,7 +99,7 @@ class Compensator:
         ]
         self._learner = self._node.learner
         self._find, self._status = self._node.find, self._node.status
-        self._error = error_of(self._error_tree) if self._error_tree else lambda value: nan
+        self._error = error_of(self._error_tree) if self._error_tree else lambda dt, value: nan
         self._guard = guard_of(self._guard_tree) if self._guard_tree else None
         self._value, self._waited, self._begun = (
             nan if self._start is None else self._start,
@@ -115,7 +119,7 @@ class Compensator:
         """One reading in, one estimate out.
 
         `dt`: time since the last call, at most `longest`; the first one's does not matter, and one that is
-        negative or not a number is none. Models that do not depend on the rate ignore it. `condition`: at
+        negative or not a number is none. It is ignored where `rates` is False. `condition`: at
         this reading, where the model depends on one; beyond its known range the nearer end is taken,
         EXTRAPOLATED. A reading or a condition that is NaN or infinite is INVALID: the last estimate is
         held, and nothing else changes.
@@ -156,7 +160,7 @@ class Compensator:
         value = self._find(dt, seen)
         self._waited, self._begun = 0.0, True
         status, beyond = self._status(), strange or dt >= self.longest or seen != reading
-        self._deviation = deviation = self._error(value)
+        self._deviation = deviation = self._error(dt, value)
         if self._guard is not None:
             apart = max((abs(find(dt, seen) - value) for find in self._others), default=0.0)
             value, status = self._guard.of(value, status, beyond, apart)

@@ -20,10 +20,11 @@ KINDS = (
 )  # fmt: skip
 
 
-def error_of(tree: Tree) -> Callable[[float], float]:
-    """The standard deviation of an estimate, with a state of its own."""
+def error_of(tree: Tree) -> Callable[[float, float], float]:
+    """The standard deviation of an estimate, (dt, value), with a state of its own."""
     element: Any = module_of("error")
-    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
+    p = _made(element.Parameters, element.ANY_MOTION | tree["parameters"])
+    s = _made(element.State, element.UNMOVED | tree["state"])
     return partial(element.deviation, p, s)
 
 
@@ -50,7 +51,7 @@ def guard_of(tree: Tree) -> Guard:
 class Node(NamedTuple):
     """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`.
 
-    `learner`: element, parameters and state of a node that learns.
+    `learner`: element, parameters and state of a node that learns. `follow`: of an element that has it.
     """
 
     look: Function
@@ -58,6 +59,7 @@ class Node(NamedTuple):
     find: Function
     status: Callable[[], int]
     learner: tuple[Any, Any, Any] | None = None
+    follow: Function | None = None
 
 
 FOR_EVER = 1e30
@@ -88,7 +90,8 @@ def node_of(
     if kind in made:
         return made[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
-    return Node(look, move, find, lambda: s.status)
+    follow = _bound(getattr(element, "follow", None), p, s)
+    return Node(look, move, find, lambda: s.status, None, follow)
 
 
 def begun(tree: Tree, states: Iterator[Tree]) -> Tree:
@@ -167,11 +170,13 @@ def _share(element: Any, s: Any, inner: list[Node]) -> Node:
 def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
     # One after the other, as C adds: `sum` compensates its rounding from Python 3.12 on.
     first, rest = parts[0], parts[1:]
+    first_look, looks = first.look, [part.look for part in rest]
+    follows = [part.follow or part.move for part in parts]
 
     def look(whole: Any, dt: float, u: float) -> float:
-        total = first.look(dt, u)
-        for part in rest:
-            total += part.look(dt, u)
+        total = first_look(dt, u)
+        for one in looks:
+            total += one(dt, u)
         return total
 
     def move(dt: float, u: float) -> float:
@@ -182,7 +187,8 @@ def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
 
     def find(dt: float, y: float) -> float:
         u = element.search(look, p, s, None, dt, y)
-        move(dt, u)
+        for follow in follows:
+            follow(dt, u)
         return u
 
     return Node(partial(look, None), move, find, lambda: s.status)

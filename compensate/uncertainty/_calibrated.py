@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from hysteresis import InputError, Record, register
 from hysteresis.numerics._normal import NORMAL_95
@@ -17,12 +17,14 @@ from hysteresis.numerics._normal import NORMAL_95
 from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
 from ._ensemble import UncertainEstimate
+from ._motion import FASTER, GROWTH, Motions, MotionState, at_rest, growth_of, moved, path, seen
 
 SCORES = 200
 """Draws of a model's error that a calibration keeps."""
 
-TURN = 0.02
-"""Part of the inputs' range by which an estimate has to come back to be on another branch."""
+TURN, MOST_TURN = 0.02, 0.5
+"""Parts of the inputs' range by which an estimate has to come back to be on another branch: at least the
+first, and by more where errors are larger, which would pass for reversals."""
 
 CANDIDATES = 81
 """Errors to choose from, an eighth apart."""
@@ -32,6 +34,16 @@ TINY = 1e-30
 
 LASTING = 0.1
 """Correlation of errors below which nothing of it is taken to last."""
+
+GROWTHS = np.exp(np.log(2) * np.linspace(0, 3, 13))
+"""Growths of the error to choose from, over the default one: a doubling is one standard deviation of it.
+None is smaller, because groups of one record are less unlike each other than another motion is."""
+
+ROUNDS = 3
+"""Of learning the error beside its growth, and the growth beside the error."""
+
+LEAST_COVERAGE = 0.8
+"""Of held-out rows in a band of 90 %: what chance may leave of it where they are one loop."""
 
 PRIOR_VISITS = 2.0
 """As many visits of a level are added with the mean error: few say little about one level."""
@@ -52,11 +64,10 @@ class LeftOut(NamedTuple):
 
 
 class CalibratedState(NamedTuple):
-    """The inner state; a play behind the estimates, NaN before the first; whether it rose last."""
+    """The inner state, and the motion of the estimates so far."""
 
     inner: Any
-    follower: Array
-    rising: Array
+    motion: MotionState
 
 
 @register
@@ -65,15 +76,20 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
 
     It adds that error to the spread of the inner compensator:
 
-        deviation^2 = spread^2 + error(level, branch)^2,     draws = value + deviation scores
+        deviation^2 = spread^2 + error(level, branch)^2 + growth(motion)^2,
+        draws = value + deviation scores
 
     The error runs linearly between `levels` of the estimate, falling and rising, and `scores` are what
     residuals were found to be over their deviation, whatever that distribution. The value is the
-    inner one's. A play of half width `width` behind the estimates tells the branch.
+    inner one's. A play of half width `width` behind the estimates tells the branch and the reversals.
+
+    `motions`: the inputs, reversals and speeds that the error was learnt on, see `Motions`; growth is 0
+    among them. None: the error is the same on every motion.
 
     `coverage`: the part of rows that neither model nor error had seen of which value +- 1.645 deviations
-    held the truth; 0.9 is meant. NaN where it was not measured. `has_draws`: whether estimates have draws,
-    200 numbers a sample.
+    held the truth; 0.9 is meant. NaN where it was not measured. `coverage_before`: the same, before those
+    rows showed that the error had to be scaled. `has_draws`: whether estimates have draws, 200 numbers a
+    sample.
 
     `share`, `lasts`: the part of the error's variance that lasts, and the time in which it decays to 1/e,
     in the unit of the record's times (in samples where it has none). A filter that takes the error for
@@ -93,66 +109,58 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     error: Float[Array, "2 levels"]
     scores: Float[Array, " scores"]
     width: float = eqx.field(static=True)
+    motions: Motions | None = None
     coverage: float = eqx.field(default=float("nan"), static=True)
+    coverage_before: float = eqx.field(default=float("nan"), static=True)
     has_draws: bool = eqx.field(default=True, static=True)
     share: float = eqx.field(default=0.0, static=True)
     lasts: float = eqx.field(default=0.0, static=True)
 
     def init(self) -> CalibratedState:
-        return CalibratedState(self.inner.init(), jnp.asarray(jnp.nan, float), jnp.asarray(1))
+        return CalibratedState(self.inner.init(), at_rest())
 
     def step(
         self, state: CalibratedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[CalibratedState, UncertainEstimate]:
         inner, found = self.inner.step(state.inner, t, y)
-        way = _way(self.width, (state.follower, state.rising), (found.value, found.status))
-        return CalibratedState(inner, *way), self._widened(found, way[1])
+        now = jnp.asarray(0.0 if t is None else t, float)
+        motion = moved(self._ends, self.width, state.motion, (now, found.value, found.status))
+        return CalibratedState(inner, motion), self._widened(found, motion)
 
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState | None = None
     ) -> UncertainEstimate:
         state = self.init() if state is None else state
         found = self.inner.simulate(t, y, state.inner)
-        fresh = jnp.zeros(found.value.shape, bool)
-        return self._widened(found, _ways(self.width, state.follower, state.rising, found, fresh))
+        none = jnp.zeros(found.value.shape)
+        samples = (none if t is None else jnp.asarray(t, float), found.value, found.status)
+        motion = path(self._ends, self.width, state.motion, samples, none > 0)
+        return self._widened(found, motion)
 
     def around(self, inner: AbstractCompensator) -> "CalibratedCompensator":
         """The same error for another compensator: of the same model, fitted to more."""
         return replace(self, inner=inner)
 
+    @property
+    def knows_speeds(self) -> bool:
+        """Whether the deviation depends on the times of the estimates."""
+        return self.motions is not None and float(self.motions.speeds[0]) > 0
+
+    @property
+    def _ends(self) -> Any:
+        return (-jnp.inf, jnp.inf) if self.motions is None else self.motions.ends
+
     @eqx.filter_jit
-    def _widened(self, found: Any, rising: Array) -> UncertainEstimate:
+    def _widened(self, found: Any, motion: MotionState) -> UncertainEstimate:
         falling_error, rising_error = (jnp.interp(found.value, self.levels, e) for e in self.error)
-        error = jnp.where(rising > 0, rising_error, falling_error)
+        error = jnp.where(motion.up > 0, rising_error, falling_error)
+        if self.motions is not None:
+            error = jnp.sqrt(error**2 + growth_of(self.motions, motion))
         deviation = jnp.hypot(getattr(found, "deviation", jnp.zeros_like(error)), error)
         if not self.has_draws:
             return UncertainEstimate(found.value, found.status, deviation)
         draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
         return UncertainEstimate(found.value, found.status, deviation, draws)
-
-
-def _way(
-    width: float, way: tuple[Array, Array], sample: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """A play behind the estimates, which only moves with them, and the direction it moved last."""
-    (before, rising), (value, status) = way, sample
-    after = jnp.where(jnp.isnan(before), value, jnp.clip(before, value - width, value + width))
-    after = jnp.where(status == Status.INVALID, before, after)
-    moved = jnp.sign(after - before)
-    return after, jnp.where(moved > 0, 1, jnp.where(moved < 0, -1, rising))
-
-
-@eqx.filter_jit
-def _ways(width: float, before: Array, rising: Array, found: Any, fresh: Array) -> Array:
-    """The direction of every sample; where one is `fresh`, nothing was before it."""
-
-    def step(way: Any, sample: Any) -> tuple[Any, Array]:
-        value, status, first = sample
-        way = jnp.where(first, jnp.nan, way[0]), jnp.where(first, 1, way[1])
-        after = _way(width, way, (value, status))
-        return after, after[1]
-
-    return jax.lax.scan(step, (before, rising), (found.value, found.status, fresh))[1]
 
 
 def calibrated(
@@ -167,10 +175,12 @@ def calibrated(
 
         error = argmax over e of  sum over visits of mean over samples of log N(r; 0, spread^2 + e^2),
 
-    for each level and branch. A visit is one way through one level: neighbouring samples err alike, so it
-    is one fact, however many samples it has. Those of all levels and branches count as two more.
-    The scores are the quantiles of +-r over the deviation that the other cycles give it (sequences,
-    where there are several), so that what varies between them is in the band.
+    for each level and branch, with e^2 + growth(motion)^2 in the place of e^2. A visit is one way
+    through one level: neighbouring samples err alike, so it is one fact, however many samples it has.
+    Those of all levels and branches count as two more. The growth is 0.3 of the error of the best cubic
+    from output to input, which knows nothing of the past; left-out groups whose motion is unlike that of
+    the others correct it. The scores are the quantiles of +-r over the deviation that the other cycles
+    give it (sequences, where there are several), so that what varies between them is in the band.
 
     **Arguments:**
 
@@ -183,7 +193,8 @@ def calibrated(
       where samples drift: the error then grows with its square root, as a random walk's.
     - `left_out`: groups of the rows that the model was fitted to, each with the compensator of a model
       fitted without it. Residuals are then those of these compensators, and the error is scaled so that
-      1.645 deviations hold nine tenths of the scores.
+      1.645 deviations hold nine tenths of the scores, and of these residuals, but by no more than n groups
+      leave open: the 95 % quantile of Student's t times sqrt(1 + 1/n) over 1.645.
 
     Raises `InputError` where no row is left.
 
@@ -193,14 +204,13 @@ def calibrated(
         >>> compensate.estimate(band, record).deviation.shape
         (101,)
     """
-    value, status, spread, rising, width = _residuals(compensator, record)
+    runs = [_parts(estimate(one, record)) for one in (compensator, *(o for _, o in left_out))]
+    value, status, spread = runs[0]
     group = np.full(len(record), -1)
-    for k, (rows, other) in enumerate(left_out):
+    for k, (rows, own) in enumerate(zip((rows for rows, _ in left_out), runs[1:], strict=True)):
         group[rows] = k
-        own = _residuals(other, record)[:4]
-        value, status, spread, rising = (
-            np.where(rows, new, old)
-            for new, old in zip(own, (value, status, spread, rising), strict=True)
+        value, status, spread = (
+            np.where(rows, new, old) for new, old in zip(own, (value, status, spread), strict=True)
         )
     counted = record.mask & (status != Status.INVALID)
     if len(left_out):
@@ -209,58 +219,191 @@ def calibrated(
         counted &= np.concatenate([_last(record, rows, cycles) for _, rows in record.sequences()])
     if not counted.any():
         raise InputError("no-rows", "no row is left to learn the error from.")
-    value, spread, rising = value[counted], spread[counted], rising[counted]
-    r, firsts = value - record.input[counted], record.starts
+    r, spread = (value - record.input)[counted], spread[counted]
+    if not len(left_out):
+        group = _cycles(record, counted)
+    span = float(np.ptp(record.input[counted]))
+    width = float(np.clip(np.quantile(np.abs(r), 0.9), TURN / 2 * span, MOST_TURN / 2 * span))
+    growth = _growth(compensator, record, counted, runs[0][0])
+    motions, grown, rising = _motions(record, counted, group, runs, width, growth)
+    value, group = value[counted], group[counted]
+    edges = np.linspace(value.min(), value.max(), levels + 1)
+    middles, ways = (edges[1:] + edges[:-1]) / 2, 2 * levels
+    place = rising * levels + np.clip(np.searchsorted(edges, value) - 1, 0, levels - 1)
+    visits, visit = np.unique(group * ways + place, return_inverse=True)
+    of_visit, rows = visits // ways, np.bincount(visit)
+
+    def facts(variance: np.ndarray, r: np.ndarray = r) -> np.ndarray:
+        """Likelihoods averaged within a visit, whose samples err alike, so that a visit counts once."""
+        found = -(np.log(variance) + r**2 / variance) / 2
+        return np.stack([np.bincount(visit, row) for row in found]) / rows
+
+    # The best candidate per level and branch is a sum over visits and an argmax.
+    candidates = np.geomspace(1e-3, 10, CANDIDATES) * max(float(np.std(r)), TINY)
+
+    def error(known: np.ndarray, of: np.ndarray) -> np.ndarray:
+        total = np.stack(
+            [np.bincount(visits[of] % ways, row, minlength=ways) for row in known[:, of]]
+        )
+        total += PRIOR_VISITS * known[:, of].mean(1, keepdims=True)
+        return candidates[total.argmax(0)].reshape(2, levels)
+
+    def by_row(errors: np.ndarray) -> np.ndarray:
+        low, high = (np.interp(value, middles, e) for e in errors)
+        return np.where(rising, high, low)
+
+    every, factor = np.ones(len(visits), bool), 1.0
+    for _ in range(ROUNDS):
+        known = facts(spread**2 + candidates[:, None] ** 2 + factor**2 * grown)
+        errors = error(known, every)
+        if not (len(left_out) and grown.any()):
+            break
+        rest = np.maximum(spread**2 + by_row(errors) ** 2, TINY)
+        likelihood = facts(rest + GROWTHS[:, None] ** 2 * grown).sum(1)
+        factor = GROWTHS[(likelihood - np.log2(GROWTHS) ** 2 / 2).argmax()]
+    more = spread**2 + factor**2 * grown
+
+    # Each group's scores come from an error learnt without it. An error learnt with it would fit the group,
+    # and the band would be too narrow for data that were not seen.
+    own, unseen = by_row(errors), np.empty(len(r))
+    for one in np.unique(of_visit):
+        others = of_visit != one if (of_visit != one).any() else of_visit == one
+        unseen = np.where(of_visit[visit] == one, by_row(error(known, others)), unseen)
+    wider = 1.0
+    if len(left_out) and (n := len(np.unique(of_visit))) > 1:
+        open_to = float(stdtrit(n - 1, 0.95)) * np.sqrt(1 + 1 / n) / NORMAL_95
+        inside = _scale(r, own, more)
+        wider = float(np.clip(_scale(r, unseen, more), inside, open_to * inside))
+    # On rows that it has not seen no model errs less than on those that it has; left-out rows of a motion
+    # unlike all others tell of the growth only.
+    fitted = (runs[0][0] - record.input)[counted]
+    least = error(facts(spread**2 + candidates[:, None] ** 2, fitted), every)
+    errors, scores = (
+        np.sqrt(ahead) * np.maximum(wider * errors, least),
+        np.abs(r) / np.hypot(np.sqrt(more), wider * unseen),
+    )
+    half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
+    symmetric = np.concatenate([-half[::-1], half])
+    levels_of, errors_of, scores_of = (jnp.asarray(p) for p in (middles, errors, symmetric))
+    motions = motions._replace(growth=factor * motions.growth)
+    last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
+    share, lasts = _lasting(
+        np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
+    )
+    return CalibratedCompensator(
+        compensator, levels_of, errors_of, scores_of, width, motions, share=share, lasts=lasts
+    )
+
+
+def checked(band: CalibratedCompensator, record: Record) -> CalibratedCompensator:
+    """A band with its `coverage` of a record's counted rows, which neither model nor error has seen.
+
+    Where that is below 0.8, which a few loops of chance do not explain, the error is scaled so that it
+    holds nine tenths of them.
+    """
+    held, scores = band_holds(band, record)
+    band = replace(band, coverage=held, coverage_before=held)
+    if not held < LEAST_COVERAGE:
+        return band
+    factor = float(np.quantile(scores, 0.9, method="higher")) / NORMAL_95
+    motions = band.motions and band.motions._replace(growth=factor * band.motions.growth)
+    band = replace(band, error=factor * band.error, motions=motions)
+    return replace(band, coverage=band_holds(band, record)[0])
+
+
+def band_holds(
+    band: CalibratedCompensator, record: Record
+) -> tuple[float, Float[np.ndarray, " rows"]]:
+    """The part of a record's counted rows with a reading of which value +- 1.645 deviations hold the input,
+    NaN where there are none, and the errors of all of them over the deviation."""
+    found = estimate(band, record)
+    value, status, deviation = _parts(found)
+    used = record.mask & np.isfinite(record.output) & np.isfinite(record.input)
+    used &= status != Status.INVALID
+    scores = np.abs(value - record.input)[used] / np.maximum(deviation[used], TINY)
+    return float((scores <= NORMAL_95).mean()) if used.any() else float("nan"), scores
+
+
+def _scale(r: np.ndarray, error: np.ndarray, more: np.ndarray) -> float:
+    """What to multiply errors by for 1.645 deviations to hold nine tenths of the residuals.
+
+    |r| = 1.645 hypot(s error, more) at s = sqrt((r / 1.645)^2 - more) / error.
+    """
+    beyond = np.sqrt(np.maximum((r / NORMAL_95) ** 2 - more, 0.0)) / np.maximum(error, TINY)
+    return max(float(np.quantile(beyond, 0.9)), TINY)
+
+
+def _cycles(record: Record, counted: np.ndarray) -> np.ndarray:
+    """A number for each row: of its sequence, or its cycle where there is one sequence."""
+    firsts = record.starts
     if len(record.labels) == 1:
         # A cycle of which less than half is counted goes with the one before.
         whole = [
             k for k in range(1, record.n_cycles + 1) if counted[record.cycle == k].mean() >= 0.5
         ]
         firsts = np.array([np.flatnonzero(record.cycle == k)[0] for k in whole[1:]], int)
-    if len(left_out):
-        group = group[counted]
-    else:
-        group = np.searchsorted(firsts, np.flatnonzero(counted), side="right")
-    edges = np.linspace(value.min(), value.max(), levels + 1)
-    place = rising * levels + np.clip(np.searchsorted(edges, value) - 1, 0, levels - 1)
-    ways = 2 * levels
-    visits, visit = np.unique(group * ways + place, return_inverse=True)
-    of_visit = visits // ways
+    return np.searchsorted(firsts, np.arange(len(record)), side="right")
 
-    # A likelihood for each candidate error: averaged within a visit, whose samples err alike, so that a
-    # visit counts once. The best candidate per level and branch is then a sum over visits and an argmax.
-    candidates = np.geomspace(1e-3, 10, CANDIDATES) * max(float(np.std(r)), TINY)
-    variance = spread**2 + candidates[:, None] ** 2
-    likelihood = -(np.log(variance) + r**2 / variance) / 2
-    facts = np.stack([np.bincount(visit, row) for row in likelihood]) / np.bincount(visit)
 
-    def error(of: np.ndarray) -> np.ndarray:
-        total = np.stack(
-            [np.bincount(visits[of] % ways, row, minlength=ways) for row in facts[:, of]]
-        )
-        total += PRIOR_VISITS * facts[:, of].mean(1, keepdims=True)
-        return candidates[total.argmax(0)].reshape(2, levels)
+def _without_memory(record: Record, counted: np.ndarray) -> float:
+    """The rms error of the best cubic from the output, and the conditions, to the input."""
+    columns = [record.output, *(record.columns[name] for name in record.conditions)]
+    y = np.column_stack([(c - c[counted].mean()) / (np.ptp(c[counted]) or 1.0) for c in columns])
+    y = y[counted]
+    powers = np.column_stack([np.ones(len(y)), y, y**2, y**3, y[:, :1] * y[:, 1:]])
+    u = record.input[counted]
+    return float(np.sqrt(np.mean((powers @ np.linalg.lstsq(powers, u, rcond=None)[0] - u) ** 2)))
 
-    # Each group's scores come from an error learnt without it. An error learnt with it would fit the group,
-    # and the band would be too narrow for data that were not seen.
-    middles, scores = (edges[1:] + edges[:-1]) / 2, np.empty(len(r))
-    for one in np.unique(of_visit):
-        others = of_visit != one if (of_visit != one).any() else of_visit == one
-        low, high = (np.interp(value, middles, e) for e in error(others))
-        score = np.abs(r) / np.hypot(spread, np.where(rising, high, low))
-        scores = np.where(of_visit[visit] == one, score, scores)
-    errors = np.sqrt(ahead) * error(of_visit >= 0)
-    if len(left_out) and (of_visit != of_visit[0]).any():
-        wider = max(float(np.quantile(scores, 0.9)), TINY) / NORMAL_95
-        errors, scores = wider * errors, scores / wider
-    half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
-    symmetric = np.concatenate([-half[::-1], half])
-    learnt = (jnp.asarray(part) for part in (middles, errors, symmetric))
-    last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
-    share, lasts = _lasting(
-        np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
-    )
-    return CalibratedCompensator(compensator, *learnt, width=width, share=share, lasts=lasts)
+
+def _growth(
+    compensator: AbstractCompensator, record: Record, counted: np.ndarray, value: np.ndarray
+) -> tuple[float, float]:
+    """The errors far from all reversals seen, and far from all speeds.
+
+    A model that knows the rate errs there by what it says that another speed does, too.
+    """
+    far, faster = GROWTH * _without_memory(record, counted), 0.0
+    if record.time is not None:
+        slowed = _parts(estimate(compensator, replace(record, time=FASTER * record.time)))[0]
+        faster = float(np.sqrt(np.mean((slowed - value)[counted] ** 2)))
+    return far, float(np.hypot(far, faster))
+
+
+def _motions(
+    record: Record,
+    counted: np.ndarray,
+    group: np.ndarray,
+    runs: Sequence[tuple[np.ndarray, ...]],
+    width: float,
+    growth: tuple[float, float],
+) -> tuple[Motions, np.ndarray, np.ndarray]:
+    """The motions of all counted rows; of each, the variance because its own is unlike those of the other
+    groups, and whether its estimate rises.
+
+    What was seen is told from the true inputs, what is there from the estimates, as in use.
+    """
+    known = record.input[record.mask & np.isfinite(record.input)]
+    ends = float(known.min()), float(known.max())
+    time = np.zeros(len(record)) if record.time is None else record.time
+    fresh = np.zeros(len(record), bool)
+    fresh[record.starts] = True
+
+    def along(value: np.ndarray, status: np.ndarray) -> MotionState:
+        samples = (jnp.asarray(time), jnp.asarray(value), jnp.asarray(status))
+        return path(ends, width, at_rest(), samples, jnp.asarray(fresh))
+
+    missing = ~np.isfinite(record.input)
+    truth = along(record.input, np.where(missing, Status.INVALID, Status.OK))
+    whole = seen(truth, counted, ends, growth)
+    grown, rising = np.zeros(len(record)), np.zeros(len(record), bool)
+    for k, (value, status, _) in enumerate(runs[1:] or runs):
+        rows = counted & (group == k) if len(runs) > 1 else counted
+        rest = counted & ~rows
+        now = along(value, status)
+        others = seen(truth, rest, ends, growth) if rest.any() else whole
+        grown[rows] = np.asarray(growth_of(others, now))[rows]
+        rising[rows] = np.asarray(now.up)[rows] > 0
+    return whole, grown[counted], rising[counted]
 
 
 def _lasting(
@@ -292,15 +435,10 @@ def _lasting(
     return float(min(np.exp(level), 1.0)), float(-step / min(slope, -1e-9))
 
 
-def _residuals(compensator: AbstractCompensator, record: Record) -> tuple[Any, ...]:
-    """Value, status and spread of every row; whether it rises; `width`."""
-    width = TURN / 2 * float(np.ptp(record.input))
-    found = estimate(compensator, record)
-    fresh = np.zeros(len(record), bool)
-    fresh[record.starts] = True
-    rising = _ways(width, jnp.asarray(jnp.nan, float), jnp.asarray(1), found, jnp.asarray(fresh))
-    value, status, *rest = (np.asarray(part) for part in found[:3])
-    return value, status, rest[0] if rest else np.zeros_like(value), np.asarray(rising) > 0, width
+def _parts(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Value, status and spread of every row."""
+    value, status = np.asarray(found.value), np.asarray(found.status)
+    return value, status, np.asarray(getattr(found, "deviation", np.zeros_like(value)))
 
 
 def _last(record: Record, rows: slice, cycles: int) -> np.ndarray:

@@ -1,6 +1,7 @@
 """`hysid armor calibrate` and `hysid armor solve`: from tables of presses and wrenches to contacts."""
 
 import csv
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,6 @@ from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
-from ..catalogue._synthetic import is_synthetic
 from ._calibration import calibrate_armor
 from ._description import Description, read_description
 from ._remedies import with_remedies
@@ -98,11 +98,13 @@ def solve(
     wrenches: Path, out: Path, *, sponge: Path | None = None, shape: Path | None = None,
     calibrated: Path | None = None, unit: str | None = None, stream: bool = False,
     dwell: float | None = None, overwrite: bool = False,
+    is_virtual: Callable[[str | None], bool] = lambda checksum: False,
 ) -> dict[str, Any]:  # fmt: skip
     """Contacts behind the wrenches of a table, with covariance and status; a folder with all of it.
 
     Raises `InputError` for tables, shapes and fits that cannot be used, `no-time` for a stream without a
-    clock and for a cover that creeps without a stream, and where results are there.
+    clock and for a cover that creeps without a stream, and where results are there. `is_virtual` tells by a
+    checksum that nobody measured a table.
     """
     identify.internal.check_free(out, overwrite, CONTACTS)
     if (calibrated is None) == (sponge is None or shape is None):
@@ -126,15 +128,16 @@ def solve(
             fix="add a column time (s), or solve each wrench by itself (without --stream).",
         )  # fmt: skip
     readings = jnp.asarray(table.readings)
-    found = uncertain.simulate(table.time, readings) if stream else uncertain.solve(readings)
+    solve_all = partial(uncertain.simulate, table.time) if stream else uncertain.solve
+    found = solve_all(readings, table.motion)
     contact, covariance = found.contact, np.asarray(found.covariance)
     known_place = (np.asarray(contact.surface) > 0)[:, None, None] & np.isfinite(covariance)
     covariance = np.where(known_place, covariance, np.nan)
     out.mkdir(parents=True, exist_ok=True)
     _write_contacts(out / CONTACTS, table.time, table.line, found, covariance)
-    wrench = uncertain.armor.sensor.read(readings)
+    wrench = uncertain.armor.sensor.read(readings, table.motion)
     time = np.arange(float(len(readings))) if table.time is None else table.time
-    title = wrenches.name + (VIRTUAL if is_synthetic(table.sha256) else "")
+    title = wrenches.name + (VIRTUAL if is_virtual(table.sha256) else "")
     save_touches(
         out, shell_of(uncertain.armor.solver.shape), time, np.asarray(wrench.force),
         np.asarray(wrench.moment), contact, title=title, covariance=covariance,

@@ -8,6 +8,9 @@ frame_width = 50            # of the dents that the frame may have; without it t
 full_scale = [50, 12]       # N, N m, of the sensor; without it the sensor has no hysteresis
 noise = [0.03, 0.006]       # N, N m, standard deviation of a reading
 reports = "load"            # or "reaction"
+mass = 1.2                  # kg, of all that the sensor carries; without it the sensor feels no weight
+centre = [0, 0, 250]        # of that mass, from P_o
+inertia = [0.05, 0.05, 0.02]    # kg m^2, about that centre and the shell's axes
 """
 
 import tomllib
@@ -33,6 +36,7 @@ from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, conversion
 
 KEYS = {
     "unit", "box", "mesh", "threshold", "thickness", "frame_width", "full_scale", "noise", "reports",
+    "mass", "centre", "inertia",
 }  # fmt: skip
 BOX = ("dx", "dy", "dz1", "dz2")
 NOISE = (0.03, 0.006)
@@ -47,6 +51,7 @@ class Description:
     - `box`: (dx, dy, dz1, dz2); or `corners` (n, 3) and `triangles` (m, 3) of a mesh.
     - `thickness`: of the cover; `frame_width`: of the frame's dents, None for a rigid one.
     - `full_scale`: N and N m, of a sensor with hysteresis, None for one without.
+    - `mass`, kg, `centre` (3,), `inertia` (3,), kg m^2: of all that the sensor carries.
     - `dwell`, s: see `ContactSolver`.
     """
 
@@ -59,6 +64,9 @@ class Description:
     full_scale: tuple[float, ...] | None = None
     noise: tuple[float, ...] = NOISE
     reports: str = "load"
+    mass: float = 0.0
+    centre: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)
     dwell: float | None = None
 
     def shape(self) -> AbstractShape:
@@ -95,7 +103,10 @@ class Description:
             plays = [
                 PrandtlIshlinskii(np.array([TRAVEL * f]), np.array([SHARE]), 1.0) for f in full
             ]
-        sensor = WristSensor(hysteresis=plays, reports=self.reports)
+        sensor = WristSensor(
+            hysteresis=plays, reports=self.reports, mass=self.mass, centre=np.array(self.centre),
+            inertia=np.diag(self.inertia),
+        )  # fmt: skip
         return Armor(sensor, ContactSolver(shape, cover, self.threshold, dwell=self.dwell))
 
     @property
@@ -137,6 +148,11 @@ def read_description(file: Path, unit: str | None = None) -> Description:
         found |= {"threshold": float(given.pop("threshold", 1.5))}
         if not all(len(found.get(k, (0, 0))) == 2 for k in ("full_scale", "noise")):
             raise ValueError("full_scale and noise are two numbers each, N and N m")
+        found |= {"mass": float(given.pop("mass", 0.0))}
+        found |= {"centre": tuple(metres * float(c) for c in given.pop("centre", (0.0,) * 3))}
+        found |= {"inertia": tuple(map(float, given.pop("inertia", (0.0,) * 3)))}
+        if not len(found["centre"]) == len(found["inertia"]) == 3:
+            raise ValueError("centre and inertia are three numbers each")
         found |= {"reports": str(given.pop("reports", "load"))}
         if "mesh" in given:
             return Description(**found, **_mesh(file.parent / str(given["mesh"]), str(unit)))

@@ -6,7 +6,8 @@ from typing import ParamSpec, TypeVar
 
 from hysteresis import InputError
 
-P, Found = ParamSpec("P"), TypeVar("Found")
+P = ParamSpec("P")
+Found = TypeVar("Found")
 
 REMEDIES = {
     "no-time": "add --stream, where the rows are one stream with a column time (s), or say with"

@@ -5,6 +5,10 @@ the time. Presses have more: `press`, which press a row belongs to; `force`, of 
 along the surface's inward normal; `x`, `y` and `z`, the touched point of the shell, undeformed, from P_o;
 and `displacement`, how deep the cover gave way, where that was measured. Units are read from the headers
 ("Fx (N)", "x [mm]") and converted; a column without a unit is in N, N m, m or s.
+
+Where the shell's weight and inertia are known, columns tell how it moves, in its own axes: gx, gy, gz, the
+direction in which gravity pulls, ax, ay, az, the acceleration of P_o without gravity (m/s^2), wx, wy, wz,
+the angular velocity (rad/s), and alx, aly, alz, the angular acceleration (rad/s^2). Presses have gravity.
 """
 
 from pathlib import Path
@@ -13,13 +17,19 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from compensate.armor import AbstractShape, Presses
+from compensate.armor import AbstractShape, Motion, Presses
 from hysteresis import InputError, Table, conversion, read_table
 from hysteresis.records._units import named_unit
 
 AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS: dict[str, str] = {**dict.fromkeys(AXES[:3], "N")} | dict.fromkeys(AXES[3:], "N*m")
 UNITS |= {"time": "s", "force": "N", "displacement": "m"} | dict.fromkeys("xyz", "m")
+MOTION = {
+    "acceleration": ("m/s^2", ("ax", "ay", "az")), "gravity": ("m/s^2", ("gx", "gy", "gz")),
+    "velocity": ("rad/s", ("wx", "wy", "wz")),
+    "angular_acceleration": ("rad/s^2", ("alx", "aly", "alz")),
+}  # fmt: skip
+UNITS |= {column: unit for unit, columns in MOTION.values() for column in columns}
 FAR = 0.05
 """Of the shape's longest side: a point farther from every surface was not touched."""
 
@@ -31,6 +41,7 @@ class Wrenches(NamedTuple):
     readings: Float[np.ndarray, "rows 6"]
     line: Int[np.ndarray, " rows"]
     sha256: str | None
+    motion: Motion
 
 
 def read_wrenches(file: Path) -> Wrenches:
@@ -38,7 +49,16 @@ def read_wrenches(file: Path) -> Wrenches:
     table = read_table(file)
     readings = np.column_stack([_column(table, name) for name in AXES])
     time = _column(table, "time") if _named(table, "time") else None
-    return Wrenches(time, readings, np.asarray(table.line), table.sha256)
+    return Wrenches(time, readings, np.asarray(table.line), table.sha256, _motion(table))
+
+
+def _motion(table: Table) -> Motion:
+    """How the shell moved, as far as the table says: a quantity has all three columns, or none."""
+    told = {}
+    for name, (_, columns) in MOTION.items():
+        if any(_named(table, column) for column in columns):
+            told[name] = np.column_stack([_column(table, column) for column in columns])
+    return Motion(**told)
 
 
 def read_presses(file: Path, shape: AbstractShape) -> Presses:
@@ -61,7 +81,9 @@ def read_presses(file: Path, shape: AbstractShape) -> Presses:
     touched = np.stack([read[k][:, 0] for k in "xyz"], axis=1)
     surface, normal = _touched_surfaces(shape, touched, str(file))
     readings = np.stack([read[key] for key in AXES], axis=-1)
-    return Presses(time, readings, read["force"], normal, touched, surface, depth)
+    gravity = _motion(table).gravity
+    poses = np.asarray(gravity)[rows] if np.ndim(gravity) == 2 else None
+    return Presses(time, readings, read["force"], normal, touched, surface, depth, poses)
 
 
 def _touched_surfaces(

@@ -89,10 +89,11 @@ def solve(
     """
     start_jax()
     from ..armor import _commands  # after JAX is set up
+    from ..catalogue._synthetic import is_synthetic
 
     found = _commands.solve(
         file, out, sponge=sponge, shape=shape, calibrated=calibrated, unit=shape_unit,
-        stream=stream, dwell=dwell, overwrite=overwrite,
+        stream=stream, dwell=dwell, overwrite=overwrite, is_virtual=is_synthetic,
     )  # fmt: skip
     said = ", ".join(f"{count} {name}" for name, count in found["statuses"].items())
     lines = [*warnings(found["notes"]), f"{found['rows']} wrenches: {said}", found["file"]]

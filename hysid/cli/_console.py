@@ -170,6 +170,22 @@ def candidate_lines(document: dict[str, Any]) -> list[str]:
     return lines
 
 
+def compensator_lines(document: dict[str, Any]) -> list[str]:
+    """The error of the compensator, beside those of simple inverses; nothing where there is none."""
+    found = document.get("compensator")
+    if not found or found["refused"]:
+        return []
+    unit = _in(document["data"]["input"]["unit"]).removeprefix(",")
+    beside = [f"{one['name']} {one['rmse']:.3g}{unit}" for one in found["baselines"]]
+    said = f"  Backwards: compensator {found['rmse']:.3g}{unit} rms; {', '.join(beside)}"
+    lines = [said]
+    if found["better"]:
+        lines.append(
+            f"  Warning: backwards, {' and '.join(found['better'])} is better than the model."
+        )
+    return lines
+
+
 def _in(unit: str) -> str:
     return "" if unit == "1" else f", {unit}"
 

@@ -12,6 +12,7 @@ from ._console import (
     Overwrite,
     Seed,
     candidate_lines,
+    compensator_lines,
     log,
     one_of,
     print_result,
@@ -137,5 +138,5 @@ def fit(
     )  # fmt: skip
     lines = verdict_lines(document)
     if "each" not in document:
-        lines += candidate_lines(document)
+        lines += candidate_lines(document) + compensator_lines(document)
     print_result(document, as_json, [*lines, f"Results: {out}"])

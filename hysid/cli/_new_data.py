@@ -39,8 +39,26 @@ def predict(
     compared = "The file has no measured values to compare with"
     if found["rmse"] is not None:
         compared = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"
-    lines = [f"{compared}; {found['flagged']} of {found['rows']} rows flagged", found["file"]]
+    lines = [f"{compared}; {found['flagged']} of {found['rows']} rows flagged"]
+    if inverse:
+        bands = found["band"] if "here" not in found["band"] else {"": found["band"]}
+        lines += [band_line(name, band) for name, band in bands.items()]
+    lines.append(found["file"])
     print_result(found, as_json, [*warnings(found["notes"], "Note"), *lines])
+
+
+def band_line(name: str, band: dict[str, float | None]) -> str:
+    """What the 90 % band of a compensator holds."""
+    parts = {"held_out": "the fit's held-out rows", "here": "this file's"}
+    said = [f"{100 * x:.3g} % of {w}" for k, w in parts.items() if (x := band[k]) is not None]
+    head = f"{name}: " if name else ""
+    text = (
+        f"{head}The 90 % band holds {' and '.join(said) if said else 'a share that is not known'}."
+    )
+    before = band["before"]
+    if before is None or before == band["held_out"]:
+        return text
+    return f"{text} It was widened, because as learnt from the training rows it held {100 * before:.3g} %."
 
 
 @takes_selection("where", "nan", "segments", *OF_READING, optional=True)
@@ -54,6 +72,19 @@ def qualify(
     rate: Annotated[
         float | None,
         typer.Option(help="Samples per second that the compensator must keep up with."),
+    ] = None,
+    target: Annotated[
+        str,
+        typer.Option(
+            metavar="c|python",
+            help="What must keep up with --rate: the header, or plain Python here.",
+        ),
+    ] = "c",
+    mhz: Annotated[
+        float | None,
+        typer.Option(
+            help="Clock of the processor that runs the header; an operation is taken for a cycle."
+        ),
     ] = None,
     guarantee: Annotated[
         float | None,
@@ -74,8 +105,8 @@ def qualify(
 
     with Progress("qualify", later=True) as progress:
         found = _qualify.qualify(
-            folder, file, max_error=max_error, rate=rate, guarantee=guarantee, changes=selection,
-            tell=progress,
+            folder, file, max_error=max_error, rate=rate, target=target, mhz=mhz, guarantee=guarantee,
+            changes=selection, tell=progress,
         )  # fmt: skip
     lines = [*warnings(found["notes"], "Note"), found.pop("text"), found["file"]]
     print_result(found, as_json, lines)

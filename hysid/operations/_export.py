@@ -21,8 +21,9 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, with_condition
 
+from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
-from .._run_in import run_in_of
+from .._run_in import RunIn, run_in_of
 
 HALF = 0.5
 """Share of OK estimates below which an export says so: `if (status == OK)` then seldom runs in a robot."""
@@ -54,15 +55,19 @@ def export(
             place=str(folder),
             fix="Export a fit of one input that changes over time.",
         )
-    record = fitted.train
+    record, judged = fitted.train, judged_compensator(fitted)
+    # The verdict is on what is exported: on the compensator, too.
+    if fitted.purpose != "compensate":
+        better = [note for note in judged.reasons if note.code != "compensator-error"]
+        verdict = verdict.at_most(judged.level, *better)
     learnt = error_of(fitted)
     error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
-    rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     limits = limits or wider(record.output[record.mask])
+    readings, times = readings_of_training(fitted)
     program = Program(
         fitted.model,
-        with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))[rows],
-        times=None if record.time is None else record.time[rows],
+        readings,
+        times=times,
         reading=Quantity(record.output_name, record.output_unit),
         estimate=Quantity(record.input_name, record.input_unit),
         title=fitted.name,
@@ -80,16 +85,36 @@ def export(
     )
     files, notes = _written(program, targets, real)
     assert program.guard is not None
-    run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    if start == "unknown" and "ok_share" in (fitted.compensator or {}):
+        run_in = RunIn.of(fitted.compensator)
+    else:
+        run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
+    notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     if not fitted.trusted:
         notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
     return {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
         "trained": list(fitted.trained), "beyond": beyond, "date": date or None, **run_in.document,
-        "text": run_in.sentence(record.time_unit),
+        "text": f"{run_in.sentence(record.time_unit)}\n{_spent(program)}",
+        "operations": program.operations._asdict(),
     }  # fmt: skip
+
+
+def _spent(program: Program) -> str:
+    mean, most, rows = program.operations
+    return (
+        f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
+    )
+
+
+def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:
+    """The outputs of the longest sequence that was fitted, with the condition if any, and their times."""
+    record = fitted.train
+    rows = longest_sequence(record, record.mask & np.isfinite(record.output))
+    given = with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))
+    return given[rows], None if record.time is None else record.time[rows]
 
 
 def _written(

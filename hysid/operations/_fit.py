@@ -9,6 +9,7 @@ from typing import Any
 import identify
 from hysteresis import InputError, Record
 
+from .._compensator import with_compensator
 from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
@@ -55,7 +56,7 @@ def fit(
         if value:
             say(f"{selection.each} = {value}")
         try:
-            result = run(train, test=test, progress=say)
+            result = with_compensator(run(train, test=test, progress=say))
         except InputError as error:
             faults[value] = error
             continue

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import Status, estimate
+from compensate import CalibratedCompensator, Status, estimate
+from compensate.uncertainty._calibrated import band_holds
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import atomic_file, open_csv
 from hysteresis._format import quantity
@@ -36,7 +37,9 @@ def predict(
     """Run a fitted model, or its compensator, over a file; write the result beside the fit.
 
     Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
-    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK.
+    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK. Of the
+    compensator's band, `held_out` is the part of the fit's held-out rows that value +- 1.645 deviations
+    hold, and `here` that of this file's; None where it is not known.
     Beside a step's prediction stands the range that the fitted record leaves open. `steady`: an oscillator
     has run through the force so often that its motion repeats itself.
     """
@@ -53,7 +56,7 @@ def predict(
     source = selection.read(file)
     selection, compared, said = for_new_file(selection, source, inverse)
     folders = folders_of(folder, document)
-    table, measured_all, found_all, flagged, run_in = [], [], [], 0, None
+    table, measured_all, found_all, flagged, run_in, bands = [], [], [], 0, None, {}
     records, faults = selection.records(source)
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
@@ -67,7 +70,7 @@ def predict(
             record = on_the_clock_of(fitted, record)
         wanted = record.input if inverse else record.output
         if inverse:
-            values, status = _run_backwards(fitted, record)
+            values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)
             words = [Status(int(s)).name for s in status]
             run_in = run_in_of(status, record)
             said.append(run_in.sentence(record.time_unit))
@@ -82,6 +85,7 @@ def predict(
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
+        more = deviation[:, None] if inverse else more
         rows = zip(
             [value] * len(record), record.line, driving, record.output, values, words, *more.T,
             strict=True,
@@ -102,12 +106,13 @@ def predict(
     result = f"estimated {asked.input_words}" if inverse else f"predicted {asked.output}"
     names = [selection.input_words, selection.output]
     header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
+    header += ["standard deviation"] * inverse
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
     with atomic_file(target) as new, open_csv(new) as handle:
         csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
-    known = {} if run_in is None else {"compensator": run_in.document}
-    result = {**figures, "flagged": flagged, "rows": len(table), "notes": said}
-    return result | known | {"file": str(target)}
+    known = {} if run_in is None else {"band": bands.get("", bands), "compensator": run_in.document}
+    counts = {"flagged": flagged, "rows": len(table)}
+    return {**figures, **counts, **known, "notes": said, "file": str(target)}
 
 
 def _motion(
@@ -166,9 +171,17 @@ def _between(fitted: identify.FitResult, record: Record) -> list[str]:
     return [f"{said}. At such values, held out in the fit, the model errs by {error} rms."]
 
 
-def _run_backwards(fitted: identify.FitResult, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """The compensator over each sequence, as it is exported."""
+def _run_backwards(
+    fitted: identify.FitResult, record: Record, compared: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float | None]]:
+    """Estimates, deviations and statuses of the compensator over each sequence, as it is exported,
+    and what its band holds."""
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    found = estimate(exported(fitted), record)
-    value, status = np.asarray(found.value), np.asarray(found.status)
-    return fitted.clocks.undone(record, value), status
+    band = exported(fitted)
+    assert isinstance(band, CalibratedCompensator)
+    found = estimate(band, record)
+    here = band_holds(band, fitted.clocks.applied(record))[0] if compared else np.nan
+    held = {"held_out": band.coverage, "before": band.coverage_before, "here": here}
+    known = {name: share if np.isfinite(share) else None for name, share in held.items()}
+    value = fitted.clocks.undone(record, np.asarray(found.value))
+    return value, np.asarray(found.deviation), np.asarray(found.status), known

@@ -19,7 +19,8 @@ from compensate import (
     runs_needed,
 )
 from compensate import qualify as qualified
-from compensate.qualification._qualify import Tell
+from compensate.qualification._qualify import Step, Tell
+from compensate.uncertainty._calibrated import band_holds
 from compensate.uncertainty._guaranteed import run_scores
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
@@ -29,6 +30,7 @@ from .._invert import error_of, exported
 from ..intake._folders import folders_of
 from ..intake._selection import all_of
 from ._columns import for_new_file, selection_of_fit
+from ._step_time import check_target, step_of
 
 DRAWS, ROWS = 50, 200_000
 """Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
@@ -41,6 +43,8 @@ def qualify(
     *,
     max_error: float | None = None,
     rate: float | None = None,
+    target: str = "c",
+    mhz: float | None = None,
     guarantee: float | None = None,
     changes: dict[str, Any] | None = None,
     tell: Tell = lambda done, total, text: None,
@@ -50,6 +54,7 @@ def qualify(
     In the file of the fit itself only the rows held out from it count; where none were, the verdict
     is CAUTION at best. `text` is for a terminal, and not in the file.
     """
+    check_target(target, mhz)
     document = identify.internal.read_document(folder)
     asked = selection_of_fit(document)
     if asked.is_step or isinstance(asked.input, tuple):
@@ -72,10 +77,14 @@ def qualify(
     if faults := {value: error for value, error in faults.items() if value in folders}:
         raise all_of(faults)
     found: dict[str, Qualification] = {}
+    held: dict[str, float | None] = {}
     for value, (record, held_out) in records.items():
         if value in folders:
             place, seen = folder / folders[value], held_out or record
-            one = _of_one(fits[value], place, seen, max_error, rate, _of_part(found, records, tell))
+            step = None if rate is None else step_of(fits[value], target, mhz)
+            part = _of_part(found, records, tell)
+            one = _of_one(fits[value], place, seen, max_error, rate, step, part)
+            one, held[value] = _with_band(one, fits[value], seen)
             found[value] = _seen(one) if fitted_here and held_out is None else one
     if not found:
         raise InputError(
@@ -89,7 +98,7 @@ def qualify(
             record = records[value][1] or records[value][0]
             bands[value] = guarantee_of(fits[value], record, guarantee)
             said += [] if bands[value]["given"] else [bands[value]["text"]]
-    one_band = {"guarantee": bands.get("", bands or None)}
+    one_band = {"guarantee": bands.get("", bands or None), "band": held.get("", held)}
     result = _together(found) | one_band | {"notes": said, "file": str(folder / "qualify.json")}
     identify.internal.write_json(folder / "qualify.json", result | {"source": file.name})
     head = {value: f"{asked.each} = {value}\n" if value else "" for value in found}
@@ -104,6 +113,7 @@ def _of_one(
     record: Record,
     max_error: float | None,
     rate: float | None,
+    step: Step | None,
     tell: Tell,
 ) -> Qualification:
     identify.internal.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
@@ -122,8 +132,19 @@ def _of_one(
         except InputError as error:
             said = f"The posterior of this fit cannot be inverted: {error}"
             facts.append(Note("no-posterior", said))
-    found = qualified(compensator, record, fitted.model, ensemble, max_error, rate, tell)
+    found = qualified(compensator, record, fitted.model, ensemble, max_error, rate, step, tell)
     return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+
+
+def _with_band(
+    one: Qualification, fitted: identify.FitResult, record: Record
+) -> tuple[Qualification, float | None]:
+    """The qualification with what the fit's own band holds of the rows, and that share."""
+    share, scores = band_holds(error_of(fitted), fitted.clocks.applied(record))
+    if not len(scores):
+        return one, None
+    said = f"The 90 % band of the fit's own deviation holds {100 * share:.3g} % of the rows."
+    return replace(one, verdict=one.verdict.at_most("PASS", Note("band", said))), share
 
 
 def _of_part(found: Mapping[str, Any], records: Mapping[str, Any], tell: Tell) -> Tell:

@@ -137,7 +137,10 @@ def facts(case: Case) -> list[tuple[str, str]]:
 def made_of(case: Case) -> Section:
     """The technical sum of parts, with the parameters that the data determine."""
     section = parameters(case)
-    section.text.insert(0, f"{case.fit.name}. {in_words(case)}")
+    said = f"{case.fit.name}. {in_words(case)}"
+    if not isinstance(case.fit.detail, identify.ReversalCurves):
+        said += " Its weights come from non-negative least squares."
+    section.text.insert(0, said)
     section.title, section.folded = "What the model is made of", True
     return section
 

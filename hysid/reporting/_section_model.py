@@ -5,11 +5,16 @@ from collections import Counter
 import numpy as np
 
 from compensate import Status
+from compensate.export._header_facts import learnt_on
+from compensate.uncertainty._motion import error_parameters
 from hysteresis import InputError, Preisach
 from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from identify import excited_cells
 
+from .._compensator import with_compensator
+from .._invert import error_of
+from .._run_in import RunIn
 from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Link, Section, Table, picture
 
@@ -41,6 +46,11 @@ def posterior(case: Case) -> Section:
     section.text.append(
         f"{ensembles * draws:,} draws by {posterior.method}, in {posterior.seconds:.3g} s. {believed}"
     )
+    if fit.detail.is_linear:
+        section.text.append(
+            "emcee samples the noise, its correlation and the prior's strength alone; the weights are drawn"
+            " given those, each draw by non-negative least squares."
+        )
     columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
     rows: list[tuple[str | Link, ...]] = [
         (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")
@@ -148,6 +158,7 @@ def compensator(case: Case) -> Section:
     counts = Counter(int(s) for s in trip.status[trip.counted])
     said = [f"{k:,} {MEANINGS[Status(s)]}" for s, k in counts.most_common()]
     section.text.append(f"Status of the {int(trip.counted.sum()):,} rows: {'; '.join(said)}.")
+    _beside(case, section)
     if len(record) < len(whole):
         last = trip.first + len(record) - 1
         section.notes.append(
@@ -182,3 +193,40 @@ def compensator(case: Case) -> Section:
         )
     )
     return section
+
+
+def _beside(case: Case, section: Section) -> None:
+    """The errors of simple inverses, what the band holds, and for which motions it was learnt."""
+    fit, unit = with_compensator(case.fit), case.units[0]
+    found = fit.compensator
+    assert found is not None
+    if found["refused"] is not None:
+        return
+    rows = [
+        (
+            name,
+            quantity(one["rmse"], unit),
+            quantity(one["nrmse_percent"], "%"),
+            quantity(one["max_abs"], unit),
+        )
+        for name, one in (("compensator", found), *((b["name"], b) for b in found["baselines"]))
+    ]
+    caption = "Simple inverses on the same rows, fitted to the training rows."
+    columns = ("Inverse", "Error, rms", "Of the range", "At most")
+    section.tables.append(Table(caption, columns, rows, strong=0))
+    if found["better"]:
+        section.notes.append(
+            f"Backwards, {' and '.join(found['better'])} is better than the model."
+        )
+    if "band" not in found:
+        return
+    band = error_of(fit)
+    known = learnt_on(error_parameters(band.motions, band.width))
+    said = f"Its deviation was learnt {known}. Where the last two turns or the speed are others, it grows."
+    if np.isfinite(band.coverage):
+        said += f" 1.645 deviations hold {100 * band.coverage:.3g} % of the held-out rows."
+    if band.coverage_before < band.coverage:
+        said += f" It was widened, because before it held {100 * band.coverage_before:.3g} %."
+    section.text.append(said)
+    run_in = RunIn.of(found)
+    section.text.append(f"{run_in.sentence(fit.train.time_unit)} That is on the training rows.")

@@ -137,10 +137,9 @@ def findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
         ),
         finding(
             "The average error of each approximation is below 5 mm, and no error above 10 mm (fig 12).",
-            f"The averages are {', '.join(f'{x:.1f}' for x in averages)} mm in the mean over the rigs, all "
-            f"of them below 5 mm in {sum(max(row) < 5 for row in errors)} of {len(rigs)}. The largest"
-            f" error of a rig is {largest.mean():.1f} mm in the mean, and at most 10 mm in"
-            f" {sum(largest <= 10)} of them.",
+            f"The averages are {', '.join(f'{x:.1f}' for x in averages)} mm in the mean over the rigs, "
+            f"all below 5 mm in {sum(max(row) < 5 for row in errors)} of {len(rigs)}. The largest error "
+            f"of a rig is {largest.mean():.1f} mm in the mean, and up to 10 mm in {sum(largest <= 10)}.",
             np.max(averages) < 5 and largest.mean() <= 10,
         ),
         finding(

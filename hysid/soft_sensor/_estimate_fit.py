@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import Quantity, Status, calibrated, estimate, invert
+from compensate import CalibratedCompensator, Quantity, Status, estimate, invert
 from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
 from hysteresis import InputError, Record, conversion, with_condition
 from hysteresis._atomic_file import atomic_file, open_csv
 
-from .._invert import longest_sequence
+from .._invert import error_of, longest_sequence
+from .._invert import invert as invert_fit
 from ..intake._folders import folders_of
 from ..operations._columns import for_new_file, selection_of_fit
 
@@ -27,9 +28,10 @@ def estimate_by_fit(
 ) -> dict[str, Any]:  # fmt: skip
     """Run a fit over a file as a force sensor: forces in N, with deviations and statuses, to a table.
 
-    A fit from force to reading is inverted. The deviation is that of the rows that the fit held out, and
-    the forces are limited to those of its training; a lag between reading and force is taken out as in the
-    fit. `runtime`: a file for `compensate.runtime.load_force`, which estimates at once and knows no lag.
+    A fit from force to reading is inverted, with the deviation of `hysid.invert`; of a fit from reading to
+    force it is that of the rows that the fit held out. The forces are limited to those of its training; a
+    lag between reading and force is taken out as in the fit. `runtime`: a file for
+    `compensate.runtime.load_force`, which estimates at once and knows no lag.
 
     Raises `InputError` where neither quantity of the fit is a force, it has no inverse, or the file lacks
     its columns.
@@ -50,13 +52,17 @@ def estimate_by_fit(
     selection, compared, said = for_new_file(selection, source, inverse)
     record = selection.records(source)[0][""][0]
     held_out = fitted.train if fitted.test is None else fitted.test
-    if fitted.test is None:
+    if fitted.test is None and not inverse:
         said.append(
             "The fit held out no rows, so the deviation is that of its own: too small for new ones."
         )
     newtons = conversion(fitted.train.input_unit if inverse else fitted.train.output_unit, NEWTON)
     assert newtons is not None
-    value, deviation, status = _found(fitted, record, held_out, inverse)
+    value, deviation, status = _found(fitted, record, inverse)
+    if inverse:
+        coverage = error_of(fitted).coverage
+        held = f"{100 * coverage:.3g} % of the rows that the fit held out"
+        said.append(f"The 90 % band holds {held if np.isfinite(coverage) else 'an unknown share'}.")
     wanted = record.input if inverse else record.output
     figures: dict[str, Any] = dict.fromkeys(identify.Metrics._fields)
     known = record.mask & np.isfinite(wanted) & np.isfinite(value)
@@ -99,15 +105,16 @@ def _is_inverse(fitted: identify.FitResult, folder: Path) -> bool:
 
 
 def _found(
-    fitted: identify.FitResult, record: Record, held_out: Record, inverse: bool
+    fitted: identify.FitResult, record: Record, inverse: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Forces, deviations and statuses of every row, in the fit's unit and on the record's clock."""
     if inverse:
         identify.internal.check_unit(
             record.output_name, record.output_unit, fitted.train.output_unit
         )
-        known = held_out if len(held_out) else fitted.train
-        found = estimate(calibrated(invert(fitted.model, trained=fitted.trained), known), record)
+        band = invert_fit(fitted)
+        assert isinstance(band, CalibratedCompensator)
+        found = estimate(band, record)
         value = fitted.clocks.undone(record, np.asarray(found.value))
         return value, np.asarray(found.deviation), np.asarray(found.status)
     figures = fitted.metrics["test"] or fitted.metrics["train"]
@@ -126,7 +133,7 @@ def _exported(fitted: identify.FitResult, held_out: Record, inverse: bool, file:
     model: Any = BackwardsModel(invert(fitted.model)) if inverse else fitted.model
     readings, forces = (record.output, record.input) if inverse else (record.input, record.output)
     newtons = conversion(record.input_unit if inverse else record.output_unit, NEWTON) or 1.0
-    value = _found(fitted, held_out, held_out, inverse)[0]
+    value = _found(fitted, held_out, inverse)[0]
     known = held_out.mask & np.isfinite(value)
     truth = (held_out.input if inverse else held_out.output)[known]
     off = newtons * float(np.sqrt(np.mean((value[known] - truth) ** 2)))

@@ -45,7 +45,18 @@ MOST_RESIDUALS = 4_000_000
 """Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
 _KINDS: dict[str, type] = {
     **dict.fromkeys(
-        ("each", "failed", "folders", "files", "records", "metrics", "data", "verdict"), dict
+        (
+            "each",
+            "failed",
+            "folders",
+            "files",
+            "records",
+            "metrics",
+            "data",
+            "verdict",
+            "compensator",
+        ),
+        dict,
     ),
     **dict.fromkeys(("parameters", "candidates", "baselines", "notes"), list),
 }
@@ -212,6 +223,7 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
         ),
         baselines=tuple(map(Baseline.of, document.get("baselines", ()))),
         extrapolation=Extrapolation.of(document.get("extrapolation")),
+        compensator=document.get("compensator"),
         purpose=document.get("purpose", "predict"),
         skipped=document["skipped"],
         clocks=Clocks(**document.get("clocks", {})),
@@ -292,6 +304,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "candidates": [summary(candidate) for candidate in fit.candidates],
         "baselines": [baseline.document for baseline in fit.baselines],
         "extrapolation": None if fit.extrapolation is None else fit.extrapolation.document,
+        **({} if fit.compensator is None else {"compensator": fit.compensator}),
         "purpose": fit.purpose,
         "detail": {"kind": fit.detail.kind},
         "characteristics": [one._asdict() for one in fit.characteristics],

@@ -36,11 +36,11 @@ def kind_of(record: Record) -> Kind:
         )
     tenth = -(-len(y) // 10)
     change = float(np.median(y[-tenth:]) - np.median(y[:tenth]))
-    noise = record.summary()["output"]["noise"] / abs(record.input[0])
+    noise = record.summary()["output"]["noise"] / abs(record.input[-1])
     if abs(change) <= MOVES * noise:
         raise InputError(
             "no-excitation",
-            f"{record.output_name} changes by {abs(change * record.input[0]):.3g}, about its noise:"
+            f"{record.output_name} changes by {abs(change * record.input[-1]):.3g}, about its noise:"
             " neither creep nor relaxation.",
             place=record.source,
             fix="choose another column (--output COL), or measure for longer.",
@@ -51,7 +51,7 @@ def kind_of(record: Record) -> Kind:
         moves = "grows" if change > 0 else "shrinks"
         raise InputError(
             "not-a-step",
-            f"{record.output_name} {moves} by {abs(change * record.input[0]):.3g} {record.output_unit}"
+            f"{record.output_name} {moves} by {abs(change * record.input[-1]):.3g} {record.output_unit}"
             f" while {record.input_name} is held: neither creep, in which a deformation grows, nor"
             " relaxation, in which a load falls.",
             place=record.source,

@@ -296,7 +296,9 @@ def _errors(
         found = _plainest(free, at, noise)
     if noise is not None and found is None:
         found = likeliest(*about, kinds(noise))
-    evidence = {} if found is None else found.over_the_best
+    # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
+    tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
+    evidence = tried if found is None else found.over_the_best
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
         covariance = covariance_of(found.root, 1.0)
         return _Errors(

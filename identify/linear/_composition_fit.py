@@ -268,11 +268,9 @@ class Problem:
         some: tuple[str, ...],
         strength: float,
     ) -> tuple[np.ndarray, np.ndarray]:
-        rows = max(
-            normal.rows, 1
-        )  # a floor may leave no row of a fold above it: the prior alone speaks
-        H = normal.H[np.ix_(columns, columns)] / rows
-        H += self.whole.of(*some).prior(strength)
+        # A floor may leave no row of a fold above it: then the prior alone speaks.
+        rows = max(normal.rows, 1)
+        H = normal.H[np.ix_(columns, columns)] / rows + self.whole.of(*some).prior(strength)
         return jittered(H), normal.b[columns] / rows
 
     def solution(

@@ -19,6 +19,9 @@ from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._unknown_vectors import in_units
 
+PAIRS = 8
+"""Draws for one pair from which the push of the signs is estimated."""
+
 Unknowns = TypeVar("Unknowns", GridUnknowns, CompositionUnknowns, ConditionedUnknowns)
 """What the unknowns of a linear model stand for.
 
@@ -48,7 +51,7 @@ class LinearFit(Generic[Unknowns]):
     - `last`: the record on which outputs were computed last, and they.
     - `sums`: of a grid, the covariance of `GridUnknowns.sums` over scale^2, by correlated noise and the
       prior's bias; None: draws give errors. `determined`: which sums the data know rather than the prior;
-      None: all.
+      None: all. `shift`: how far a weaker prior moves them, over scale.
     """
 
     unknowns: Float[np.ndarray, " unknowns"]
@@ -61,6 +64,7 @@ class LinearFit(Generic[Unknowns]):
     dropped: bool = False
     sums: Float[np.ndarray, "all_sums all_sums"] | None = None
     determined: Bool[np.ndarray, " sums"] | None = None
+    shift: Float[np.ndarray, " all_sums"] | None = None
     last: tuple[Record, Float[np.ndarray, " samples"]] | None = field(default=None, repr=False)
 
     @property
@@ -97,8 +101,11 @@ class LinearFit(Generic[Unknowns]):
         noise: Noise,
         count: int,
         random: np.random.Generator,
+        antithetic: bool = False,
     ) -> Float[np.ndarray, "count unknowns"]:
         """Draws from the projected Gaussian posterior: independent, and each a model there can be.
+
+        With `antithetic` each comes with that of the opposite noise, twice as many.
 
         x = argmin over those models of (x - z)'Q(x - z), z Gaussian about the unconstrained minimum of
         x'Hx/2 - b'x with precision Q = H / variance. That moves b by a Gaussian with covariance
@@ -110,11 +117,11 @@ class LinearFit(Generic[Unknowns]):
         # H is a mean over `rows` rows, in squares of `scale`.
         variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
         factor = scipy.linalg.cholesky(self.H, lower=True) * np.sqrt(variance)
-        found = np.empty((count, len(self.b)))
-        for k in range(count):
-            moved = self.b + factor @ random.normal(size=len(self.b))
-            found[k] = self.meaning.minimum(self.H, moved, self.unknowns != 0)
-        return found
+        steps = random.normal(size=(count, len(self.b))) @ factor.T
+        if antithetic:
+            steps = np.concatenate([steps, -steps])
+        inside = self.unknowns != 0
+        return np.stack([self.meaning.minimum(self.H, self.b + step, inside) for step in steps])
 
     def totals(
         self, noise: Noise, count: int, random: np.random.Generator
@@ -127,7 +134,12 @@ class LinearFit(Generic[Unknowns]):
         sums, scale = self.meaning.totals, self.meaning.scale
         values = sums @ in_units(self.meaning, self.unknowns)
         if self.sums is not None:
-            return values, scale**2 * self.sums[: len(values), : len(values)]
+            known = len(values)
+            if self.shift is not None:
+                # Signs push sums to one side, as smoothing does: by as much as noise about the fit shows.
+                up = self.draws(noise, count // PAIRS, random, antithetic=True) - self.unknowns
+                values = values + scale * (self.shift[:known] - sums @ up.mean(0))
+            return values, scale**2 * self.sums[:known, :known]
         deviations = scale * (self.draws(noise, count, random) - self.unknowns) @ sums.T
         return values, deviations.T @ deviations / count
 

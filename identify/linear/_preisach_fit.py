@@ -171,4 +171,6 @@ def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
         return fit
     known = known_sums(problem, which, choice.strength, unknowns)
     totals = len(meaning.totals)
-    return replace(fit, sums=known.covariance, determined=known.determined[:totals])
+    return replace(
+        fit, sums=known.covariance, determined=known.determined[:totals], shift=known.shift
+    )

@@ -15,10 +15,12 @@ class KnownSums(NamedTuple):
     """Of the rows of `GridUnknowns.sums`, over scale.
 
     - `covariance`: of the sums. `determined`: which of them the data know rather than the prior.
+    - `shift`: how far a prior of a tenth of the strength moves them.
     """
 
     covariance: Float[np.ndarray, "sums sums"]
     determined: Bool[np.ndarray, " sums"]
+    shift: Float[np.ndarray, " sums"]
 
 
 def known_sums(
@@ -74,7 +76,7 @@ def known_sums(
     bias = K.T @ (H @ (weaker - x))[inside]
     of_prior = np.einsum("is,ij,js->s", K, strength * problem.prior[at], K)
     determined = of_prior <= 0.5 * np.einsum("si,is->s", C, K)
-    return KnownSums(spread + np.outer(bias, bias), determined)
+    return KnownSums(spread + np.outer(bias, bias), determined, bias)
 
 
 def runs(starts: np.ndarray, chosen: Bool[np.ndarray, " samples"]) -> list[slice]:

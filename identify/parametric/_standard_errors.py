@@ -7,7 +7,7 @@ from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..parameters._settings import numbers_of
-from ..parameters._transform import Transform
+from ..parameters._transform import Transform, transform_for
 from ..results._fit_result import Parameter, Status
 from ._interval_skewness import Skewness
 
@@ -75,6 +75,7 @@ def reported(
     """The parameters of a fitted model with their errors: none at a bound, none where unidentified."""
     error, slope = np.sqrt(np.diagonal(covariance)), bounds.slope(free)
     status = statuses(bounds, free, error)
+    least = _least(model, record)
     lean = skewness.displaced(NORMAL_95)
     found = []
     words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
@@ -85,6 +86,8 @@ def reported(
             continue
         k = bounds.names.index(name)
         known: Status = str(status[k])  # type: ignore[assignment]
+        if known == "unidentified" and value < least.get(name, 0.0):
+            known = "at bound"
         if known != "free":
             found.append(Parameter(name, value, unit, None, known))
             continue
@@ -96,3 +99,13 @@ def reported(
         stderr = float(error[k]) * abs(float(slope[k]))
         found.append(Parameter(name, value, unit, stderr, known, low, high))
     return tuple(found)
+
+
+def _least(model: AbstractModel, record: Record) -> dict[str, float]:
+    """Of every positive number the size below which a value that the data do not see is at its bound 0.
+
+    Its default prior puts a sixth below it.
+    """
+    found = transform_for(model, record)
+    priors = zip(found.names, found.priors, strict=True)
+    return {name: one.first / one.second for name, one in priors if one.kind == "log-normal"}

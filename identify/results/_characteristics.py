@@ -30,8 +30,17 @@ COUNTED = 0.9
 END = 0.02
 """Of a cycle's range of inputs: rows so close to an end belong to it."""
 
+LEVELS, MARGIN = 33, 0.05
+"""Of the input, at which the middle between the branches is taken, and the part left out at either end."""
+
 HELD, HELD_ROWS = 0.02, 8
 """A hold: so many rows in which the input stays within this part of its range."""
+
+LEVEL, SCATTER = 1e-3, 6.0
+"""At its level an input is this close, of its range, or this many median deviations."""
+
+RESTS = 0.05
+"""Of the way that the input goes in the time of a hold where it moves: more is a slow turn."""
 
 ALIKE = 0.5
 """Of the largest change in a hold: holds that change by so much are compared."""
@@ -77,8 +86,8 @@ def characteristics(
 ) -> tuple[Characteristic, ...]:
     """The figures of a record and of a model that leaves these residuals on its `used` rows.
 
-    - stiffness: load over deformation between the ends of a cycle, where the units tell them apart;
-      otherwise the slope, output over input.
+    - stiffness: of the line through the middle of the loop, load over deformation where the units tell
+      them apart; otherwise the slope, output over input.
     - loop width: mean distance of the branches. energy a cycle: the loop's area.
     - softening: change of the stiffness from the first of these cycles to the last.
     - zero drift: change of the output at the cycle's lowest input, likewise.
@@ -167,9 +176,17 @@ def _cycles(
 
 def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]) -> _Cycle:
     low, high = float(u.min()), float(u.max())
-    top, bottom = u >= high - END * (high - low), u <= low + END * (high - low)
-    rise = u[top].mean() - u[bottom].mean()
-    slope = (y[:, top].mean(1) - y[:, bottom].mean(1)) / rise
+    turn = int(np.argmax(np.abs(u - u[0])))
+    legs = [
+        leg[np.argsort(u[leg], kind="stable")]
+        for leg in (np.arange(turn + 1), np.arange(turn, len(u)))
+    ]
+    ends = max(u[leg[0]] for leg in legs), min(u[leg[-1]] for leg in legs)
+    # Close to its ends a branch is still that of the leg before.
+    levels = ends[0] + (ends[1] - ends[0]) * np.linspace(MARGIN, 1 - MARGIN, LEVELS)
+    middle = np.mean([[np.interp(levels, u[leg], one[leg]) for one in y] for leg in legs], axis=0)
+    slope = np.polyfit(levels, middle.T, 1)[0]
+    bottom = u <= low + END * (high - low)
     sums = [loop_sums(u, one, np.ones(len(u), bool)) for one in y]
     area = np.array([abs(one.net) for one in sums])
     common = np.array([one.span for one in sums])
@@ -211,18 +228,30 @@ def _relaxation(
 
 
 def _holds(record: Record) -> list[np.ndarray]:
-    """Rows of each stretch in which the input stays where it is."""
-    found = []
+    """Rows of each stretch in which the input stays where it is: a smooth turn is slow, but moves on."""
+    assert record.time is not None
+    found, t = [], record.time
     span = float(np.ptp(record.input[record.mask])) if record.mask.any() else 0.0
     for _, where in record.sequences():
         u = record.input[where]
         if len(u) < HELD_ROWS:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(u, HELD_ROWS)
+        moves, steps = np.abs(np.diff(u)), np.diff(t[where])
+        # Along its path, so that rests do not slow it down.
+        pace = float(np.sum(moves**2 / steps) / moves.sum()) if moves.any() else 0.0
         still = np.flatnonzero(np.ptp(windows, axis=1) <= HELD * span)
         for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-            if len(run) and np.ptp(u[run[0] : run[-1] + HELD_ROWS]) <= HELD * span:
-                found.append(where.start + np.arange(run[0], run[-1] + HELD_ROWS))
+            if not len(run):
+                continue
+            rows = np.arange(run[0], run[-1] + HELD_ROWS)
+            # Where it arrives and leaves it still moves: from the first row at the level to the last.
+            away = np.abs(u[rows] - np.median(u[rows]))
+            at = np.flatnonzero(away <= max(SCATTER * np.median(away), LEVEL * span))
+            rows = rows[at[0] : at[-1] + 1]
+            moved = np.ptp(u[rows])
+            if moved <= HELD * span and moved <= RESTS * pace * np.ptp(t[where][rows]):
+                found.append(where.start + rows)
     return found
 
 

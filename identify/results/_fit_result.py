@@ -119,6 +119,8 @@ class FitResult:
       of the test rows.
     - `baselines`: simple predictors on the same rows, see `Baseline`.
     - `extrapolation`: test rows beyond the trained inputs, rates and hold times, see `Extrapolation`.
+    - `compensator`: figures of the inverse, plain data, as a program that inverts the model has found them;
+      None where nobody has.
     - `purpose`: what the verdict is for: "predict", "compensate" or "constants".
     - `noise`: size and correlation of the residuals.
     - `noise_model`: what explains them, None where nothing does or nothing was tried; `noise_evidence`:
@@ -157,6 +159,7 @@ class FitResult:
     test_blocks: Float[np.ndarray, " test_blocks"] | None = None
     baselines: tuple[Baseline, ...] = ()
     extrapolation: Extrapolation | None = None
+    compensator: dict[str, Any] | None = None
     purpose: str = "predict"
     starts: Starts | None = None
     detail: Detail = Parametric()  # noqa: RUF009 (frozen)

@@ -1,16 +1,18 @@
 """What a fit would have been without one cycle, or one sequence: its errors there are those of new rows.
 
 Residuals of the rows that a model was fitted to are too small, the more so the more weights it has. So
-every cycle is left out in turn; what was chosen for the fit (parts, grid, prior strength) is kept.
+every cycle is left out in turn, a long one in pieces; what was chosen for the fit (parts, grid, prior
+strength) is kept.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from hysteresis import AbstractModel, Record, parameter_at, parameters
 
@@ -33,6 +35,12 @@ MOST = 12
 LEAST = 2
 """Groups without which nothing can be left out."""
 
+KNOWN = 0.25
+"""Two groups alike hold a half each of what is known; a quarter is half of that."""
+
+HALVES, ROUNDING = (*0.5 ** np.arange(8), 0.0), 1e-9
+"""Parts of a step that are tried, and how much more than nothing an error may grow by it."""
+
 LONGEST = 100_000
 """Rows from which on no row is left out: each group takes a run of the model over all of them."""
 
@@ -52,6 +60,9 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
 
         dx = (J'J - J_g'J_g)^-1 J_g' r_g
 
+    halved until the other rows are missed by no more than before, and without the directions of which the
+    group holds more than three quarters of what is known.
+
     **Returns:** none where there are fewer than two groups, more than 100,000 rows, or neither weights nor
     few parameters.
     """
@@ -61,6 +72,7 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
         return []
     if count > MOST:
         group = np.where(group >= 0, group * MOST // count, -1)
+    group = _alike(group, fit.used)
     if isinstance(fit.detail, GridWeights | Composition):
         models = _of_weights(fit.detail.linear, fit.train, np.where(fit.used, group, -1))
     elif isinstance(fit.detail, Parametric):
@@ -68,6 +80,23 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
     else:
         return []
     return [WithoutGroup(fit.used & (group == g), model) for g, model in models]
+
+
+def _alike(
+    group: Int[np.ndarray, " samples"], used: Bool[np.ndarray, " samples"]
+) -> Int[np.ndarray, " samples"]:
+    """Groups of which none has more than twice the counted rows of the middle one: larger ones are divided.
+
+    A model without most of the rows is another one, and its errors are not those of the fit.
+    """
+    sizes = np.bincount(group[used & (group >= 0)])
+    most, found, number = 2 * np.median(sizes[sizes > 0]), np.full_like(group, -1), 0
+    for one in np.flatnonzero(sizes):
+        own, parts = np.flatnonzero(group == one), int(np.ceil(sizes[one] / most))
+        rank = np.cumsum(used[own]) - used[own]
+        found[own] = number + np.minimum(rank * parts // sizes[one], parts - 1)
+        number += parts
+    return found
 
 
 def _of_weights(
@@ -123,11 +152,33 @@ def _of_parameters(
         own, rest = used & (group == g), used & (group != g)
         if not (own.any() and rest.any()):
             continue
-        step = np.linalg.lstsq(J[rest].T @ J[rest], J[own].T @ r[own], rcond=None)[0] / size
-        model = fit.model
-        for p, by in zip(free, step, strict=True):
-            model = _moved(model, p.name, float(by), lows)
+        step = _step(J[used].T @ J[used], J[rest].T @ J[rest], J[own].T @ r[own]) / size
+        # The fit to the rest cannot miss it by more than the whole fit does: where the step leads to more,
+        # it is longer than the model is linear.
+        least = float(np.sum(fit.residuals[rest] ** 2)) * (1 + ROUNDING)
+        for part in HALVES:
+            model = fit.model
+            for p, by in zip(free, part * step, strict=True):
+                model = _moved(model, p.name, float(by), lows)
+            missed = replace(fit, model=model).predict(fit.train) - fit.train.output
+            if float(np.sum(missed[rest] ** 2)) <= least:
+                break
         yield g, model
+
+
+def _step(
+    whole: Float[np.ndarray, "p p"], rest: Float[np.ndarray, "p p"], slope: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, " p"]:
+    """rest^-1 slope, in the directions of which the rest holds at least a `KNOWN` part of the information.
+
+    A model without nearly all that is known of a direction is another one; there the fit's own is kept.
+    """
+    value, vector = np.linalg.eigh(whole)
+    root = vector / np.sqrt(np.maximum(value, 1e-12 * value.max()))
+    part, direction = np.linalg.eigh(root.T @ rest @ root)
+    gain = np.where(part >= KNOWN, 1 / np.maximum(part, KNOWN), 0.0)
+    turned = root @ direction
+    return turned @ (gain * (turned.T @ slope))
 
 
 def _moved(model: AbstractModel, name: str, by: float, lows: dict[str, float]) -> AbstractModel:

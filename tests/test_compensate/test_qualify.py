@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from compensate import AbstractCompensator, Estimate, Status, estimate, invert
-from compensate.qualification._qualify import Latency, Qualification, latency, loop_widths, qualify
+from compensate.qualification._qualify import (
+    Latency,
+    Qualification,
+    Step,
+    latency,
+    loop_widths,
+    qualify,
+)
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record, Scaled
 from hysteresis.numerics._normal import NORMAL_95
 
@@ -179,12 +186,23 @@ def test_verdicts_and_their_reasons(compensator, needs, level, words):
     assert any(words in reason for reason in found.reasons)
 
 
-def test_one_slow_step_in_a_thousand_is_a_caution(monkeypatch):
+def test_a_slow_step_of_the_target_is_a_caution_and_one_of_this_computer_is_none(monkeypatch):
     slow = Latency(1e-5, 1e-2, 2000)
     monkeypatch.setattr("compensate.qualification._qualify.latency", lambda *_: slow)
-    found = qualify(invert(model()), record(), rate=1000.0)
+    assert qualify(invert(model()), record(), rate=1000.0).level == "PASS"
+    found = qualify(invert(model()), record(), rate=1000.0, step=Step("c", 1e-5, 1e-2))
     assert found.level == "CAUTION"
     assert numbers(found, "sometimes-slow") == [1e4, 1000]
+    found = qualify(invert(model()), record(), rate=1000.0, step=Step("c", 1e-2, 1e-2))
+    assert found.level == "FAIL"
+    found = qualify(
+        invert(model()),
+        record(),
+        rate=1000.0,
+        step=Step("c", operations=500.0, most_operations=2000),
+    )
+    assert found.level == "PASS"
+    assert numbers(found, "needs-processor")[-1] == 2.0  # 1000 steps of 2000 operations a second
 
 
 def rms(error: np.ndarray) -> float:
@@ -284,7 +302,14 @@ def test_json_and_text_say_the_same():
     assert document["max_error"] == 0.4
     lines = found.text.splitlines()
     assert lines[0] == "FAIL: force estimated from path"
-    for word in ("loop width: ", "100 % OK", "round trip: ", "one step: ", "rising", "|du/dt|"):
+    for word in (
+        "loop width: ",
+        "100 % OK",
+        "round trip: ",
+        "one step of JAX",
+        "rising",
+        "|du/dt|",
+    ):
         assert word in found.text
 
 

@@ -87,6 +87,30 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     assert Path(view(out)["file"]).is_file()
 
 
+def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
+    """The sensor carries 1.5 kg and is turned: contacts are those of the load alone, in a stream too."""
+    (folder / "heavy.toml").write_text(TOML + "mass = 1.5\ncentre = [0, 0, 10]\n")
+    force = np.array([[0.0, 0, -8], [6, 0, -9], [0, -12, 1]])
+    moment = np.cross([0.02, 0.03, 0.3], force)
+    pull = 9.80665 * np.array([[0.0, 0, -1], [1, 0, 0], [0, 1, 0]])
+    centre = [0, 0, 10 * conversion("inch", "m")]
+    readings = [force + 1.5 * pull, moment + np.cross(centre, 1.5 * pull)]
+    header = ["time (s)", "Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    moving = [*header, "gx (m/s^2)", "gy (m/s^2)", "gz (m/s^2)"]
+    rows = np.column_stack([np.arange(3.0), *readings, pull])
+    still = np.column_stack([np.arange(3.0), force, moment])
+    tables = write(folder / "heavy.csv", moving, rows), write(folder / "light.csv", header, still)
+    shapes, sponge = (folder / "heavy.toml", folder / "box.toml"), fit_of("N", "mm", folder)
+    found = []
+    for stream in (False, True):
+        for table, shape in zip(tables, shapes, strict=True):
+            out = folder / f"{table.stem}-{stream}"
+            solve(table, out, sponge=sponge, shape=shape, stream=stream)
+            found.append([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
+    for heavy, light in (found[:2], found[2:]):
+        np.testing.assert_allclose(heavy, light, atol=1e-9)
+
+
 @pytest.mark.thorough
 def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.MonkeyPatch):
     random = np.random.default_rng(5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hysteresis import LinearSponge, Preisach, Record
+from hysteresis import BoucWen, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import GridWeights, fit
 from identify.linear._preisach_problem import PreisachProblem
@@ -28,6 +28,21 @@ def test_of_a_line_they_are_the_lines_through_the_other_cycles():
         assert float(model.b) == pytest.approx(offset, rel=1e-2)
 
 
+@pytest.mark.thorough
+def test_they_miss_the_other_cycles_by_no_more_than_the_whole_fit():
+    """Also where the cycle that is left out is the one that yields, and the others say little of it."""
+    u = np.interp(np.arange(161) / 20, np.arange(9), [0.0, 1.0, 0.0, 1.1, 0.0, 10.0, 0.0, 1.0, 0.0])
+    truth = BoucWen(k=1.0, alpha=0.2, yield_at=3.0, n=1.5)
+    y = np.asarray(truth.simulate(None, u)) + 0.02 * RANDOM.normal(size=len(u))
+    found = fit(Record.from_arrays(u, y), truth, noise="gaussian", starts=1, conditioning="keep")
+    left = models_without_groups(found)
+    assert len(left) >= 2
+    for rows, model in left:
+        rest = found.used & ~rows
+        missed = np.asarray(model.simulate(None, u)) - y
+        assert np.mean(missed[rest] ** 2) <= np.mean(found.residuals[rest] ** 2) * (1 + 1e-6)
+
+
 def test_of_weights_they_minimise_over_the_other_cycles():
     y = np.asarray(RELAYS.simulate(None, U)) + 0.2 * RANDOM.normal(size=len(U))
     record = Record.from_arrays(U, y)
@@ -45,6 +60,21 @@ def test_of_weights_they_minimise_over_the_other_cycles():
         x = linear.meaning.minimum(*problem.objective((0,), strength))
         wanted = np.asarray(linear.meaning.model(x).simulate(None, U))
         np.testing.assert_allclose(np.asarray(model.simulate(None, U)), wanted, atol=1e-6)
+
+
+def test_no_group_is_much_larger_than_the_others():
+    """Two thirds of the rows are one slow cycle: a model without them would be another one."""
+    ends, counts = [0.0, 10.0, 0.0, 7.0, 0.0, 9.0, 0.0, 8.0, 0.0], [120, 120, *[20] * 6]
+    parts = [
+        np.linspace(a, b, n, endpoint=False)
+        for a, b, n in zip(ends, ends[1:], counts, strict=False)
+    ]
+    u = np.append(np.concatenate(parts), 0.0)
+    record = Record.from_arrays(u, 0.5 * u + 1 + 0.1 * RANDOM.normal(size=len(u)))
+    found = fit(record, "LinearSponge", noise="gaussian", conditioning="keep")
+    rows = [int(rows.sum()) for rows, _ in models_without_groups(found)]
+    assert sum(rows) == found.used.sum()
+    assert max(rows) <= 2 * 40 + 1
 
 
 def test_of_one_cycle_nothing_can_be_left_out():

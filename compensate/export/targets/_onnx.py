@@ -302,7 +302,7 @@ class _Step:
             self._set("waited", real(0.0))
             self._set("begun", graph.constant(1, "int"))
             if self.error:
-                self._set("deviation", self.write.call(self.error, "deviation", value))
+                self._set("deviation", self.write.call(self.error, "deviation", passed, value))
             if self.guard:
                 apart = real(0.0)
                 for other in self.others:

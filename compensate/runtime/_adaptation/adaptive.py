@@ -4,16 +4,16 @@ sign y = zero + drift t + sum of weight_k part_k + noise, where it is `floored` 
 """
 
 from collections.abc import Callable
-from math import log, sqrt
+from math import fabs, log, sqrt
 from typing import Any
 
 from .._elements._codes import SATURATED, Reals
-from .._elements.sum import margin_of as margin_of
-from .._elements.sum import within as within
+from .._elements.sum import is_there as is_there
+from .._elements.sum import sought as sought
 
 
 class Parameters:
-    """`low` to `finest` as of a sum. Of each part: its least output (`centres`), its weight as fitted
+    """`low` to `closest` as of a sum. Of each part: its least output (`centres`), its weight as fitted
     (`nominal`), the least one it may have, its rise and the width of its loop.
 
     - `zero`: as fitted. `noise`: variance of the fit's residuals, at most. `correlation`: samples until
@@ -30,6 +30,7 @@ class Parameters:
     rounding: float
     flat: float
     finest: float
+    closest: float
     parts: int
     sign: float
     floored: int
@@ -68,6 +69,7 @@ class State:
 
     status: int
     value: float
+    slope: float
     reference: float
     known: int
     share: float
@@ -120,11 +122,14 @@ def nearest(
     """The input behind y. A reading beyond those that can be is taken for the nearest of them."""
     least = look(whole, dt, p.low)
     most = look(whole, dt, p.high)
-    margin = margin_of(p.rounding, least, most)
+    size = fabs(least)
+    if size < fabs(most):
+        size = fabs(most)
+    margin = p.rounding * size
     wanted = y if y > least else least
     if wanted > most:
         wanted = most
-    u = within(look, p, s, whole, dt, wanted, least, most, margin)  # type: ignore[arg-type]
+    u = sought(look, p, s, whole, dt, wanted, margin)  # type: ignore[arg-type]
     if y + margin < least or y - margin > most:
         s.status = SATURATED
     return u

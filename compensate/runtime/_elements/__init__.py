@@ -1,9 +1,10 @@
 """The models as plain numbers, a file each: what both runtimes run, Python and, translated, C99.
 
-Every file has two structures, `Parameters` and `State`, and up to three functions of them:
+Every file has two structures, `Parameters` and `State`, and up to four functions of them:
 
     look(p, s, dt, u)    the output at the input u, dt after the last sample; the state stays
     move(p, s, dt, u)    the same, and the state moves there
+    follow(p, s, dt, u)  the state moves there; only where this costs less
     find(p, s, dt, y)    the input behind the output y; the state moves there; s.status is its worth
 
 Those that need no time take no dt. Only what C has too is used: numbers, arrays of fixed length,

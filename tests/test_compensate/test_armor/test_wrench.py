@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import compensate.runtime
 from compensate import invert
 from compensate.armor import (
+    Armor,
     Box,
     Bumps,
     ContactSolver,
@@ -190,6 +192,44 @@ def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path
     for k, values in enumerate(wanted):
         # Rounding through the sensor's matrices, the sponge's mm/N and a 0.6 m lever.
         np.testing.assert_allclose([contact[k] for contact in found], values, atol=1e-10)
+
+
+def test_weight_and_inertia_of_a_moving_shell_without_jax(tmp_path: Path):
+    """The same contacts as in JAX; without the motion they are others."""
+    random = np.random.default_rng(5)
+    sensor = WristSensor(
+        mass=1.3, centre=[0.01, -0.02, 0.2], inertia=np.diag([0.05, 0.04, 0.02]), offset=[0, 0, 0.1],
+        time_constant=0.02,
+    )  # fmt: skip
+    armor = Armor(sensor, ContactSolver(BOX, LinearSponge(1.298, 6.186, 1.5)))
+    n = 60
+    motion = Motion(*(random.normal(size=(n, 3)) * size for size in (2.0, 1.0, 1.5, 3.0)))
+    motion = motion._replace(gravity=motion.gravity - [[0, 0, 9.80665]])
+    force = np.cumsum(random.normal(size=(n, 3)), axis=0) - [0, 0, 6]
+    readings = np.hstack([force, np.cross([0.0, 0.0, 0.4], force)])
+    t = 0.01 * np.arange(n)
+    wanted = armor.simulate(t, readings, motion)
+    runtime = load_armor(export_armor(armor.solver, tmp_path / "armor.json", sensor))
+    moves = zip(*(np.asarray(v).tolist() for v in motion), strict=True)
+    found = [
+        runtime.step(0.01, reading, compensate.runtime.Motion(*map(tuple, now)))
+        for reading, now in zip(readings.tolist(), moves, strict=True)
+    ]
+    # Rounding through the weight and a lever of half a metre.
+    np.testing.assert_allclose([c.point for c in found], wanted.point, atol=1e-10)
+    np.testing.assert_array_equal([int(c.status) for c in found], wanted.status)
+    at_rest = armor.simulate(t, readings)
+    assert np.abs(np.asarray(at_rest.point) - np.asarray(wanted.point)).max() > 1e-3
+
+
+def test_a_typed_in_sponge_is_known_up_to_the_end_of_its_line(tmp_path: Path):
+    """25 N, where the paper's line ends, unless the fit says otherwise; the same without JAX."""
+    solver = ContactSolver(BOX, LinearSponge(1.298, 6.186, 1.5))
+    runtime = load_armor(export_armor(solver, tmp_path / "armor.json"))
+    for push, status in ((24.0, "OK"), (26.0, "EXTRAPOLATED"), (100.0, "EXTRAPOLATED")):
+        force = np.array([0.0, 0.0, -push])
+        assert ContactStatus(int(solver.solve(force, np.zeros(3)).status)).name == status
+        assert runtime.step(0.01, [*force, 0.0, 0.0, 0.0]).status.name == status
 
 
 def test_a_file_that_was_changed_is_refused(tmp_path: Path):

@@ -139,7 +139,8 @@ def test_predict_writes_a_row_for_every_row(fitted, folder, inverse):
                 *option, "--json").json()  # fmt: skip
     assert dict.fromkeys(METRICS) == {key: alone[key] for key in METRICS}
     assert np.array_equal(numbers(read(alone["file"]), result), numbers(rows, result))
-    assert list(read(alone["file"])[0]) == ["line", X if inverse else F, result, "status"]
+    more = ["standard deviation"] * inverse
+    assert list(read(alone["file"])[0]) == ["line", X if inverse else F, result, "status", *more]
 
 
 def test_predict_without_the_driving_column_says_so(fitted, folder):

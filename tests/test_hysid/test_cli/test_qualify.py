@@ -77,7 +77,9 @@ def test_in_the_file_of_the_fit_only_held_out_rows_count(folder):
     [
         (("--max-error", 5, "--rate", 1), 0, "PASS", "No error is above the 5 N"),
         (("--max-error", 0.001), 2, "FAIL", "above the 0.001 N asked for"),
-        (("--rate", 1e9), 2, "FAIL", "too long for 1e+09 Hz"),
+        (("--rate", 1000), 0, "PASS", "1000 Hz needs a processor of"),
+        (("--rate", 1e9, "--mhz", 100), 2, "FAIL", "too long for 1e+09 Hz"),
+        (("--rate", 1e9, "--target", "python"), 2, "FAIL", "too long for 1e+09 Hz"),
     ],
 )
 def test_needs_decide_and_say_so(folder, needs, code, level, words):

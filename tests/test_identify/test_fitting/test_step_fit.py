@@ -209,7 +209,7 @@ def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:
     t = np.geomspace(0.01, 1e11, 120)
     y = np.asarray(truth.relaxation_modulus(t))
     y = y * (1 + 0.001 * np.random.default_rng(3).normal(size=len(t)))
-    found = fit_step(record(t, y, 1.0))
+    found = fit_step(Record.from_arrays(np.ones(len(t)), y, t))
     assert found.metrics["train"].relative_percent < 0.12
     assert {"E10", "tau10"} <= {p.name for p in found.parameters}
 

@@ -161,7 +161,7 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     percent, left, width = numbers(loops.verdict, "loops-left")
     found = loops_left(loops)
     assert width == pytest.approx(found.width, rel=0.006)
-    assert 0.8 < width < 1.0
+    assert 0.7 < width < 1.0  # all cycles, the smallest has most of its width in its ends
     assert left == pytest.approx(found.left, rel=0.006)
     assert percent == pytest.approx(100 * found.left / found.width, abs=0.6)
     assert percent > 80
@@ -262,7 +262,8 @@ def test_a_hold_is_judged_by_its_reading():
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult, share: float):
     """A line through a line, and one with half of its errors."""
-    best = min(line.baselines, key=lambda one: one.judged[0])
+    (best,) = (one for one in line.baselines if one.name == "straight line")
+    line = replace(line, baselines=(best,))
     test, ours = best.metrics["test"], line.metrics["test"]
     assert test is not None
     assert ours is not None
@@ -276,6 +277,10 @@ def test_the_best_baseline_of_a_fit_that_none_beats(line: FitResult, share: floa
     theirs, *apart = numbers(verdict, "best-baseline")
     assert theirs == pytest.approx(test.rmse, rel=0.006)
     said = verdict.reasons[verdict.codes.index("best-baseline")]
+    if share == 1:  # the same rows, and so the same line
+        assert abs(difference.value) < 1e-9 * test.rmse
+        assert said.endswith(" rms, as the fit has.")
+        return
     assert apart == pytest.approx((abs(difference.value), difference.error), rel=0.06)
     assert (" rms, more by " in said) == (test.rmse > halved.rmse)
 

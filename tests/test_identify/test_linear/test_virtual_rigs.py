@@ -1,4 +1,4 @@
-"""Rigs of other kinds, each by a plain loop over time that no model of ours contains."""
+"""Rigs of other kinds, each by a plain loop over time; no model of ours is one of them."""
 
 from collections.abc import Callable
 

@@ -1,0 +1,74 @@
+"""What changes in a C99 compensator: its structure, its values before the first reading, and its size."""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ._python_to_c99 import Element, comment
+
+OWN = ("estimate", "deviation", "waited")
+"""What a step itself remembers, beside whether it has begun."""
+
+
+def state_in_c(
+    parts: Sequence[Any],
+    elements: Mapping[str, Element],
+    stem: str,
+    start: str,
+    listed: Callable[[Any], str],
+    number: Callable[[Any, str], str],
+) -> str:
+    """The structure of the nodes' states, and the function that resets it.
+
+    `start`: the estimate before the first reading; `listed` and `number`: values as C writes them.
+    """
+    fields, values = [], []
+    for part in parts:
+        kind = part.tree["kind"]
+        if kind == "series":
+            fields.append(f"    struct {{ int status; }} n{part.number};")
+            values.append("        {0}")
+            continue
+        home = elements[kind]
+        fields.append(f"    {home.prefix}_state n{part.number};")
+        given = [
+            listed(value) if t == "Reals" else number(value, t)
+            for k, t in home.structures["State"].items()
+            for value in [part.tree["state"][k]]
+        ]  # fmt: skip
+        values.append("        {" + ", ".join(given) + "}")
+    real = f"{stem}_real"
+    fields += [f"    {real} {name};" for name in OWN]
+    fields.append("    int begun;")
+    values += [f"        {value}" for value in (start, f"({real})NAN", number(0.0, "real"), "0")]
+    body = ",\n".join(values)
+    return "\n".join(
+        [
+            comment("Everything that changes; the caller keeps it.", ""),
+            "typedef struct {", *fields, f"}} {stem}_state;", "",
+            f"static inline void {stem}_reset({stem}_state *s)", "{",
+            f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
+            f"    {stem.upper()}_COPY(s, &initial);", "}",
+        ]
+    )  # fmt: skip
+
+
+def size_of(parts: Sequence[Any], elements: Mapping[str, Element], single: bool) -> int:
+    """sizeof of that structure, by the rules that C compilers share."""
+    real = ctypes.c_float if single else ctypes.c_double
+    members: list[tuple[str, Any]] = []
+    for part in parts:
+        kind = part.tree["kind"]
+        fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
+        if kind != "series":
+            same = [p.tree["state"] for p in parts if p.tree["kind"] == kind]
+            fields = [
+                (k, ctypes.c_int if t == "int" else real if t != "Reals"
+                 else real * max(1, *(len(state[k]) for state in same)))
+                for k, t in elements[kind].structures["State"].items()
+            ]  # fmt: skip
+        members.append(
+            (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
+        )
+    members += [*((name, real) for name in OWN), ("begun", ctypes.c_int)]
+    return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))

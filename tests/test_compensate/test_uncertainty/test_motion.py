@@ -1,0 +1,149 @@
+"""A deviation that knows its motion: as it was learnt, and wider where reversals or speed are others."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import CalibratedCompensator, Status, calibrated, export_c, export_runtime, invert
+from compensate.runtime import load
+from compensate.runtime._file import checksum
+from compensate.uncertainty._band_words import in_words, of_words
+from compensate.uncertainty._calibrated import band_holds, checked
+from hysteresis import LinearSponge, Preisach, Record
+from hysteresis.preisach import GridDensity
+from tests.c_harness import COMPILERS, Compiled
+from tests.thorough import rest_thorough
+
+RANDOM = np.random.default_rng(4)
+MODEL = LinearSponge(2.0, 1.0)
+RELAYS = Preisach(GridDensity(0.0, 10.0, np.tri(8)), 4.0 * np.ones(8))
+DT = 0.05
+
+
+def motion(*turns: float, speed: float = 5.0) -> np.ndarray:
+    """Straight from turn to turn at a speed."""
+    ends = np.cumsum([0.0, *np.abs(np.diff(turns)) / speed])
+    return np.interp(np.arange(0, ends[-1] + DT / 2, DT), ends, turns)
+
+
+def record(u: np.ndarray, noise: float = 0.02) -> Record:
+    y = np.asarray(RELAYS.simulate(None, u)) + noise * RANDOM.normal(size=len(u))
+    return Record.from_arrays(u, y, dt=DT)
+
+
+CYCLES = motion(*[0.0, 10.0] * 6, 0.0)
+OTHERS = {
+    "the same": CYCLES,
+    "small loops": motion(0.0, 6.0, 4.0, 6.0, 4.0, 6.0, 4.0, 6.0),
+    "lower peaks": motion(0.0, 4.0, 0.0, 5.0, 0.0, 4.0, 0.0),
+    "eight times as fast": motion(*[0.0, 10.0] * 8, 0.0, speed=40.0),
+}
+
+
+@pytest.fixture(scope="module")
+def band() -> CalibratedCompensator:
+    """Learnt on equal cycles at one speed."""
+    return calibrated(invert(RELAYS), record(CYCLES))
+
+
+def widening(band: CalibratedCompensator, u: np.ndarray) -> np.ndarray:
+    """The deviation over that of a band which is the same on every motion."""
+    t, y = DT * np.arange(len(u)), RELAYS.simulate(None, u)
+    plain = CalibratedCompensator(band.inner, band.levels, band.error, band.scores, band.width)
+    return np.asarray(band.simulate(t, y).deviation) / np.asarray(plain.simulate(t, y).deviation)
+
+
+def test_it_is_wider_on_other_motions_and_as_it_was_on_the_same(band: CalibratedCompensator):
+    assert np.quantile(widening(band, CYCLES), 0.9) < 1.1
+    for name in ("small loops", "lower peaks", "eight times as fast"):
+        later = widening(band, OTHERS[name])[len(OTHERS[name]) // 2 :]
+        assert np.median(later) > 1.5, name
+
+
+def test_a_loop_that_closes_is_forgotten(band: CalibratedCompensator):
+    """On the way on to the trained peak, and back from there, the motion is as in training again."""
+    u = motion(0.0, 6.0, 4.0, 10.0, 0.0)
+    wider = widening(band, u)
+    inside = slice(int(1.3 / DT), int(1.55 / DT))
+    assert wider[inside].min() > 1.5
+    assert wider[int(2.2 / DT) :].max() < 1.3
+
+
+def test_without_times_speed_says_nothing():
+    timeless = calibrated(invert(RELAYS), Record.from_arrays(CYCLES, RELAYS.simulate(None, CYCLES)))
+    assert not timeless.knows_speeds
+    y = RELAYS.simulate(None, OTHERS["eight times as fast"])
+    assert np.isfinite(np.asarray(timeless.simulate(None, y).deviation)).all()
+
+
+@pytest.mark.parametrize("name", rest_thorough(list(OTHERS)[1:], 1))
+def test_stream_batch_file_and_c_agree(band: CalibratedCompensator, name: str, tmp_path: Path):
+    u = OTHERS[name]
+    t, y = DT * np.arange(len(u)), np.asarray(RELAYS.simulate(None, u))
+    y = np.where(np.arange(len(y)) % 17 == 5, np.nan, y)
+    whole = np.asarray(band.simulate(t, y).deviation)
+    half, step = len(u) // 2, jax.jit(lambda s, t, y: band.step(s, t, y))
+    state: Any = band.init()
+    for k in range(half):
+        state, found = step(state, jnp.asarray(t[k]), jnp.asarray(y[k]))
+        assert float(found.deviation) == pytest.approx(whole[k], rel=1e-9)
+        assert (found.status == Status.INVALID) == np.isnan(y[k])
+    rest = band.simulate(t[half:], y[half:], state).deviation
+    np.testing.assert_allclose(rest, whole[half:], rtol=1e-9)
+
+    readings, dt = np.nan_to_num(RELAYS.simulate(None, CYCLES)), np.diff(t, prepend=t[0])
+    options: dict[str, Any] = {"error": band, "times": DT * np.arange(len(CYCLES))}
+    runtime = load(export_runtime(RELAYS, tmp_path / "it.json", readings, **options).path)
+    found = [runtime.step(float(a), float(b)).deviation for a, b in zip(dt, y, strict=True)]
+    # A search for the estimate ends within 1e-12 of the range; where it decides on a turn it is the same.
+    np.testing.assert_allclose(found, whole, rtol=1e-6)
+    if COMPILERS:
+        header = export_c(RELAYS, tmp_path / "it.h", readings, **options).path
+        _, _, off = Compiled(header, COMPILERS[0]).run_with_deviation(dt, y)
+        np.testing.assert_allclose(off, found, rtol=1e-12)
+        said = header.read_text()
+        assert "turned down at 10 to 10 and up at 0 to 0, in strokes of a mean speed from" in said
+
+
+def test_files_of_before_have_the_error_that_they_had(band: CalibratedCompensator, tmp_path: Path):
+    y = np.asarray(RELAYS.simulate(None, OTHERS["small loops"]))
+    file = export_runtime(RELAYS, tmp_path / "it.json", y, error=band).path
+    document = json.loads(file.read_text())
+    kept = {"levels", "level", "falling", "rising", "width"}
+    document["error"]["parameters"] = {
+        k: v for k, v in document["error"]["parameters"].items() if k in kept
+    }
+    document["error"]["state"] = {"status": 0, "begun": 0, "follower": 0.0, "up": 1}
+    document["checksum"] = checksum(document)
+    file.write_text(json.dumps(document))
+    plain = CalibratedCompensator(band.inner, band.levels, band.error, band.scores, band.width)
+    runtime = load(file)
+    found = [runtime.step(DT, value).deviation for value in y.tolist()]
+    np.testing.assert_allclose(found, plain.simulate(None, y).deviation, rtol=1e-6)
+
+
+def test_a_band_that_holds_too_little_is_scaled_and_says_what_it_held(band: CalibratedCompensator):
+    far = record(CYCLES, noise=0.2)
+    held, _ = band_holds(band, far)
+    assert held < 0.5
+    wider = checked(band, far)
+    assert wider.coverage_before == held
+    assert wider.coverage == band_holds(wider, far)[0] == pytest.approx(0.9, abs=0.01)
+    same = checked(band, record(CYCLES))
+    assert same.coverage == same.coverage_before > 0.8
+    np.testing.assert_array_equal(same.error, band.error)
+
+
+def test_words_and_back(band: CalibratedCompensator):
+    words = json.loads(json.dumps(in_words(band)))
+    again = of_words(words, band.inner)
+    y = RELAYS.simulate(None, OTHERS["small loops"])
+    t = DT * np.arange(len(y))
+    np.testing.assert_array_equal(again.simulate(t, y).deviation, band.simulate(t, y).deviation)
+    assert (again.share, again.lasts, again.width) == (band.share, band.lasts, band.width)
+    assert np.isnan(again.coverage)

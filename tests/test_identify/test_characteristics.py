@@ -1,0 +1,84 @@
+"""What a fit says of the specimen: figures of known loops and holds, and why one is not told."""
+
+import numpy as np
+import pytest
+
+from hysteresis import Record
+from identify.results._characteristics import Characteristic, characteristics
+
+CYCLES, ROWS = 4, 200
+STIFFNESS, WIDTH, TAU = 2.5, 0.8, 3.0
+
+
+def record_of(force: np.ndarray, x: np.ndarray, t: np.ndarray, turned: bool = False) -> Record:
+    u, y, units = (force, x, ("N", "mm")) if turned else (x, force, ("mm", "N"))
+    return Record.from_arrays(u, y, t, input_unit=units[0], output_unit=units[1], time_unit="s")
+
+
+def rig(hold: float = 0.0, softer: float = 0.0, drift: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Round loops of 2 mm: 2.5 N/mm with branches 0.8 N apart, then a hold in which 1 N relaxes."""
+    k, angle = np.divmod(np.arange(CYCLES * ROWS + 1), ROWS)
+    angle = 2 * np.pi * angle / ROWS
+    x, gone = 1 - np.cos(angle), np.minimum(k, CYCLES - 1) / (CYCLES - 1)
+    force = STIFFNESS * (1 - softer * gone) * x + 2 * WIDTH / np.pi * np.sin(angle) + drift * gone
+    if hold:
+        t = np.arange(0, hold, 0.05)
+        x, force = np.append(x, np.full(len(t), x[-1])), np.append(force, np.exp(-t / TAU) - 1)
+    return x, force, 0.05 * np.arange(len(x))
+
+
+def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Characteristic]:
+    residuals = np.zeros(len(record)) + error
+    return {one.name: one for one in characteristics(record, residuals, record.mask)}
+
+
+def test_figures_of_a_known_loop():
+    x, force, t = rig(softer=0.1, drift=0.3)
+    found = told(record_of(force, x, t))
+    assert found["stiffness"].value == pytest.approx(0.95 * STIFFNESS, rel=0.02)
+    assert found["softening"].value == pytest.approx(10, abs=0.5)
+    assert found["zero drift"].value == pytest.approx(0.3, abs=0.02)
+    errors = [one.error for one in found.values() if one.value is not None]
+    assert errors == pytest.approx([0.0] * 5, abs=1e-9)
+    x, force, t = rig()
+    found = told(record_of(force, x, t))
+    assert found["loop width"].value == pytest.approx(WIDTH, rel=0.02)
+    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.02)
+    assert found["energy a cycle"].unit == "N * mm"
+    x, force, t = rig(hold=30.0)
+    assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.1)
+
+
+def test_stiffness_is_load_over_deformation_whichever_is_the_input():
+    x, force, t = rig()
+    for turned in (False, True):
+        found = told(record_of(force, x, t, turned))
+        # The middle of a round loop is another line along the other axis.
+        assert found["stiffness"].value == pytest.approx(STIFFNESS, rel=0.05)
+        assert found["stiffness"].unit == "N / mm"
+    plain = Record.from_arrays(x, force, t)
+    assert "slope" in told(plain)
+    assert "stiffness" not in told(plain)
+
+
+def test_the_error_is_what_the_model_misses():
+    x, force, t = rig()
+    found = told(record_of(force, x, t), 0.1 * x)  # the model is stiffer by 0.1 N/mm
+    assert found["stiffness"].error == pytest.approx(0.1, rel=0.01)
+    assert found["loop width"].error == pytest.approx(0, abs=1e-9)
+
+
+def test_what_is_not_told_has_a_reason():
+    x, force, t = rig()
+    found = told(record_of(force, x, t))
+    assert found["relaxation time"].reason == "the input is never held"
+    faster = np.where(np.arange(len(t)) < 2 * ROWS, t, 2 * t - t[2 * ROWS])
+    found = told(record_of(force, x, faster))
+    assert found["softening"].reason == "these cycles differ in rate or rest"
+    ramp = slice(0, ROWS // 2)
+    found = told(record_of(force[ramp], x[ramp], t[ramp]))
+    assert {one.reason for one in found.values()} == {
+        "no complete cycle counts",
+        "the input is never held",
+    }
+    assert all(one.value is None and one.error is None for one in found.values())
