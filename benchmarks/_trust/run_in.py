@@ -58,8 +58,9 @@ def _fits(quick: bool) -> Iterator[tuple[str, identify.FitResult]]:
             FOAMS, input="force_N", output="compression_mm", time="time_s", group="sample"
         )
         for label, rows_ in list(whole.sequences())[:4]:
+            time = None if whole.time is None else whole.time[rows_]
             one = Record.from_arrays(
-                whole.input[rows_], whole.output[rows_], whole.time[rows_], mask=whole.mask[rows_]
+                whole.input[rows_], whole.output[rows_], time, mask=whole.mask[rows_]
             )
             yield f"foam {label}", hysid.fit(one, test_cycles=3)
 

@@ -175,7 +175,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         for other in state.others:
             other, of_other = self.inner.step(other, _since(first, clock)[0], y)
             others.append(other)
-            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+            apart = jnp.maximum(apart, _between(of_other, found))
         found = self._judged(late, reading[None], seen[None], apart, _rows(found))
         after = GuardedState(inner, tuple(others), first, last, removed)
         return after, jax.tree.map(lambda a: a[..., 0], found)
@@ -196,7 +196,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         found, apart = self.inner.simulate(t, y, state.inner), jnp.zeros_like(reading)
         for other in state.others:
             of_other = self.inner.simulate(None if t is None else _since(first, clock), y, other)
-            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+            apart = jnp.maximum(apart, _between(of_other, found))
         return self._judged(late, reading, seen, apart, found)
 
     def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -260,6 +260,11 @@ def _first(state: GuardedState, clock: Array, y: Array) -> Array:
 def _since(first: Array, clock: Array) -> Array:
     """The clock of another start, whose first reading comes without delay."""
     return jnp.where(jnp.isnan(first), 0.0, jnp.maximum(clock - first, 0.0))
+
+
+def _between(one: Any, other: Any) -> Array:
+    """How far two estimates are apart."""
+    return jnp.abs(one.value - other.value)
 
 
 def _rows(found: Any) -> Any:

@@ -85,10 +85,12 @@ def export(
     )
     files, notes = _written(program, targets, real)
     assert program.guard is not None
-    if start == "unknown" and "ok_share" in (fitted.compensator or {}):
-        run_in = RunIn.of(fitted.compensator)
-    else:
-        run_in = run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    kept = fitted.compensator or {}
+    run_in = (
+        RunIn.of(kept)
+        if start == "unknown" and "ok_share" in kept
+        else run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
+    )
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]

@@ -205,7 +205,7 @@ def result(problem: Problem, solved: Solved, k: int, seed: int) -> FitResult:
         settings=problem.settings,
         train=record,
         starts=Starts(solved.objective[k], away, solved.points[k]),
-        notes=(*left.notes, SAID),
+        notes=(SAID,),
         used=left.used,
         seed=seed,
     )
