@@ -39,7 +39,13 @@ class Wrench(NamedTuple):
 
 class Motion(NamedTuple):
     """How the shell moves, (..., 3) each in the shell's axes: acceleration of P_o without gravity, m/s^2;
-    the direction in which gravity pulls, m/s^2; angular velocity, rad/s; angular acceleration, rad/s^2."""
+    the direction in which gravity pulls, m/s^2; angular velocity, rad/s; angular acceleration, rad/s^2.
+
+    **Example:**
+
+        >>> compensate.armor.Motion(acceleration=(0.5, 0.0, 0.0)).gravity
+        (0.0, 0.0, -9.80665)
+    """
 
     acceleration: Any = 0.0
     gravity: Any = (0.0, 0.0, -GRAVITY)

@@ -224,9 +224,9 @@ def _beside(case: Case, section: Section) -> None:
     known = learnt_on(error_parameters(band.motions, band.width))
     said = f"Its deviation was learnt {known}. Where the last two turns or the speed are others, it grows."
     if np.isfinite(band.coverage):
-        said += f" 1.645 deviations hold {100 * band.coverage:.3g} % of the held-out rows."
+        said += f" 1.645 deviations hold {number(100 * band.coverage)} % of the held-out rows."
     if band.coverage_before < band.coverage:
-        said += f" It was widened, because before it held {100 * band.coverage_before:.3g} %."
+        said += f" It was widened, because before it held {number(100 * band.coverage_before)} %."
     section.text.append(said)
     run_in = RunIn.of(found)
     section.text.append(f"{run_in.sentence(fit.train.time_unit)} That is on the training rows.")

@@ -168,13 +168,14 @@ def _cycles(
                 continue
             rows = rows[counted[rows]]
             u, y = record.input[rows], outputs[:, rows]
-            if np.ptp(u) > 0:
-                t = rows if record.time is None else record.time[rows]
-                found.append(_cycle(number, float(np.ptp(t)), u, y))
+            t = rows if record.time is None else record.time[rows]
+            if (one := _cycle(number, float(np.ptp(t)), u, y)) is not None:
+                found.append(one)
     return found
 
 
-def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]) -> _Cycle:
+def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]) -> _Cycle | None:
+    """None where the two legs pass no input alike."""
     low, high = float(u.min()), float(u.max())
     turn = int(np.argmax(np.abs(u - u[0])))
     legs = [
@@ -182,10 +183,13 @@ def _cycle(number: int, duration: float, u: Rows, y: Float[np.ndarray, "2 rows"]
         for leg in (np.arange(turn + 1), np.arange(turn, len(u)))
     ]
     ends = max(u[leg[0]] for leg in legs), min(u[leg[-1]] for leg in legs)
+    if not ends[0] < ends[1]:
+        return None
     # Close to its ends a branch is still that of the leg before.
     levels = ends[0] + (ends[1] - ends[0]) * np.linspace(MARGIN, 1 - MARGIN, LEVELS)
     middle = np.mean([[np.interp(levels, u[leg], one[leg]) for one in y] for leg in legs], axis=0)
-    slope = np.polyfit(levels, middle.T, 1)[0]
+    x = levels - levels.mean()
+    slope = middle @ x / (x @ x)
     bottom = u <= low + END * (high - low)
     sums = [loop_sums(u, one, np.ones(len(u), bool)) for one in y]
     area = np.array([abs(one.net) for one in sums])

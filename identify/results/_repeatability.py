@@ -11,8 +11,8 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jaxtyping import Float, Int
+from scipy.special import stdtrit
 
 from hysteresis import Record, parameter_at
 
@@ -46,7 +46,7 @@ class Repeatability(NamedTuple):
     @property
     def half_width(self) -> Float[np.ndarray, " parameters"]:
         """Half the 90 % interval of each, Student's: a few cycles know their spread to a factor only."""
-        return float(scipy.stats.t.ppf(0.95, self.cycles - 1)) * self.stderr
+        return float(stdtrit(self.cycles - 1, 0.95)) * self.stderr
 
 
 def repeatability(fit: FitResult) -> Repeatability | None:

@@ -42,6 +42,18 @@ def record(u: np.ndarray | None = None, **options) -> Record:
     return Record.from_arrays(u, y, 0.01 * np.arange(len(u)), **(units | options))
 
 
+def test_the_share_before_the_start_is_known_is_told():
+    """It is no fault of the data up to half of the rows. Strokes that move no play never tell the start."""
+    late = invert(model(), trained=(-10.0, 10.0), start="unknown")
+    for u, level in ((stroke(), "PASS"), (0.05 * stroke(), "CAUTION")):
+        found = qualify(late, record(u))
+        early = found.statuses["RUN_IN"]
+        assert (early > 0.5) == (level == "CAUTION")
+        (said,) = (reason for reason in found.verdict.reasons if reason.code == "run-in")
+        assert f"{100 * early:.3g} %" in said
+        assert found.verdict.level == level
+
+
 class Off(AbstractCompensator[AbstractCompensator, Estimate]):
     """The inverse, off by so much, a status for every third sample, two thirds of the way to y / slope."""
 

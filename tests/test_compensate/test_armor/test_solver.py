@@ -110,7 +110,11 @@ def test_contact_found_is_contact_put(cover: Any, press: Any):
     away = np.linalg.norm(np.asarray(listed.point) - point, axis=1)
     # Eight rounds of a map that contracts by 0.05 or better leave 1e-10 of 3 mm; the rest is rounding.
     assert away[np.asarray(listed.surface) > 0].min() < 1e-11
-    assert contact.status in (ContactStatus.OK, ContactStatus.AMBIGUOUS)
+    # Beyond 25 N a sponge that was typed in is a guess, wherever it is touched.
+    known = (ContactStatus.OK, ContactStatus.AMBIGUOUS, ContactStatus.EXTRAPOLATED)
+    assert contact.status in (
+        known if cover is not None and force @ NORMALS[surface] > 25 else known[:2]
+    )
     np.testing.assert_allclose(contact.spin, spin * np.linalg.norm(force), atol=1e-11)
     if cover is None:
         # On an edge both surfaces hold it.
@@ -432,9 +436,9 @@ def test_units_that_contradict_are_refused():
 
 
 def test_nothing_is_pressed_in_further_than_it_is_thick():
-    """100 N would go 136 mm into 50 mm of sponge."""
-    solver = ContactSolver(BOX, Cover(SPONGE, thickness=0.05))
-    loads = np.array([[0.0, 0, -33.0], [0, 0, -34.0], [0, 0, -100.0]])
+    """A line that is typed in is known to 25 N: 100 N would go 136 mm into the sponge. 30 mm are less."""
+    solver = ContactSolver(BOX, Cover(SPONGE, thickness=0.03))
+    loads = np.array([[0.0, 0, -18.0], [0, 0, -19.0], [0, 0, -100.0]])
     status = solver.solve(loads, 0 * loads).status.tolist()
     assert status == [ContactStatus.OK, ContactStatus.EXTRAPOLATED, ContactStatus.EXTRAPOLATED]
 

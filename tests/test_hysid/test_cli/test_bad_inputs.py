@@ -285,11 +285,7 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (
-            column(T, [f"{k + 0.4 * (k % 3):g}" for k in range(len(ROWS))]),
-            ("The clock is uneven (dt 200 ms to 1.4 s)",),
-        ),
-        (ONE_WAY, ("Input only rises", "hysteresis cannot be identified", "LinearSponge")),
+        (ONE_WAY, ("Input only rises", "nothing tells hysteresis from a curve")),
         (SWAPPED, ("Loops create energy (-", "N mm a loop", "columns swapped", "exchange --input")),
         (TURNED, ("Loops create energy (-", "the sign of one column is turned? If so, turn it",)),
         (
@@ -303,7 +299,7 @@ def test_the_fix_that_the_message_names_works(content, options, rows):
              "measure with a wider range"),
         ),
     ],
-    ids=["jitter", "one way", "swapped", "turned", "clipped output", "clipped input"],
+    ids=["one way", "swapped", "turned", "clipped output", "clipped input"],
 )  # fmt: skip
 def test_what_may_be_meant_is_said_and_fitted(content, words):
     put(content)

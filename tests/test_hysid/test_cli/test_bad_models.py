@@ -85,15 +85,15 @@ def test_uneven_time_is_used_and_no_warning():
     assert values["eta2"] / values["E2"] == pytest.approx(20.0, rel=0.1)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 @pytest.mark.parametrize(
-    "make",
+    ("make", "value"),
     [
-        lambda x: Burgers(1.0, 1.0, x, 1.0),
-        lambda x: StandardLinearSolid(x, 1.0, 1.0),
-        lambda x: GeneralizedKelvinVoigt(1.0, [1.0, x], [1.0, 1.0]),
-        lambda x: GeneralizedMaxwell(0.0, [1.0, x], [1.0, 1.0]),
-        lambda x: GeneralizedMaxwell(-1.0 + 0 * x, [1.0], [1.0]),
+        *((lambda x: Burgers(1.0, 1.0, x, 1.0), x) for x in (0.0, -1.0, np.nan)),
+        *((lambda x: StandardLinearSolid(x, 1.0, 1.0), x) for x in (0.0, -1.0, np.nan)),
+        # A branch of no stiffness is none.
+        *((lambda x: GeneralizedKelvinVoigt(1.0, [1.0, x], [1.0, 1.0]), x) for x in (-1.0, np.nan)),
+        *((lambda x: GeneralizedMaxwell(0.0, [1.0, x], [1.0, 1.0]), x) for x in (-1.0, np.nan)),
+        *((lambda x: GeneralizedMaxwell(x, [1.0], [1.0]), x) for x in (-1.0, np.nan)),
     ],
 )
 def test_moduli_that_are_not_positive_are_refused(make, value):

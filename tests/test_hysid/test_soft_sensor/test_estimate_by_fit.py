@@ -41,7 +41,9 @@ def test_a_fit_is_a_force_sensor(tmp_path: Path, turned: bool):
     assert np.median(deviation) == pytest.approx(NOISE / 0.3, rel=0.2)
     assert found["rmse"] == pytest.approx(np.sqrt(np.mean((force - F) ** 2)), rel=1e-9)
     runtime = load_force(found["runtime"])
-    inside = [k for k in range(400) if rows[k]["force_status"] == "OK"]
+    # At the trained ends estimates are held there, and OK while their band reaches back.
+    held = (force == force.min()) | (force == force.max())
+    inside = [k for k in range(400) if rows[k]["force_status"] == "OK" and not held[k]]
     assert len(inside) > 300
     np.testing.assert_allclose(
         [runtime.step(0.1, Y[k]).value for k in inside], force[inside], rtol=1e-9

@@ -50,9 +50,10 @@ def test_arrays_move_number_by_number() -> None:
     np.testing.assert_allclose(other.tau, [1.6, 24.0], rtol=1e-14)
 
 
-def test_arrays_at_their_bounds_stay() -> None:
-    """The logarithm of an increment of 0 is nowhere to start from."""
-    assert transform(MonotoneCurve.even(0.0, 1.0, [1.0, 0.0]), 1.0).names == ("offset",)
+def test_entries_at_their_bounds_stay() -> None:
+    """The logarithm of an increment of 0 is nowhere to start from; the others are fitted."""
+    names = transform(MonotoneCurve.even(0.0, 1.0, [1.0, 0.0]), 1.0).names
+    assert names == ("increments.0", "offset")
     assert transform(MonotoneCurve.even(0.0, 1.0, [1.0, 2.0]), 1.0).names == (
         "increments.0", "increments.1", "offset",
     )  # fmt: skip

@@ -197,6 +197,18 @@ def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
     assert (found.rate.rows, found.inside.rows) == (test.mask.sum(), 0)
 
 
+def test_held_out_loops_of_another_size_are_told():
+    """Trained on strokes of 1, judged on one of half that: the error there, of their own range."""
+    found = fit(record((1.0, 1.0, 1.0, 0.5), 0.3), "LinearSponge", test_cycles=1, noise="gaussian")
+    (note,) = (n for n in found.verdict.reasons if n.code == "other-loops")
+    assert found.test is not None
+    error, output = errors(found)[1], found.test.output[found.test.mask]
+    assert note.values["loops"] == 1
+    # The cycle's rows, to the row that it shares with the one before.
+    assert note.values["rmse"] == pytest.approx(rms(error), rel=0.05)
+    assert note.values["percent"] == pytest.approx(100 * rms(error) / np.ptp(output), rel=0.05)
+
+
 def test_how_long_an_input_is_held():
     u = np.array([0, 0.1, 0, 5, 5.1, 4.9, 5, 9.0])
     made = Record.from_arrays(u, u, np.arange(8.0))
