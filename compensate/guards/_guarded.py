@@ -32,6 +32,17 @@ LASTING = 1000.0
 """Durations of the readings that one step may take."""
 
 
+def held_at_ends(compensator: Any, value: np.ndarray) -> np.ndarray:
+    """Which estimates a guard inside the compensator holds at an end of the trained inputs: there the
+    model's output is not the reading, though they are OK while their band reaches the end."""
+    while not isinstance(compensator, GuardedCompensator):
+        if (compensator := getattr(compensator, "inner", None)) is None:
+            return np.zeros(value.shape, bool)
+    if compensator.beyond != "limit":
+        return np.zeros(value.shape, bool)
+    return (value <= float(compensator.low)) | (value >= float(compensator.high))
+
+
 def longest_step(t: ArrayLike) -> float:
     """The longest time between two samples of a compensator that was made for readings at the times `t`.
 

@@ -15,6 +15,7 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import Simulates, estimate
+from ..guards._guarded import held_at_ends
 from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
 from ._loop_widths import Loop, loop_widths
@@ -213,7 +214,8 @@ def qualify(
     if model is not None:
         driven = with_condition(model, record, value)
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
-        back = float(np.abs(again - y)[fine].max(initial=0.0))
+        inside = fine & ~held_at_ends(compensator, value)
+        back = float(np.abs(again - y)[inside].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     progress(2, parts, "round trip")
     found: dict[str, Any] = {

@@ -112,7 +112,7 @@ def change(
 
         >>> found = identify.change(specimens[0], specimens[2])
         >>> [(p.name, f"{p.difference:.2f}", p.clear) for p in found.parameters]
-        [('K', '0.53', True), ('b', '2.46', True)]
+        [('K', '0.53', True), ('b', '2.40', True)]
     """
     if not 0 <= margin < 1:
         raise InputError(

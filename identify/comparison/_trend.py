@@ -97,7 +97,7 @@ def change_over_time(
 
         >>> found = identify.change_over_time(specimens, [0.0, 10.0, 20.0])
         >>> [(p.name, f"{p.rate:.3f}", p.unit) for p in found.parameters]
-        [('K', '0.026', 'mm / N'), ('b', '0.123', 'mm')]
+        [('K', '0.026', 'mm / N'), ('b', '0.120', 'mm')]
     """
     opened_fits, found = opened(fits, posteriors)
     t = np.asarray(times, float)

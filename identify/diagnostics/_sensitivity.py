@@ -85,7 +85,7 @@ def sensitivity(fit: FitResult) -> Sensitivity:
 
         >>> found = identify.sensitivity(fit)
         >>> [case.said for case in found.cases]
-        ['the first cycle', 'cycle 3', 'cycle 4']
+        ['the first cycle', 'cycle 2', 'cycle 3', 'cycle 4']
     """
     aim, used = target(fit), fit.used
     names = tuple(p.name for p in fit.parameters if p.name in aim.names)
