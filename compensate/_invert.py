@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, parameters, with_units
 
 from ._contract import AbstractCompensator
-from .guards._guarded import GuardedCompensator
-from .guards._run_in import Past, starts_of
+from .guards._guarded import GuardedCompensator, within_of
+from .guards._run_in import Past, Start, starts_of
 from .inverses import inverse_of
 from .uncertainty._ensemble import EnsembleCompensator
 
@@ -24,6 +24,7 @@ def invert(
     longest: float | None = None,
     past: Past | None = None,
     deviation: float = 0.0,
+    seen: tuple[float, float] | None = None,
 ) -> AbstractCompensator:
     """The exact inverse of a fitted model, as a compensator, with a guard where `trained` is given.
 
@@ -43,6 +44,7 @@ def invert(
     - `past`: times and inputs of the training rows, which bound what an unknown start can be. A model
       without rates needs none.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated.
+    - `seen`: the least and the greatest reading of the training rows.
     - `longest`: with `trained`, the longest time between two readings; a longer one is taken for it.
 
     **Returns:** a compensator, with the units of the model where it has any.
@@ -83,6 +85,10 @@ def invert(
             )
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
-    others = starts_of(inverse, model, low, high, past) if start == "unknown" else ()
-    guarded = GuardedCompensator(inverse, low, high, beyond, others, deviation, longest=longest)
+    others: tuple[Start, ...] = ()
+    if start == "unknown":
+        others = starts_of(inverse, model, low, high, past, within_of(deviation, low, high))
+    guarded = GuardedCompensator(
+        inverse, low, high, beyond, others, deviation, seen, longest=longest
+    )
     return guarded if units is None else with_units(guarded, units)

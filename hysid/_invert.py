@@ -85,6 +85,7 @@ def guard_of(fit: FitResult, error: CalibratedCompensator) -> dict[str, Any]:
         "longest": longest_of(fit.train),
         "past": Past(times, fit.train.input[rows]),
         "deviation": float(np.median(np.asarray(error.error))),
+        "seen": (float(fit.train.output[used].min()), float(fit.train.output[used].max())),
     }
 
 

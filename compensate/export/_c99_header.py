@@ -385,7 +385,7 @@ static inline {real} {stem}_predict(
         text = f"""\
         {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
 {away}        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart);
+            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart, reading);
         status = s->n{g}.status;"""
         if self.guard.tree["beyond"] != "nan":
             return text

@@ -69,6 +69,7 @@ def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64)
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     """The guard of a compensator, as an element."""
     low, high = float(guard.low), float(guard.high)
+    least, most = guard.seen or (1.0, 0.0)  # no reading is between
     # In single precision an estimate just after a reversal is 1e-3 of the range off.
     rounding = 0.0 if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS * (high - low)
     return {
@@ -78,6 +79,7 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
             {
                 "low": low, "high": high, "slack": max(float(guard.slack), rounding),
                 "holds": guard.beyond == "limit", "decides": guard.decides, "within": guard.within,
+                "least": least, "most": most,
             },
             {"beyond": 0},
         ),

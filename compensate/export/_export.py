@@ -118,8 +118,8 @@ def export_runtime(
       either side.
     - `depth`: reversals that a Preisach model remembers, 64 by default.
     - `trained`: (low, high), the least and the greatest input of the training rows; `beyond`, `start`,
-      `past` (by default what the readings tell) and `deviation` as of `invert`. The file gives the values
-      and statuses of what that returns, with `readings=limits`. None: no guard.
+      `past` (by default what the readings tell), `deviation` and `seen` as of `invert`. The file gives the
+      values and statuses of what that returns, with `readings=limits`. None: no guard.
     - `adaptive`: `adaptive(model, record)`, for a compensator that recalibrates itself.
     - `band`: `guaranteed(...)` of this compensator, for the band beside every estimate. Its shape is
       constant, or the deviation of the same `error`.
@@ -184,6 +184,7 @@ class Program:
         start: str = "known",
         past: Past | None = None,
         deviation: float = 0.0,
+        seen: tuple[float, float] | None = None,
         origin: Origin | None = None,
         time_unit: str = "s",
         adaptive: AdaptiveCompensator | None = None,
@@ -204,8 +205,9 @@ class Program:
                 known = invert(model).simulate(np.asarray(times, float), np.asarray(readings))
                 past = Past(times, known.value)
             compensator = invert(
-                model, trained=trained, beyond=beyond, start=start, past=past, deviation=deviation
-            )
+                model, trained=trained, beyond=beyond, start=start, past=past, deviation=deviation,
+                seen=seen,
+            )  # fmt: skip
         if adaptive is not None:
             if start == "unknown":
                 raise InputError(

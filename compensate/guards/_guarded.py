@@ -32,6 +32,11 @@ LASTING = 1000.0
 """Durations of the readings that one step may take."""
 
 
+def within_of(deviation: float, low: Any, high: Any) -> Any:
+    """How far apart the estimates of all starts may be, for a deviation and the trained inputs."""
+    return deviation if deviation > 0 else UNSTATED * (high - low)
+
+
 def held_at_ends(compensator: Any, value: np.ndarray) -> np.ndarray:
     """Which estimates a guard inside the compensator holds at an end of the trained inputs: there the
     model's output is not the reading, though they are OK while their band reaches the end."""
@@ -75,6 +80,9 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     range. The memory goes on with what the inner compensator found: an excursion of the input beyond the
     range, and back, is remembered as it was.
 
+    A reading that the training had, below `seen[1]` and above `seen[0]`, is no news where the model is
+    `SATURATED`: at rest, noise takes it beyond the outputs that the model has. The end is given, `OK`.
+
     With `starts`, the state before the first sample is not known: it may be the inner compensator's own, or
     one of these. All of them follow the readings, and the status is `RUN_IN`, in place of `OK` and `FLAT`,
 
@@ -92,6 +100,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     - `starts`: other states of `inner` before the first reading, at time 0. None: the first state is known.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated: starts then have to
       agree to a hundredth of the range.
+    - `seen`: the least and the greatest reading of the training rows; None where they are not known.
     - `readings`: readings beyond these are taken for the nearer end, `EXTRAPOLATED`; as exports do.
     - `longest`: the longest time between two readings, in the unit of `t`; a longer one is taken for it,
       `EXTRAPOLATED`, as exports do. None: a step of any length is taken as it is.
@@ -112,6 +121,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     beyond: str = eqx.field(static=True)
     starts: tuple[Start, ...]
     deviation: float = eqx.field(static=True)
+    seen: tuple[float, float] | None = eqx.field(static=True)
     readings: tuple[float, float] | None = eqx.field(static=True)
     longest: Float[Array, ""] | None
 
@@ -123,6 +133,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         beyond: str = "limit",
         starts: tuple[Start, ...] = (),
         deviation: float = 0.0,
+        seen: tuple[float, float] | None = None,
         readings: tuple[float, float] | None = None,
         longest: ArrayLike | None = None,
     ):
@@ -139,6 +150,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             )
         self.inner, self.beyond, self.starts = inner, beyond, starts
         self.deviation = float(deviation)
+        self.seen = None if seen is None else (float(seen[0]), float(seen[1]))
         self.readings = None if readings is None else (float(readings[0]), float(readings[1]))
         if (
             longest is not None
@@ -158,7 +170,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     @property
     def within(self) -> Array:
         """How far apart the estimates of all starts may be."""
-        return jnp.where(self.deviation > 0, self.deviation, UNSTATED * (self.high - self.low))
+        return jnp.asarray(within_of(self.deviation, self.low, self.high))
 
     @property
     def decides(self) -> bool:
@@ -235,12 +247,17 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         value, status = found.value, found.status
         if self.decides:
             status = jnp.where(status == Status.EXTRAPOLATED, Status.OK, status)
+        held = jnp.zeros_like(late)
+        if self.seen is not None:
+            held = (status == Status.SATURATED) & (y >= self.seen[0]) & (y <= self.seen[1])
+            status = jnp.where(held, Status.OK, status)
         sound = (status == Status.OK) | (status == Status.FLAT)
         status, sound = jnp.where(late & sound, Status.EXTRAPOLATED, status), sound & ~late
         status = jnp.where(sound & ~(apart <= self.within), Status.RUN_IN, status)
-        beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
+        beyond = ~held & ((value < self.low - self.slack) | (value > self.high + self.slack))
         clipped = jnp.isfinite(y) & (seen != y)
         status = jnp.where((beyond | clipped) & sound, Status.EXTRAPOLATED, status)
+        value = jnp.where(held, jnp.clip(value, self.low, self.high), value)
         found = found._replace(value=self._limited(value), status=status)
         if getattr(found, "draws", None) is not None:
             found = found._replace(draws=self._limited(found.draws))

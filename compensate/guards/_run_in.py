@@ -28,8 +28,8 @@ PAST = 8160
 WAY = 16
 """Samples on the way to an end, at least."""
 
-ALIKE = 1e-6
-"""Part of the trained range. Estimates closer than this are the same: see `ROUNDING` of the guard."""
+ALIKE = 0.1
+"""Part of the distance that tells starts apart: one that stays closer needs no run of its own."""
 
 
 class Past(NamedTuple):
@@ -57,11 +57,13 @@ def starts_of(
     model: AbstractModel,
     low: float,
     high: float,
-    past: Past | None = None,
+    past: Past | None,
+    within: float,
 ) -> tuple[Start, ...]:
     """Starts from which a compensator gives other estimates than from its virgin state.
 
     **Arguments:** as of `histories`; of a model of many draws the first one's outputs are what was read.
+    `within`: how far apart estimates may be.
 
     **Returns:** none for a model without memory.
     """
@@ -77,7 +79,7 @@ def starts_of(
     for history in others:
         read = outputs(one, history)
         state = scan_steps(compensator, history.times, read, compensator.init())[0]
-        if np.abs(values(state) - virgin).max() > ALIKE * (high - low):
+        if np.abs(values(state) - virgin).max() > ALIKE * within:
             found.append(Start(history, state))
     return tuple(found)
 

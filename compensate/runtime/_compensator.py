@@ -81,6 +81,7 @@ class Compensator:
                 "slack": own["rounding"],
                 "decides": 0,
             }
+            own |= {"least": inf, "most": -inf}
         self.trained: tuple[float, float] | None = (
             (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
         )
@@ -163,7 +164,7 @@ class Compensator:
         self._deviation = deviation = self._error(dt, value)
         if self._guard is not None:
             apart = max((abs(find(dt, seen) - value) for find in self._others), default=0.0)
-            value, status = self._guard.of(value, status, beyond, apart)
+            value, status = self._guard.of(value, status, beyond, apart, reading)
         elif beyond and status in (_OK, Status.FLAT):
             status = _EXTRAPOLATED
         self._value = value

@@ -29,15 +29,18 @@ def error_of(tree: Tree) -> Callable[[float, float], float]:
 
 
 class Guard(NamedTuple):
-    """The guard of a file, with its own state: (value, status, clipped, apart) to what is given out."""
+    """The guard of a file, with its own state: (value, status, clipped, apart, reading) to what is
+    given out."""
 
-    limited: Callable[[float, int, bool, float], float]
+    limited: Callable[[float, int, bool, float, float], float]
     state: Any
     as_nan: bool
 
-    def of(self, value: float, status: int, clipped: bool, apart: float) -> tuple[float, int]:
+    def of(
+        self, value: float, status: int, clipped: bool, apart: float, reading: float
+    ) -> tuple[float, int]:
         """The estimate as it is given out, and its status."""
-        value = self.limited(value, status, clipped, apart)
+        value = self.limited(value, status, clipped, apart, reading)
         return (nan if self.as_nan and self.state.beyond else value), self.state.status
 
 

@@ -78,6 +78,7 @@ def export(
         trained=fitted.trained,
         past=guard["past"],
         deviation=guard["deviation"],
+        seen=guard["seen"],
         beyond=beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, data.get("sha256") or ""),

@@ -83,11 +83,14 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     past = Past(t, invert(model).simulate(t, y).value)
     own = invert(model, trained=(low, high), start="unknown", past=past)
     assert isinstance(own, GuardedCompensator)
-    compensator = GuardedCompensator(own.inner, low, high, beyond, own.starts, readings=readings)
+    seen = np.nanquantile(y, 0.2), np.nanquantile(y, 0.8)
+    compensator = GuardedCompensator(
+        own.inner, low, high, beyond, own.starts, seen=seen, readings=readings
+    )
     wanted = compensator.simulate(t, y)
     value, status = np.asarray(wanted.value), np.asarray(wanted.status)
     assert (status == Status.EXTRAPOLATED).sum() > 5
-    options = {"times": t, "trained": (low, high), "beyond": beyond, "start": "unknown"}
+    options = {"times": t, "trained": (low, high), "beyond": beyond, "start": "unknown", "seen": seen}
     path = tmp_path / "it.json"
     export_runtime(model, path, y, limits=readings, depth=128, **options)
     runtime, dt = load(path), np.diff(t, prepend=t[0])

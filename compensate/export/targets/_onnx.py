@@ -309,7 +309,7 @@ class _Step:
                     away = graph.node("Sub", [other.find(passed, seen), value], "real")
                     apart = graph.node("Max", [apart, graph.node("Abs", [away], "real")], "real")
                 value = self.write.call(
-                    self.guard, "limited", value, status, graph.cast(outside, "int"), apart
+                    self.guard, "limited", value, status, graph.cast(outside, "int"), apart, reading
                 )
                 status = self._status_of(self.guard)
                 if document["guard"]["beyond"] == "nan":
