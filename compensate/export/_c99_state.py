@@ -15,8 +15,8 @@ def state_in_c(
     elements: Mapping[str, Element],
     stem: str,
     start: str,
-    listed: Callable[[Any], str],
-    number: Callable[[Any, str], str],
+    listed: Callable[..., str],
+    number: Callable[..., str],
 ) -> str:
     """The structure of the nodes' states, and the function that resets it.
 

@@ -37,7 +37,7 @@ from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
 from ._precision import require_double
 from ._preisach_tree import with_grids
-from ._starts import starts_in
+from ._starts import agreeing, starts_in
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -260,8 +260,8 @@ class Program:
                 "name": conditioned.condition, "unit": conditioned.unit,
                 "low": float(ends[0]) - margin, "high": float(ends[1]) + margin,
             }  # fmt: skip
-        seen = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
-        away = FAR * max(float(np.ptp(seen)), 1e-3 * float(np.abs(seen).max()), 1e-30)
+        reached = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
+        away = FAR * max(float(np.ptp(reached)), 1e-3 * float(np.abs(reached).max()), 1e-30)
         self._trees: dict[type, Tree] = {np.float64: tree}
         held = c if conditioned else None
         off = 0.0 if original is model else _apart(original, model, t, value, held)
@@ -271,7 +271,7 @@ class Program:
             "reading": reading._asdict(), "estimate": estimate._asdict(),
             "limits": [float(low), float(high)], "rates": counts_time,
             "longest": self._longest(t) if counts_time else None,
-            "inputs": [float(min(seen)) - away, float(max(seen)) + away], "start": number(begin),
+            "inputs": [float(min(reached)) - away, float(max(reached)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and error_tree(error), "condition": known,
             "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
@@ -285,6 +285,7 @@ class Program:
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
+        self._rest["golden"] = agreeing(self._whole())
 
     def _longest(self, t: np.ndarray) -> float:
         if not isinstance(self.model, Oscillator):

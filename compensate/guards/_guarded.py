@@ -32,20 +32,20 @@ LASTING = 1000.0
 """Durations of the readings that one step may take."""
 
 
-def within_of(deviation: float, low: Any, high: Any) -> Any:
+def within_of(deviation: float, low: float | Array, high: float | Array) -> float | Array:
     """How far apart the estimates of all starts may be, for a deviation and the trained inputs."""
     return deviation if deviation > 0 else UNSTATED * (high - low)
 
 
-def held_at_ends(compensator: Any, value: np.ndarray) -> np.ndarray:
+def held_at_ends(compensator: AbstractCompensator, value: np.ndarray) -> np.ndarray:
     """Which estimates a guard inside the compensator holds at an end of the trained inputs: there the
     model's output is not the reading, though they are OK while their band reaches the end."""
-    while not isinstance(compensator, GuardedCompensator):
-        if (compensator := getattr(compensator, "inner", None)) is None:
-            return np.zeros(value.shape, bool)
-    if compensator.beyond != "limit":
+    inner: Any = compensator
+    while inner is not None and not isinstance(inner, GuardedCompensator):
+        inner = getattr(inner, "inner", None)
+    if inner is None or inner.beyond != "limit":
         return np.zeros(value.shape, bool)
-    return (value <= float(compensator.low)) | (value >= float(compensator.high))
+    return (value <= float(inner.low)) | (value >= float(inner.high))
 
 
 def longest_step(t: ArrayLike) -> float:

@@ -10,11 +10,12 @@ for any motion, and needs nothing to be known of the model. What never relaxes (
 what it did within the training, not for ever. Cost: a compensator's step for each start that matters.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, condition_of, parameters
@@ -27,9 +28,6 @@ PAST = 8160
 
 WAY = 16
 """Samples on the way to an end, at least."""
-
-ALIKE = 0.1
-"""Part of the distance that tells starts apart: one that stays closer needs no run of its own."""
 
 
 class Past(NamedTuple):
@@ -60,7 +58,7 @@ def starts_of(
     past: Past | None,
     within: float,
 ) -> tuple[Start, ...]:
-    """Starts from which a compensator gives other estimates than from its virgin state.
+    """Starts from which a compensator gives other estimates than from its virgin state, between the ends.
 
     **Arguments:** as of `histories`; of a model of many draws the first one's outputs are what was read.
     `within`: how far apart estimates may be.
@@ -79,7 +77,7 @@ def starts_of(
     for history in others:
         read = outputs(one, history)
         state = scan_steps(compensator, history.times, read, compensator.init())[0]
-        if np.abs(values(state) - virgin).max() > ALIKE * within:
+        if np.abs(values(state) - virgin).max() > within:
             found.append(Start(history, state))
     return tuple(found)
 
@@ -108,7 +106,7 @@ def histories(model: AbstractModel, low: float, high: float, past: Past | None) 
     )
 
 
-def outputs(model: AbstractModel, past: Past) -> Any:
+def outputs(model: AbstractModel, past: Past) -> Array:
     """What a compensator reads of a past: (samples,), or (samples, 2) with the condition."""
     u = jnp.asarray(past.inputs)
     y = model.simulate(past.times, u)

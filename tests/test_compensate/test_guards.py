@@ -90,7 +90,13 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     wanted = compensator.simulate(t, y)
     value, status = np.asarray(wanted.value), np.asarray(wanted.status)
     assert (status == Status.EXTRAPOLATED).sum() > 5
-    options = {"times": t, "trained": (low, high), "beyond": beyond, "start": "unknown", "seen": seen}
+    options = {
+        "times": t,
+        "trained": (low, high),
+        "beyond": beyond,
+        "start": "unknown",
+        "seen": seen,
+    }
     path = tmp_path / "it.json"
     export_runtime(model, path, y, limits=readings, depth=128, **options)
     runtime, dt = load(path), np.diff(t, prepend=t[0])
