@@ -87,7 +87,7 @@ def invert(
     low, high = trained
     others: tuple[Start, ...] = ()
     if start == "unknown":
-        others = starts_of(inverse, model, low, high, past, within_of(deviation, low, high))
+        others = starts_of(inverse, model, low, high, past, float(within_of(deviation, low, high)))
     guarded = GuardedCompensator(
         inverse, low, high, beyond, others, deviation, seen, longest=longest
     )
