@@ -8,7 +8,7 @@ import numpy as np
 from hysteresis import AbstractModel
 
 from ..guards._run_in import Past, Start, outputs
-from ..runtime._compensator import Compensator
+from ..runtime._compensator import Compensator, _apart
 from ..runtime._tree import node_of
 from ._node import Tree
 
@@ -41,8 +41,7 @@ def agreeing(document: Tree) -> Tree:
     held = golden.get("condition") or [None] * len(golden["dt"])
     rows = zip(golden["dt"], golden["reading"], held, golden["value"], strict=True)
     for k, (dt, reading, condition, wanted) in enumerate(rows):
-        value = it.step(dt, reading, condition).value
-        off = abs(value - wanted) if wanted is not None and value == value else 0.0
+        off = _apart(it.step(dt, reading, condition).value, wanted)
         if k and off > golden["tolerance"]:
             return {key: v[:k] if isinstance(v, list) else v for key, v in golden.items()}
     return golden
