@@ -8,6 +8,7 @@ from hysteresis import AbstractModel, InputError, parameters, with_units
 
 from ._contract import AbstractCompensator
 from .guards._guarded import GuardedCompensator, within_of
+from .guards._rising import require_rising
 from .guards._run_in import Past, Start, starts_of
 from .inverses import inverse_of
 from .uncertainty._ensemble import EnsembleCompensator
@@ -41,8 +42,8 @@ def invert(
       "free" (as they are). Their status is EXTRAPOLATED.
     - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
       RUN_IN until the readings have replaced what is unknown, see `GuardedCompensator`.
-    - `past`: times and inputs of the training rows, which bound what an unknown start can be. A model
-      without rates needs none.
+    - `past`: times and inputs of the training rows, which bound what an unknown start can be, and lead
+      through the states in which the output has to rise with the input. A model without rates needs none.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated.
     - `seen`: the least and the greatest reading of the training rows.
     - `longest`: with `trained`, the longest time between two readings; a longer one is taken for it.
@@ -50,7 +51,8 @@ def invert(
     **Returns:** a compensator, with the units of the model where it has any.
 
     **Raises:** `InputError` where the model has no inverse (a decreasing stage, a signed density, no
-    slope), and `bad-option` or `zero-range` for options that do not fit.
+    slope, an output that falls in a state of the `past`), and `bad-option` or `zero-range` for options that
+    do not fit.
 
     **Example:**
 
@@ -85,9 +87,12 @@ def invert(
             )
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
+    within = float(within_of(deviation, low, high))
+    if past is not None:
+        require_rising(inverse, model, low, high, past, within)
     others: tuple[Start, ...] = ()
     if start == "unknown":
-        others = starts_of(inverse, model, low, high, past, float(within_of(deviation, low, high)))
+        others = starts_of(inverse, model, low, high, past, within)
     guarded = GuardedCompensator(
         inverse, low, high, beyond, others, deviation, seen, longest=longest
     )

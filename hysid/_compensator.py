@@ -11,7 +11,7 @@ from hysteresis import InputError, Note
 from hysteresis._format import quantity
 from hysteresis._verdict import Level
 
-from ._invert import exported
+from ._invert import exported, past_of
 from ._run_in import run_in_of
 
 AT_ONCE = 20_000
@@ -65,7 +65,7 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
             raise InputError("not-invertible", said)
         if isinstance(fit.detail, identify.Motion | identify.DiscreteSpectrum):
             raise InputError("not-invertible", "a motion or a hold is not recovered.")
-        found = estimate(invert(fit.model, trained=fit.trained), record)
+        found = estimate(invert(fit.model, trained=fit.trained, past=past_of(fit)), record)
     except InputError as error:
         text = f"There is no compensator: {error.problem}"
         none_made = (Note("not-invertible", text),)

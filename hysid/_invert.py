@@ -78,15 +78,19 @@ def exported(fit: FitResult) -> AbstractCompensator:
 def guard_of(fit: FitResult, error: CalibratedCompensator) -> dict[str, Any]:
     """What a fit's compensator is guarded by: options of `compensate.invert`."""
     used = fit.train.mask & np.isfinite(fit.train.output)
-    rows = longest_sequence(fit.train, used)
-    times = None if fit.train.time is None else fit.train.time[rows]
     return {
         "trained": fit.trained,
         "longest": longest_of(fit.train),
-        "past": Past(times, fit.train.input[rows]),
+        "past": past_of(fit),
         "deviation": float(np.median(np.asarray(error.error))),
         "seen": (float(fit.train.output[used].min()), float(fit.train.output[used].max())),
     }
+
+
+def past_of(fit: FitResult) -> Past:
+    """What the fitted specimen has been through: the longest sequence of the training rows."""
+    rows = longest_sequence(fit.train, fit.train.mask & np.isfinite(fit.train.output))
+    return Past(None if fit.train.time is None else fit.train.time[rows], fit.train.input[rows])
 
 
 def error_of(fit: FitResult) -> CalibratedCompensator:
@@ -94,9 +98,10 @@ def error_of(fit: FitResult) -> CalibratedCompensator:
 
     It is learnt at its first use, and then kept with the fit.
     """
-    known = invert_model(fit.model, trained=fit.trained)
     digest, kept = _digest(fit), fit.compensator or {}
-    if kept.get("band_of") != digest:
+    is_kept = kept.get("band_of") == digest
+    known = invert_model(fit.model, trained=fit.trained, past=None if is_kept else past_of(fit))
+    if not is_kept:
         left_out = [
             LeftOut(rows, invert_model(model, trained=fit.trained))
             for rows, model in identify.internal.models_without_groups(fit)

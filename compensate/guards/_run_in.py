@@ -63,7 +63,8 @@ def starts_of(
     **Arguments:** as of `histories`; of a model of many draws the first one's outputs are what was read.
     `within`: how far apart estimates may be.
 
-    **Returns:** none for a model without memory.
+    **Returns:** those that tell something: on a sweep of the trained inputs each is somewhere farther off
+    than `within`, and than those before it. None for a model without memory.
     """
     one = first_draw(model)
     sweep, *others = histories(one, low, high, past)
@@ -77,9 +78,13 @@ def starts_of(
     for history in others:
         read = outputs(one, history)
         state = scan_steps(compensator, history.times, read, compensator.init())[0]
-        if np.abs(values(state) - virgin).max() > within:
-            found.append(Start(history, state))
-    return tuple(found)
+        found.append((np.abs(values(state) - virgin), Start(history, state)))
+    kept, farthest = [], np.full(len(virgin), within)
+    for apart, start in sorted(found, key=lambda pair: -pair[0].max()):
+        if (apart > farthest).any():
+            kept.append(start)
+            farthest = np.maximum(farthest, apart)
+    return tuple(kept)
 
 
 def histories(model: AbstractModel, low: float, high: float, past: Past | None) -> tuple[Past, ...]:
@@ -95,7 +100,7 @@ def histories(model: AbstractModel, low: float, high: float, past: Past | None) 
 
     **Raises:** `InputError` `no-time` where the model depends on the rate and no times are given.
     """
-    t, u = _thinned(past, low)
+    t, u = thinned(past, low, PAST)
     speed = _speed(t, u, high - low)
     clock = None if t is None else t[:1]
     begin = clock, np.array([low])
@@ -120,11 +125,12 @@ def first_draw(model: AbstractModel) -> AbstractModel:
     return jax.tree.map(lambda leaf: leaf[0], model) if many else model
 
 
-def _thinned(past: Past | None, low: float) -> tuple[np.ndarray | None, np.ndarray]:
+def thinned(past: Past | None, low: float, most: int) -> tuple[np.ndarray | None, np.ndarray]:
+    """Times and inputs of at most so many rows of a past; without one the low end."""
     if past is None:
         return None, np.array([low])
     u = np.asarray(past.inputs, float)
-    every = slice(None, None, -(-len(u) // PAST))
+    every = slice(None, None, -(-len(u) // most))
     return None if past.times is None else np.asarray(past.times, float)[every], u[every]
 
 
@@ -145,14 +151,19 @@ def _then(
 
 
 def _ended(model: AbstractModel, t: np.ndarray | None, u: np.ndarray, length: int) -> Past:
-    """With times that end at 0; at the middle of the conditions of a model that depends on one."""
+    """With times that end at 0."""
     more = length - len(u)
     u = np.pad(u, (more, 0), mode="edge")
     if t is not None:
         # Rested at the first input for as long as the rest takes: no two samples have one time.
         step = (t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
         t = np.concatenate([t[0] - step * np.arange(more, 0, -1), t]) - t[-1]
-    if (conditioned := condition_of(model)) is not None:
-        knots = np.asarray(conditioned.knots, float)
-        u = np.column_stack([u, np.full(length, (knots[0] + knots[-1]) / 2)])
-    return Past(t, u)
+    return Past(t, driven(model, u))
+
+
+def driven(model: AbstractModel, u: np.ndarray) -> np.ndarray:
+    """Inputs as a model takes them: beside the middle of the conditions where it depends on one."""
+    if (conditioned := condition_of(model)) is None:
+        return u
+    knots = np.asarray(conditioned.knots, float)
+    return np.column_stack([u, np.full(len(u), (knots[0] + knots[-1]) / 2)])

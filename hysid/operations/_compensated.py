@@ -19,7 +19,8 @@ def fitted_to_compensate(record: Record, *models: Any, **options: Any) -> identi
 
 
 def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
-    """A fit with the verdict of a compensator made of it, on the held-out rows, or else on the fitted ones.
+    """The best candidate that has an inverse, or else the best one, with the verdict of a compensator made
+    of it, on the held-out rows, or else on the fitted ones.
 
     FAIL: the model has no inverse, an estimate is not finite, or the straight line from output to input
     that was fitted to the training rows has a smaller rms error, by more than the standard error of the
@@ -27,8 +28,19 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     changes, because a compensator runs for longer than its record; the band of the estimates had to be
     widened to hold the held-out inputs. The error of the compensator is the first reason.
     """
-    found = judged_compensator(fit)
+    first, others = fit, fit.candidates[1:]
+    found = judged_compensator(first)
     reasons = [*found.reasons]
+    if found.document["refused"] == "not-invertible":
+        fits = (one for one in others if isinstance(one, identify.FitResult))
+        tried = ((one, judged_compensator(one)) for one in fits)
+        for other, of_other in tried:
+            if of_other.document["refused"] is None:
+                others = (first, *(one for one in others if one is not other))
+                fit = replace(other, skipped=fit.skipped, seconds=fit.seconds)
+                said = f"{first.name} predicts better and is passed over. {reasons[0].text}"
+                found, reasons = of_other, [*of_other.reasons, Note("passed-over", said)]
+                break
     changes = "drift" in fit.verdict.codes
     verdict = fit.verdict.at_most(found.level).at_most("CAUTION" if changes else "PASS")
     if found.level != "FAIL" and (band := band_reason(error_of(fit).coverage_before)) is not None:
@@ -37,7 +49,7 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     kept = (fit.compensator or {}) | found.document
     fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)
     own = replace(fit, candidates=())
-    return replace(fit, candidates=(own, *fit.candidates[1:]))
+    return replace(fit, candidates=(own, *others))
 
 
 def band_reason(coverage: float) -> Note | None:

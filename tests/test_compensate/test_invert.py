@@ -11,8 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AbstractCompensator, Estimate, Status, invert
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
+from compensate import AbstractCompensator, Estimate, Past, Status, invert
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    InputError,
+    LinearSponge,
+    NonlinearMaxwell,
+    Preisach,
+    Sum,
+)
 from hysteresis.preisach import GridDensity
 from tests.problems import (
     CELLS,
@@ -296,3 +304,20 @@ def test_state_may_be_carried(problem: Problem):
     # The same steps, compiled for other shapes.
     np.testing.assert_allclose(rest.value, whole.value[0, 13:], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(rest.status, whole.status[0, 13:])
+
+
+@pytest.mark.parametrize(("strength", "falls"), [(3.0, True), (0.2, False)])
+def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: float, falls: bool):
+    """After a jump from 0 to u the output is u - strength u^2: on [0, 1] it falls from 1 / 2 on."""
+    creep = NonlinearMaxwell(
+        0.0, 1.0, np.ones(1), strengths=np.array([[0.0, strength]]), leading=False
+    )
+    model = Sum((LinearSponge(K=1.0, b=0.0), creep))
+    past = Past(np.arange(9.0), np.tile([0.0, 1.0, 0.0], 3))
+    invert(model, trained=(0.0, 1.0))  # nothing is known of its states
+    if not falls:
+        invert(model, trained=(0.0, 1.0), past=past)
+        return
+    with pytest.raises(InputError, match="falls") as found:
+        invert(model, trained=(0.0, 1.0), past=past)
+    assert found.value.code == "not-invertible"

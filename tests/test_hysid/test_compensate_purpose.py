@@ -71,6 +71,15 @@ def test_a_compensator_that_is_worse_than_a_line_fails(fitted: FitResult):
     assert falling.verdict.level == "FAIL"
 
 
+def test_a_candidate_without_an_inverse_is_passed_over(fitted: FitResult):
+    level = replace(fitted, model=LinearSponge(K=0.0, b=0.0), candidates=())
+    found = judged_to_compensate(replace(level, candidates=(level, fitted)))
+    assert found.model == fitted.model
+    assert found.candidates[1] is level or found.candidates[1].verdict == level.verdict
+    assert found.verdict.level == fitted.verdict.level
+    assert "passed-over" in found.verdict.codes
+
+
 def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
     made = record(0.1)
     rows = [f"{t},{u},{y}" for t, u, y in zip(TIME, made.input, made.output, strict=True)]
