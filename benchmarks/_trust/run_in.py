@@ -62,7 +62,7 @@ def _fits(quick: bool) -> Iterator[tuple[str, identify.FitResult]]:
             one = Record.from_arrays(
                 whole.input[rows_], whole.output[rows_], time, mask=whole.mask[rows_]
             )
-            yield f"foam {label}", hysid.fit(one, test_cycles=3)
+            yield f"foam {label}", hysid.fit(one, test_cycles=3, purpose="compensate")
 
 
 def _grid() -> Record:

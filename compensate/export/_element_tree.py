@@ -444,5 +444,5 @@ def _bracketed(model: AbstractModel, parts: list[Tree], eps: float) -> Tree:
 
 
 def precisions(eps: float, reach: float) -> dict[str, float]:
-    """How close inputs are found: to a thousandth of what they may be off, and as close as they can."""
-    return {"finest": max(1e-12, 2 * eps) * reach, "closest": 2 * eps * reach}
+    """How close two inputs are between which one is found, without a bend of the output and with one."""
+    return {"finest": max(1e-9, 2 * eps) * reach, "closest": 2 * eps * reach}

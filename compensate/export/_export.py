@@ -37,7 +37,7 @@ from ._oscillator_tree import LONGEST as LONGEST_MOTION
 from ._oscillator_tree import Motion
 from ._precision import require_double
 from ._preisach_tree import with_grids
-from ._starts import agreeing, starts_in
+from ._starts import starts_in
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -285,7 +285,6 @@ class Program:
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
-        self._rest["golden"] = agreeing(self._whole())
 
     def _longest(self, t: np.ndarray) -> float:
         if not isinstance(self.model, Oscillator):

@@ -222,8 +222,11 @@ class Function:
 
     def _is_constant(self, array: ast.expr) -> bool:
         """Whether an array is one of the model's tables: all are, but those of the state."""
-        base = array.value if isinstance(array, ast.Attribute) else array
-        return isinstance(base, ast.Name) and self.types[base.id] != "State"
+        names = {n.id for n in ast.walk(array) if isinstance(n, ast.Name)}
+        sets = [n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n) in names]
+        return "State" not in {self.types[name] for name in names} and all(
+            self._is_constant(n.value) for n in sets if self.types[_target(n)] == "Reals"
+        )
 
     def _block(self, body: list[ast.stmt], indent: str) -> list[str]:
         lines: list[str] = []
@@ -237,9 +240,10 @@ class Function:
         return lines
 
     def _declare(self, name: str) -> str:
-        kind = self.locals[name]
-        return {"int": f"int {name}", "Reals": f"const {self.home.real} *{name}"}.get(
-            kind, f"{self.home.real} {name}"
+        kind, real = self.locals[name], self.home.real
+        constant = "const " if self._is_constant(ast.Name(name)) else ""
+        return {"int": f"int {name}", "Reals": f"{constant}{real} *{name}"}.get(
+            kind, f"{real} {name}"
         )
 
     def _comments(self, node: ast.stmt, before: ast.stmt | None, indent: str) -> Iterator[str]:
@@ -349,7 +353,7 @@ class Function:
                 return Expression(f" {sign} ".join(parts), "int", level)
             case ast.IfExp():
                 both = [self._expression(e, quiet) for e in (node.body, node.orelse)]
-                kind = "real" if "real" in (both[0].type, both[1].type) else "int"
+                kind = "real" if "real" in (both[0].type, both[1].type) else both[0].type
                 yes, no = (self._real(e) if kind == "real" != e.type else e for e in both)
                 test = self._expression(node.test, quiet).within(4)
                 return Expression(f"{test} ? {yes.within(4)} : {no.within(3)}", kind, 3)

@@ -1,4 +1,4 @@
-"""What a file holds of runs: other first states of its tree, and the readings that it is checked with."""
+"""Other first states of a tree, which a file holds."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -8,7 +8,6 @@ import numpy as np
 from hysteresis import AbstractModel
 
 from ..guards._run_in import Past, Start, outputs
-from ..runtime._compensator import Compensator, _apart
 from ..runtime._tree import node_of
 from ._node import Tree
 
@@ -32,16 +31,3 @@ def _after(tree: Tree, model: AbstractModel, history: Past) -> list[dict[str, An
                 take(condition)
         node.find(dt, reading)
     return [vars(state) for state in states]
-
-
-def agreeing(document: Tree) -> Tree:
-    """The golden pair up to where plain Python gives another estimate than JAX: on a flat place, as at rest
-    before a contact, rounding decides between its ends."""
-    golden, it = document["golden"], Compensator(document)
-    held = golden.get("condition") or [None] * len(golden["dt"])
-    rows = zip(golden["dt"], golden["reading"], held, golden["value"], strict=True)
-    for k, (dt, reading, condition, wanted) in enumerate(rows):
-        off = _apart(it.step(dt, reading, condition).value, wanted)
-        if k and off > golden["tolerance"]:
-            return {key: v[:k] if isinstance(v, list) else v for key, v in golden.items()}
-    return golden
