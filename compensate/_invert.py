@@ -87,12 +87,11 @@ def invert(
             )
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
-    within = float(within_of(deviation, low, high))
     if past is not None:
-        require_rising(inverse, model, low, high, past, within)
+        require_rising(inverse, model, low, high, past)
     others: tuple[Start, ...] = ()
     if start == "unknown":
-        others = starts_of(inverse, model, low, high, past, within)
+        others = starts_of(inverse, model, low, high, past, float(within_of(deviation, low, high)))
     guarded = GuardedCompensator(
         inverse, low, high, beyond, others, deviation, seen, longest=longest
     )

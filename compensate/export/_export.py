@@ -29,7 +29,7 @@ from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree
 from ._band import banded, error_tree
 from ._c99_header import header
-from ._document import write
+from ._document import require_one_input, write
 from ._element_tree import guard_tree, tree_of
 from ._measured_operations import Operations, measured
 from ._node import ONE_WAY, Tree
@@ -285,6 +285,7 @@ class Program:
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
+        require_one_input(self._whole())
 
     def _longest(self, t: np.ndarray) -> float:
         if not isinstance(self.model, Oscillator):

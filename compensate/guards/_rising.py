@@ -4,7 +4,7 @@ A search for the input behind a reading needs an output that never falls while t
 rises. Most parts do so by construction. One whose strength at a level grows faster than the rest of the
 output does not: then a reading has several inputs, and a search finds any of them.
 
-    fall = max { y(s, u1) - y(s, u2) : u1 < u2 }    over states s of the training, u in its range
+    spread = max { u2 - u1 : u1 < u2, y(s, u1) > y(s, u2) }    over states s of the training, u in its range
 
 Cost: a step of the model for each sample, and STATES x LEVELS looks.
 """
@@ -24,35 +24,37 @@ from .._contract import AbstractCompensator
 from ..inverses._bisection import BracketedCompensator
 from ._run_in import PAST, Past, driven, first_draw, thinned
 
-STATES, LEVELS = 256, 129
-"""States at most, and inputs: a hundredth of the range is more than their step."""
+STATES, LEVELS = 256, 257
+"""States at most, and inputs: a hundredth of the range is two of their steps."""
+
+UNTOLD = 0.01
+"""Part of the range by which inputs with one output may be apart."""
+
+ROUNDING = 1e-9
+"""Part of the outputs' range by which they may fall: sums are not exact."""
 
 
 def require_rising(
-    compensator: AbstractCompensator,
-    model: AbstractModel,
-    low: float,
-    high: float,
-    past: Past,
-    within: float,
+    compensator: AbstractCompensator, model: AbstractModel, low: float, high: float, past: Past
 ) -> None:
-    """Raise `InputError` `not-invertible` where a search is to find inputs, and the output falls by more
-    than `within` of the input changes it on average."""
+    """Raise `InputError` `not-invertible` where a search is to find inputs, and in a state of the past one
+    output belongs to inputs more than a hundredth of the range apart."""
     leaves = jax.tree.leaves(compensator, is_leaf=lambda x: isinstance(x, BracketedCompensator))
     if not any(isinstance(leaf, BracketedCompensator) for leaf in leaves):
         return
-    part = fall_of(model, low, high, past)
-    if part * (high - low) > within:
+    spread = spread_of(model, low, high, past)
+    if spread > UNTOLD * (high - low):
         raise InputError(
             "not-invertible",
-            f"the model's output falls by up to {100 * part:.2g} % of its range while the input rises, so a"
-            " reading has several inputs.",
+            "the model's output falls while its input rises: one output belongs to inputs up to"
+            f" {spread:.3g} apart.",
             fix='fit to compensate (purpose="compensate", --purpose compensate), or another model.',
         )
 
 
-def fall_of(model: AbstractModel, low: float, high: float, past: Past) -> float:
-    """By how much the output falls at most while the input rises, in parts of the outputs' range."""
+def spread_of(model: AbstractModel, low: float, high: float, past: Past) -> float:
+    """The greatest distance of two inputs of which the higher one has the lower output, in the input's
+    unit."""
     one = first_draw(model)
     t, u = thinned(past, low, PAST)
     levels = np.linspace(low, high, LEVELS)
@@ -60,7 +62,12 @@ def fall_of(model: AbstractModel, low: float, high: float, past: Past) -> float:
     rows, across = (jnp.asarray(driven(one, x), float) for x in (u, levels))
     y = np.asarray(_outputs(one, t, rows, jnp.asarray(looks), across))[looks]
     y = y * np.sign((y[:, -1] - y[:, 0]).sum())
-    return float((np.maximum.accumulate(y, axis=1) - y).max() / np.ptp(y))
+    # The first input whose output, or that of a lower one, lies above.
+    above, margin = np.maximum.accumulate(y, axis=1), ROUNDING * np.ptp(y)
+    first = [
+        np.searchsorted(most, now + margin, "right") for most, now in zip(above, y, strict=True)
+    ]
+    return float((np.arange(LEVELS) - np.array(first)).max(initial=0) * (levels[1] - levels[0]))
 
 
 @eqx.filter_jit

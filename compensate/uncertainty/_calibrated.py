@@ -364,8 +364,8 @@ def _growth(
     """
     far, faster = GROWTH * _without_memory(record, counted), 0.0
     if record.time is not None:
-        slowed = _parts(estimate(compensator, replace(record, time=FASTER * record.time)))[0]
-        faster = float(np.sqrt(np.mean((slowed - value)[counted] ** 2)))
+        hurried = _parts(estimate(compensator, replace(record, time=record.time / FASTER)))[0]
+        faster = float(np.sqrt(np.mean((hurried - value)[counted] ** 2)))
     return far, float(np.hypot(far, faster))
 
 

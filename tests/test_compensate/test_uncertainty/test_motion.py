@@ -14,7 +14,7 @@ from compensate.runtime import load
 from compensate.runtime._file import checksum
 from compensate.uncertainty._band_words import in_words, of_words
 from compensate.uncertainty._calibrated import band_holds, checked
-from hysteresis import LinearSponge, Preisach, Record
+from hysteresis import Burgers, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
 from tests.thorough import rest_thorough
@@ -147,3 +147,13 @@ def test_words_and_back(band: CalibratedCompensator):
     np.testing.assert_array_equal(again.simulate(t, y).deviation, band.simulate(t, y).deviation)
     assert (again.share, again.lasts, again.width) == (band.share, band.lasts, band.width)
     assert np.isnan(again.coverage)
+
+
+def test_a_held_input_is_tried_at_short_steps_only():
+    """Its inverse stands up to a largest step: what another speed does is asked at a higher one."""
+    model = Burgers(2.0, 40.0, 2.0, 4.0, leading=False, hold="constant")
+    dt = 0.9 * model.largest_stable_step()
+    u = np.interp(np.arange(60), np.arange(7) * 10, [0.0, 4.0] * 3 + [0.0])
+    y = np.asarray(model.simulate(dt * np.arange(60), u))
+    learnt = calibrated(invert(model, trained=(0.0, 4.0)), Record.from_arrays(u, y, dt=dt))
+    assert np.isfinite(np.asarray(learnt.error)).all()
