@@ -7,6 +7,7 @@ sentence is false where a number is off by more than its tolerance; those are pr
 
 import sys
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,8 +23,8 @@ from ..accuracy import TASKS, data_folder
 from .passes import _virtual
 
 WHAT = "sentences of verdicts recomputed from the arrays over every data set at hand and 60 virtual records"
-MOST = 3000
-"""Rows of a measured record: every so many."""
+MOST, SHORT = 3000, 64
+"""Rows of a measured record, and of each of its sequences at least."""
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 2}
 GRID = (np.arange(64) + 0.5) / 64
@@ -78,15 +79,15 @@ def _records(quick: bool) -> Iterator[tuple[str, Record, Record | None, str]]:
 
 
 def _thinned(record: Record) -> Record:
-    """Every so many rows of each sequence, as a record of their own."""
-    step = -(-len(record) // MOST)
-    rows = np.concatenate([np.arange(s.start, s.stop, step) for _, s in record.sequences()])
-    labels = np.concatenate(
-        [
-            np.full(len(range(s.start, s.stop, step)), str(k))
-            for k, (_, s) in enumerate(record.sequences())
-        ]
-    )
+    """Every so many rows of each sequence, and every so many sequences where they are short, as a record of
+    their own."""
+    parts = [rows for _, rows in record.sequences()]
+    shortest = min(rows.stop - rows.start for rows in parts)
+    step = max(min(-(-len(record) // MOST), shortest // SHORT), 1)
+    kept = parts[:: -(-len(record) // (step * MOST))]
+    each = [np.arange(one.start, one.stop, step) for one in kept]
+    rows = np.concatenate(each)
+    labels = np.repeat([str(k) for k in range(len(each))], [len(one) for one in each])
     return Record.from_arrays(
         record.input[rows], record.output[rows], None if record.time is None else record.time[rows],
         labels, mask=record.mask[rows], nan="omit", input_unit=record.input_unit,
@@ -131,9 +132,16 @@ def _ours(fit: identify.FitResult, note: Note) -> dict[str, tuple[float, float]]
             out = ((test.input < low) | (test.input > high))[judged_rows]
             return {"rows": (int(out.sum()), 0), "rmse": (_rms(error[out]), 1e-9 + 1e-6 * rmse)}
         case "loops-left":
-            # Two ways to close a loop differ by some per cent of the wider one.
-            width, left = (_width(train, values, used) for values in (train.output, fit.residuals))
-            return {"width": (width, 0.15 * width), "share": (left / width, 0.15)}
+            # Two ways to close a loop differ by some per cent of the wider one, and by half of what a line
+            # for the drift takes off: creep that decays is none.
+            values = (train.output, fit.residuals)
+            width, left = (_width(train, one, used, True) for one in values)
+            open_width, open_left = (_width(train, one, used, False) for one in values)
+            share, off = left / width, abs(open_left / open_width - left / width)
+            return {
+                "width": (width, 0.15 * width + 0.5 * abs(open_width - width)),
+                "share": (share, 0.15 + 0.5 * off),
+            }
         case "settling":
             return {"rows": (int((train.mask & ~used).sum()), 0)}
         case "drift":
@@ -185,23 +193,39 @@ def _legs(
     return np.array(found)
 
 
-def _width(record: Record, values: np.ndarray, used: np.ndarray) -> float:
-    """Mean distance of the branches of each cycle, its own drift taken out by the cycles beside it."""
+def _width(record: Record, values: np.ndarray, used: np.ndarray, closed: bool) -> float:
+    """Mean distance of the branches of each cycle; where `closed`, a steady drift is taken out."""
     total = span = 0.0
     for _, where in record.sequences():
         here = np.arange(where.start, where.stop)
         here = here[used[here] & np.isfinite(values[here]) & (record.cycle[here] > 0)]
+        drift = _drift(record, here, values) if closed else 0.0
+        steady = values - drift * np.arange(len(values))
         for number in np.unique(record.cycle[here]):
             rows = here[record.cycle[here] == number]
             legs = [record.input[rows[record.branch[rows] == sign]] for sign in (1, -1)]
             if min(map(len, legs)) < 2:
                 continue
             low, high = max(x.min() for x in legs), min(x.max() for x in legs)
-            read = _legs(record, rows, values, low + (high - low) * GRID)
+            read = _legs(record, rows, steady, low + (high - low) * GRID)
             if read is not None and high > low:
                 total += float(np.abs(read[0] - read[1]).mean()) * (high - low)
                 span += high - low
     return total / span if span else float("nan")
+
+
+def _drift(record: Record, here: np.ndarray, values: np.ndarray) -> float:
+    """What a branch moves a row until the next cycle's, half of them more; 0 of fewer than three cycles."""
+    each = [here[record.cycle[here] == c] for c in np.unique(record.cycle[here])]
+    moves = []
+    for one, other in pairwise(each):
+        low = max(record.input[rows].min() for rows in (one, other))
+        high = min(record.input[rows].max() for rows in (one, other))
+        level = low + (high - low) * GRID
+        read = [_legs(record, rows, values, level) for rows in (one, other)]
+        if high > low and all(x is not None for x in read):
+            moves.append(float((read[1] - read[0]).mean()) / (other.mean() - one.mean()))
+    return float(np.median(moves)) if len(moves) > 1 else 0.0
 
 
 def _rate(record: Record) -> tuple[float, float]:
@@ -212,14 +236,20 @@ def _rate(record: Record) -> tuple[float, float]:
         here = np.arange(where.start, where.stop)
         here = here[record.mask[here] & np.isfinite(record.output[here]) & (record.cycle[here] > 0)]
         each = [here[record.cycle[here] == c] for c in np.unique(record.cycle[here])]
-        if len(each) <= most:
+        # A cycle of less than half the widest one's range, or of one branch, is none.
+        ranges = [float(np.ptp(record.input[rows])) for rows in each]
+        branches = [[np.sum(record.branch[rows] == sign) for sign in (1, -1)] for rows in each]
+        each = [
+            rows for rows, span, legs in zip(each, ranges, branches, strict=True)
+            if 2 * span > max(ranges) and min(legs) >= 2
+        ]  # fmt: skip
+        if len(each) <= max(most, 2):
             continue
         low = max(record.input[rows].min() for rows in each)
         high = min(record.input[rows].max() for rows in each)
-        read = [_legs(record, rows, record.output, low + (high - low) * GRID) for rows in each]
-        if any(one is None for one in read):
-            continue
-        most, table = len(each), np.array(read)
+        level = low + (high - low) * GRID
+        table = np.array([_legs(record, rows, record.output, level) for rows in each])
+        most = len(each)
         apart = (table - table[len(table) // 2]).mean((1, 2))
         later = apart[len(apart) // 2 :] if len(apart) >= 8 else apart
         fit, covariance = np.polyfit(np.arange(len(later)), later, 1, cov=True)

@@ -177,15 +177,14 @@ def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
     for a, b, c in zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True):
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
-        loops.append((a, b, legs, _opened(u, y, (a, b, c), legs)))
+        legs = [rows[used[rows]] for rows in legs]
+        if min(map(len, legs)) >= 2:
+            loops.append((a, b, legs, _opened(u, y, (a, b, c), legs)))
     slopes = [slope for *_, slope in loops]
     usual = float(np.median(slopes)) if len(slopes) > 2 else 0.0
     for a, b, legs, slope in loops:
         chord = _least(slope, usual)
-        legs = [rows[used[rows]] for rows in legs]
         legs = [(u[rows], y[rows] - chord * (rows - a)) for rows in legs]
-        if min(len(x) for x, _ in legs) < 2:
-            continue
         low, high = max(x[0] for x, _ in legs), min(x[-1] for x, _ in legs)
         if high <= low:
             continue

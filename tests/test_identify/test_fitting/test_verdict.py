@@ -175,6 +175,16 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     assert "loops-left" not in line.verdict.codes
 
 
+def test_a_line_keeps_all_of_a_drifting_loop_also_beside_rows_left_out():
+    """Whatever is a function of the input alone is in no loop: what a line leaves is what was measured."""
+    measured = record((10.0, 10.0, 10.0, 10.0), 0.5)
+    y, u = measured.output + 0.002 * np.arange(len(measured)), measured.input
+    drifting = replace(measured, output=y, mask=(u > 0.5) & (u < 9.5))
+    percent, left, width = numbers(fit(drifting, **QUICK).verdict, "loops-left")
+    assert percent == 100
+    assert left == width
+
+
 def test_a_line_through_a_line_passes(line: FitResult):
     same = fit(record((10.0, 10.0, 10.0, 10.0), 0.0, 0.05), test_cycles=1, **QUICK)
     assert same.verdict.level == "PASS"
