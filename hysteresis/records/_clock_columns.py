@@ -1,14 +1,15 @@
 """Columns of dates and times of day as seconds from the first row.
 
 Loggers write a clock as a date ("2020-11-05T10:59:58.250", "05.11.2020 10:59:58"), as a time of day or of a
-test ("10:59:58.250", "00:01:02"), as the seconds, milli-, micro- or nanoseconds since 1970, or as what the
-functions of a microcontroller count.
+test ("10:59:58.250", "00:01:02", "1:02.5"), as the seconds, milli-, micro- or nanoseconds since 1970, as
+the days since 1900 of a spreadsheet, or as what the functions of a microcontroller count.
 """
 
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import date, datetime
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,12 +19,23 @@ from ._units import named_unit
 
 DAY = 86_400.0
 _TIME = re.compile(r"(\d{1,3}):(\d\d):(\d\d)(?:[.,:](\d{1,9}))?\s*([AaPp]\.?[Mm]\.?)?")
+_MINUTES = re.compile(r"(\d{1,4}):(\d\d)(?:[.,](\d{1,9}))?")
 _DATE = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})[\sT,;]+")
-_NAMED = re.compile(r"time|stamp|zeit|clock|epoch", re.IGNORECASE)
+_NAMED = re.compile(r"time|stamp|zeit|clock|epoch|date|datum", re.IGNORECASE)
+_DATED = re.compile(r"date|datum", re.IGNORECASE)
 _SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
 """Seconds since 1970 are between one and two thousand millions, from 2001 to 2033, in such steps."""
+_DAYS_SINCE_1900 = 36_526.0, 54_789.0
+"""Of the years from 2000 to 2049."""
 _COUNTED = {"millis": "ms", "micros": "us"}
 """Functions of a microcontroller, and the unit of what they return."""
+
+
+class _Clock(NamedTuple):
+    """Seconds from the first row, and what the column held."""
+
+    seconds: np.ndarray
+    was: str
 
 
 def with_clocks(table: Table) -> Table:
@@ -34,35 +46,36 @@ def with_clocks(table: Table) -> Table:
     columns, units, notes = dict(table.columns), dict(table.units), list(table.notes)
     for name, x in table.columns.items():
         if x.dtype.kind != "f":
-            found, said = _stamps(x), "dates or times of day"
+            found = _stamps(x)
         elif named_unit(name, None, table.units.get(name)) is None:
             if unit := _COUNTED.get(name.strip("() ").lower()):
                 units[name] = unit
                 continue
-            found, said = _since_1970(name, x), "times since 1970"
+            found = _since_a_day(name, x)
         else:
             continue
         if found is not None:
-            columns[name], units[name] = found, "s"
-            read = f"Column {name!r} holds {said}: read as seconds from the first row."
+            columns[name], units[name] = found.seconds, "s"
+            read = f"Column {name!r} holds {found.was}: read as seconds from the first row."
             notes.append(Note("clock", read))
     return replace(table, columns=columns, units=units, notes=tuple(notes))
 
 
-def _stamps(cells: np.ndarray) -> np.ndarray | None:
-    """Seconds from the first cell (n,), NaN where it is empty; None where one is neither date nor time."""
+def _stamps(cells: np.ndarray) -> _Clock | None:
+    """NaN where a cell is empty; None where one is neither date nor time."""
     filled = np.flatnonzero(cells != "")
     if len(filled) < 2 or ":" not in cells[filled[0]] or ":" not in cells[filled[-1]]:
         return None
     words = cells[filled].tolist()
-    for read in (_iso, _by_parts):
+    days, hour = "dates or times of day", "minutes and seconds"
+    for read, said in ((_iso, days), (_by_parts, days), (_by_minutes, hour)):
         try:
             seconds = read(words)
         except (ValueError, TypeError):  # no date, or one with a time zone and one without
             continue
         found = np.full(len(cells), np.nan)
         found[filled] = np.round(seconds - seconds[0], 9)
-        return found if np.ptp(seconds) > 0 else None
+        return _Clock(found, said) if np.ptp(seconds) > 0 else None
     return None
 
 
@@ -85,6 +98,20 @@ def _by_parts(words: Sequence[str]) -> np.ndarray:
     if not dates:
         of_day += DAY * np.cumsum(np.diff(of_day, prepend=of_day[0]) < -DAY / 2)
     return of_day
+
+
+def _by_minutes(words: Sequence[str]) -> np.ndarray:
+    """Minutes and seconds, of which some cell has a fraction: without one they may be hours and minutes. A
+    spreadsheet's begin again after an hour."""
+    parts = [_MINUTES.fullmatch(word.strip()) for word in words]
+    if not any(found and found[3] for found in parts):
+        raise ValueError("hours and minutes, or minutes and seconds")
+    seconds = np.array(
+        [60.0 * int(m[1]) + float(f"{m[2]}.{m[3] or 0}") for m in parts if m is not None]
+    )
+    if len(seconds) < len(words):
+        raise ValueError("no minutes and seconds")
+    return seconds + 3600 * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -1800)
 
 
 def _days(parts: Sequence[tuple[int, int, int]], sign: str) -> np.ndarray:
@@ -118,11 +145,16 @@ def _seconds(word: str) -> float:
     )
 
 
-def _since_1970(name: str, x: np.ndarray) -> np.ndarray | None:
-    """Seconds from the first value of a clock whose values are those of the years from 2001 to 2033."""
+def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:
+    """A clock whose values are those of the years from 2001 to 2033 since 1970; or in days since 1900,
+    where it is named a date, or moves by less than one: a clock in seconds may pass through such values."""
     good = np.isfinite(x)
     if not _NAMED.search(name) or good.sum() < 2:
         return None
     low, high = float(x[good].min()), float(x[good].max())
     step = next((s for least, s in _SINCE_1970.items() if least <= low < high < 2 * least), None)
-    return None if step is None else np.round((x - x[good][0]) * step, 9)
+    was = "times since 1970"
+    in_days = _DAYS_SINCE_1900[0] <= low < high < _DAYS_SINCE_1900[1]
+    if in_days and (_DATED.search(name) or high - low < 1):
+        step, was = DAY, "days since 1900"
+    return None if step is None else _Clock(np.round((x - x[good][0]) * step, 9), was)

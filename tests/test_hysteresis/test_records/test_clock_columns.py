@@ -25,6 +25,8 @@ def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
         ["11:59:59 AM", "11:59:59.5 AM", "12:00:00 PM", "12:00:00.5 PM"],
         ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"],
         ["00:00:01:000", "00:00:01:500", "00:00:02:000", "00:00:02:500"],
+        ["0:00.0", "0:00.5", "0:01", "0:01.5"],
+        ["59:59,0", "59:59,5", "00:00,0", "00:00,5"],
     ],
 )  # fmt: skip
 def test_dates_and_times_of_day_are_seconds(cells, tmp_path):
@@ -41,6 +43,16 @@ def test_times_since_1970_are_told_by_their_size(tmp_path):
     # A column of another name, or with a unit, is what it is.
     assert clock_of(["1.6e9", "1.7e9"], tmp_path, "pressure")[0] == 1.6e9
     assert clock_of(["1.6e9", "1.7e9"], tmp_path, "time (ms)")[0] == 1.6e9
+
+
+def test_days_of_a_spreadsheet_are_seconds(tmp_path):
+    """To 12 digits of a day: 1e-7 s."""
+    cells = [f"{45356.5 + t / 86_400:.12f}" for t in EVEN]
+    for header in ("Date", "time"):
+        np.testing.assert_allclose(clock_of(cells, tmp_path, header), EVEN, atol=1e-6)
+    # Seconds may pass through such values.
+    assert clock_of(["40000.5", "40001.5"], tmp_path, "time")[0] == 40000.5
+    assert clock_of(["40000.5", "40001.5"], tmp_path, "load")[0] == 40000.5
 
 
 def test_what_is_no_clock_stays_text(tmp_path):
