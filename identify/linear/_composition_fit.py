@@ -170,7 +170,7 @@ def unknowns_for(
     """All unknowns that a record may have of these parts, of a composition that lags."""
     counted = parts.label >= 0
     u, y = record.input[counted], record.output[counted]
-    times = relaxation_times(record)
+    times = relaxation_times(record, np.isin(parts.label, parts.fitted))
     speed, step = usual_speed(record)
     duration = longest_sequence(record)
     some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))

@@ -1,19 +1,20 @@
 """Relaxation times that a record may show, from its sampling step and its length."""
 
 import numpy as np
+from jaxtyping import Bool
 
 from hysteresis import Record
 
 from ._latest import repeats
 
 
-def relaxation_times(record: Record) -> tuple[float, ...]:
+def relaxation_times(record: Record, learnt: Bool[np.ndarray, " samples"]) -> tuple[float, ...]:
     """Two a decade from the sampling step to twice the longest sequence; none without time.
 
     Where one cycle is repeated, only to a sixth of the record: what has not died out, to exp(-3), in its
     first half cannot be told from a drift, would explain how one run settles, and go on in the next.
-    Where a sequence's first cycles do not count, only to a quarter of a cycle: what lasts longer cannot be
-    told from what those cycles left behind.
+    Where a sequence's first cycles are not `learnt` from, only to a quarter of a cycle: what lasts longer
+    cannot be told from what those cycles left behind.
     """
     if record.time is None:
         return ()
@@ -21,7 +22,7 @@ def relaxation_times(record: Record) -> tuple[float, ...]:
     steps = np.concatenate([np.diff(t) for t in sequences])
     step = float(np.median(steps[steps > 0]))
     last_time = 2 * longest_sequence(record)
-    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
+    numbers = np.unique(record.cycle[learnt & (record.cycle > 0)])
     if repeats(record):
         t = record.time[record.mask & (record.cycle > 0)]
         last_time = float(np.ptp(t)) / 6

@@ -267,7 +267,7 @@ def test_slack_is_seen_and_the_model_has_a_floor():
 
 def test_no_time_no_rate_dependent_part():
     data = replace(record(), time=None)
-    assert relaxation_times(data) == ()
+    assert relaxation_times(data, data.mask) == ()
     found = fit(data, "Composition", test_tail=0.3)
     assert "Maxwell" not in found.name
 
