@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape, damage_told, load_arrays
+from hysteresis._hdf5 import opened_hdf5
+from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
 from ..posterior._posterior import Posterior, Summary
@@ -127,8 +128,6 @@ def load_posterior(folder: str | Path) -> Posterior | None:
         ('K', 'b', 'sigma')
     """
     # netCDF is HDF5. Of a damaged file h5netcdf leaves an object whose end prints a traceback.
-    import h5py
-
     folder = Path(folder)
     if not (folder / "posterior.json").is_file():
         return None
@@ -148,10 +147,8 @@ def load_posterior(folder: str | Path) -> Posterior | None:
             fix="sample again: hysid sample DIR.",
         )
     with damage_told("the posterior", folder, "sample again: hysid sample DIR."):
-        with h5py.File(places["posterior.nc"], "r") as file:
-            group: Any = file["posterior"]
-            columns = [_read(group[name], places["posterior.nc"]) for name in document["names"]]
-            draws = np.stack(columns, -1)
+        with opened_hdf5(places["posterior.nc"].read_bytes()) as file:
+            draws = np.stack([file.array(f"posterior/{name}") for name in document["names"]], -1)
         arrays = load_arrays(places["posterior_models.npz"])
         # Under vmap each model has its own shapes; together their arrays keep the draw axis.
         rebuild = partial(rebuilt, document["structure"])
@@ -172,13 +169,6 @@ def _posterior(document: dict[str, Any], draws: np.ndarray, model: Any) -> Poste
         notes=tuple(document.get("notes", ())),
         long_enough=document.get("long_enough", True),
     )
-
-
-def _read(variable: Any, file: Path) -> np.ndarray:
-    """An array of a netCDF file, which may declare far more than it holds."""
-    held = max(ALWAYS_UNPACKED, LARGEST_RATIO * file.stat().st_size)
-    check_shape(variable.shape, variable.dtype, held)
-    return variable[...]
 
 
 def _summary(saved: dict[str, Any]) -> Summary:

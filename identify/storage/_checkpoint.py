@@ -1,6 +1,5 @@
 """Checkpoints of Markov chains: a run that is killed at any moment loses a few seconds of work."""
 
-import io
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,7 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from hysteresis import InputError
-from hysteresis._limits import DAMAGE, check_shape
+from hysteresis._hdf5 import opened_hdf5
+from hysteresis._limits import DAMAGE
 
 from ._checkpoint_file import CheckpointFile, check_identity, digest
 
@@ -172,16 +172,11 @@ def _to_bytes(history: History, identity: Identity) -> bytes:
 
 def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
     """Raises one of `DAMAGE` if it is damaged."""
-    import h5py
-
-    with h5py.File(io.BytesIO(image), "r") as file:
-        words: dict[str, Any] = dict(file.attrs)
+    with opened_hdf5(image) as own:
+        words: dict[str, Any] = dict(own.file.attrs)
         if words.get("format") != FORMAT:
             raise ValueError(f"format {words.get('format')}, not {FORMAT}")
-        for name in ARRAYS:  # they are not packed
-            dataset: Any = file[name]
-            check_shape(dataset.shape, dataset.dtype, len(image))
-        arrays = {name: np.asarray(file[name]) for name in ARRAYS}
+        arrays = {name: own.array(name) for name in ARRAYS}
     if digest(*arrays.values()) != words["checksum"]:
         raise ValueError("its checksum does not agree")
     keys, (place, has_gauss, gauss) = arrays.pop("random_keys"), arrays.pop("random_rest")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._hdf5 import opened_hdf5
 from ._arrays import sheet_of_arrays
 from ._file import fault
 from ._matlab_check import checked_matlab
@@ -133,18 +134,21 @@ def _vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
 def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     import h5py  # a quarter of a second, for this alone
 
-    with h5py.File(io.BytesIO(data), "r") as file:
+    with opened_hdf5(data) as own:
         turned = data[:6] == b"MATLAB"  # which writes a column as a row
         groups: dict[str, dict[str, np.ndarray]] = {}
 
         def visit(path: str, node: Any) -> None:
             if not isinstance(node, h5py.Dataset) or path.startswith("#"):
                 return
-            if node.dtype.kind not in "biufV" or node.attrs.get("MATLAB_class") == b"char":
+            kind = node.dtype.kind
+            if kind not in "biufV" or node.dtype.hasobject or node.shape is None:
+                return
+            if node.attrs.get("MATLAB_class") == b"char":
                 return
             name, _, key = path.rpartition("/")
-            x = node[()]
-            found = _vectors(key, np.asarray(x).T if turned else np.asarray(x))
+            x = own.array(path)
+            found = _vectors(key, x.T if turned else x)
             groups.setdefault(name.replace("/", "."), {}).update(found)
             for attribute in ("units", "unit", "Units", "Unit"):
                 unit = node.attrs.get(attribute)
@@ -152,5 +156,5 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
                     text = unit.decode() if isinstance(unit, bytes) else str(unit)
                     units.update(dict.fromkeys(found, text))
 
-        file.visititems(visit)
+        own.file.visititems(visit)
         yield from groups.items()

@@ -2,8 +2,10 @@
 
 import contextlib
 import io
+import os
 import struct
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,6 +15,7 @@ import pytest
 from scipy.io import savemat
 
 from hysteresis import InputError, read_table
+from hysteresis._hdf5 import opened_hdf5
 from hysteresis.records._cells import LONG_CELL
 from hysteresis.records._dialect import MOST_COLUMNS
 from tests.workbooks import binary_workbook, old_workbook
@@ -181,3 +184,77 @@ def test_a_damaged_mat_file_does_not_end_the_process(packed: bool, tmp_path: Pat
         except InputError:
             refused += 1
     assert refused > 20
+
+
+def hdf5(tmp_path: Path, *, matlab: bool, make: Callable[[Any], None]) -> Path:
+    """A file with a good column `u`, and what `make` adds."""
+    h5py = pytest.importorskip("h5py")
+    file = tmp_path / ("run.mat" if matlab else "run.h5")
+    with h5py.File(file, "w", userblock_size=512 if matlab else 0) as group:
+        group["u"] = np.linspace(0.0, 1.0, 30)
+        make(group)
+    return file
+
+
+SECRET = np.arange(30.0)
+
+
+def outside(tmp_path: Path) -> dict[str, Callable[[Any], None]]:
+    """Ways in which a data set may say that its values lie in another file."""
+    import h5py
+
+    secret, fifo = tmp_path / "secret.bin", tmp_path / "fifo"
+    secret.write_bytes(SECRET.tobytes())
+    os.mkfifo(fifo)
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["y"] = SECRET
+    layout = h5py.VirtualLayout(30, float)
+    layout[:] = h5py.VirtualSource(tmp_path / "other.h5", "y", 30)
+
+    def external(place: Path) -> Callable[[Any], None]:
+        return lambda file: file.create_dataset("y", (30,), float, external=[(str(place), 0, 240)])
+
+    def linked(file: Any) -> None:
+        file["y"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "y")
+
+    return {
+        "external": external(secret),
+        "a pipe": external(fifo),
+        "virtual": lambda file: file.create_virtual_dataset("y", layout),
+        "link": linked,
+    }
+
+
+@pytest.mark.parametrize("matlab", [False, True])
+@pytest.mark.parametrize("way", ["external", "a pipe", "virtual", "link"])
+def test_values_in_other_files_are_not_read(tmp_path: Path, way: str, matlab: bool):
+    pytest.importorskip("h5py")
+    file = hdf5(tmp_path, matlab=matlab, make=outside(tmp_path)[way])
+    if way == "link":
+        assert list(read_table(file).columns) == ["u"]
+    else:
+        refused(file, "damaged-file", "y lie in other files")
+
+
+@pytest.mark.parametrize("way", ["external", "virtual", "link"])
+def test_an_array_by_its_name_is_not_followed_either(tmp_path: Path, way: str):
+    pytest.importorskip("h5py")
+    file = hdf5(tmp_path, matlab=False, make=outside(tmp_path)[way])
+    with opened_hdf5(file.read_bytes()) as own:
+        assert len(own.array("u")) == 30
+        with pytest.raises(ValueError, match=r"link|other files"):
+            own.array("y")
+
+
+def test_arrays_of_a_small_file_that_declare_gigabytes(tmp_path: Path):
+    """Chunks that were never written hold a fill value: 2 kB, read as 4 GB; or as many times 200 MB."""
+
+    def one(file: Any) -> None:
+        file.create_dataset("y", (500_000_000,), float, chunks=(1_000_000,), fillvalue=1.0)
+
+    def many(file: Any) -> None:
+        for k in range(20):
+            file.create_dataset(f"y{k}", (25_000_000,), float, chunks=(1_000_000,), fillvalue=1.0)
+
+    for make in (one, many):
+        refused(hdf5(tmp_path, matlab=False, make=make), "damaged-file", "declares")
