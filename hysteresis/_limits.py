@@ -106,8 +106,25 @@ def check_packed(packed: zipfile.ZipFile) -> None:
         )
 
 
+def unpacked(packed: zipfile.ZipFile, name: str) -> bytes:
+    """What a member holds, and never more than the archive's list says of it: that list may be made up.
+
+    Asked for all, `zipfile` unpacks a member whole before it cuts off what is beyond."""
+    member = packed.getinfo(name)
+    with _opened(packed, member) as opened:
+        return opened.read(member.file_size + 1)
+
+
+def _opened(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> zipfile.ZipExtFile:
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(
+            f"{member.filename} is packed in an unusual way"
+        )  # unpacked without bounds
+    return packed.open(member)  # type: ignore[return-value]
+
+
 def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    with packed.open(member) as opened:
+    with _opened(packed, member) as opened:
         version = np.lib.format.read_magic(opened)
         read = {
             (1, 0): np.lib.format.read_array_header_1_0,
@@ -120,7 +137,7 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
         except (SyntaxError, tokenize.TokenError) as error:  # as NumPy reads headers of Python 2
             raise ValueError(f"the header of {member.filename} cannot be read: {error}") from None
         check_shape(shape, dtype, member.file_size)
-        content = opened.read()
+        content = opened.read(member.file_size + 1)
     array = np.frombuffer(content, dtype, count=int(np.prod(shape, dtype=object)))
     return array.reshape(shape, order="F" if by_column else "C").copy()
 

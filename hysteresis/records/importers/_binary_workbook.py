@@ -9,6 +9,8 @@ import zipfile
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ..._limits import unpacked
+
 _FREE, _ENTRY = 0xFFFFFFFA, 128
 """Sector numbers from here on end a chain; bytes of an entry of the directory."""
 
@@ -155,11 +157,11 @@ def extents_of_binary(archive: zipfile.ZipFile) -> list[Extent]:
     parts = {name for name in names if name.startswith("xl/worksheets/")}
     if (listed := "xl/_rels/workbook.bin.rels") in names:
         # Sheets may have any name.
-        for target in re.findall(rb"""\sTarget\s*=\s*["']([^"']*)""", archive.read(listed)):
+        for target in re.findall(rb"""\sTarget\s*=\s*["']([^"']*)""", unpacked(archive, listed)):
             name = target.decode("utf-8", "replace")
             parts |= names & {f"xl/{name}", name.lstrip("/"), name}
     return [_extent(content) for name in sorted(parts)
-            if not (content := archive.read(name)).lstrip().startswith(b"<")]  # fmt: skip
+            if not (content := unpacked(archive, name)).lstrip().startswith(b"<")]  # fmt: skip
 
 
 def _extent(content: bytes) -> Extent:

@@ -9,7 +9,7 @@ from typing import Any
 from ..._limits import DAMAGE
 from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
-from ._file import fault
+from ._file import damage_of, fault
 from ._sheet import Sheet
 from ._workbook_size import check_workbook
 
@@ -34,15 +34,13 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "missing-extra", path, "workbooks are read by python-calamine, which is not installed.",
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         ) from None  # fmt: skip
-    try:
+    with damage_of("binary-file", path, "workbook"):
         check_workbook(data)
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {
             name: [[_cell(v) for v in row] for row in book.get_sheet_by_name(name).to_python(False)]
             for name in book.sheet_names
         }
-    except Exception as error:  # calamine raises its own, and what it meets: ValueError, OSError
-        raise fault("binary-file", path, f"this workbook is damaged: {error}.") from None
     found: list[Block] = []
     numbered = {title: [(k, row) for k, row in enumerate(rows, 1) if any(row)]
                 for title, rows in sheets.items()}  # fmt: skip

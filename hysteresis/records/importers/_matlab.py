@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._hdf5 import opened_hdf5
 from ._arrays import sheet_of_arrays
-from ._file import fault
+from ._file import damage_of, fault
 from ._matlab_check import checked_matlab
 from ._sheet import Sheet
 
@@ -35,12 +35,8 @@ def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | No
     if at is None and not old:
         return None
     units: dict[str, str] = {}
-    try:
+    with damage_of("damaged-file", path, "file"):
         groups = dict(_hdf5(data, units)) if at is not None else dict(_matlab(data, units))
-    except (
-        Exception
-    ) as error:  # both raise what they meet: OSError, KeyError, ValueError, NotImplementedError
-        raise fault("damaged-file", path, f"this file is damaged: {error}.") from None
     sheet = sheet_of_arrays(groups, units, "a file of arrays", table=table)
     if sheet is None:
         problem = "it holds no vector of numbers; tables and time series of MATLAB are objects of its own."

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape
 from ._arrays import sheet_of_arrays
-from ._file import fault
+from ._file import damage_of, fault
 from ._sheet import Sheet
 
 _MARK = b"PAR1"
@@ -26,11 +27,13 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "missing-extra", path, "Parquet files are read by pyarrow, which is not installed.",
             "pip install 'hysid[parquet]', or export the table as CSV.",
         ) from None  # fmt: skip
-    try:
-        found = pq.read_table(io.BytesIO(data))
+    with damage_of("damaged-file", path, "Parquet file"):
+        file = pq.ParquetFile(io.BytesIO(data))
+        # A column of one value takes a few bytes, whatever its length.
+        shape = file.metadata.num_rows, file.metadata.num_columns
+        check_shape(shape, np.dtype(float), max(ALWAYS_UNPACKED, LARGEST_RATIO * len(data)))
+        found = file.read()
         columns = {name: found.column(name).to_numpy() for name in found.column_names}
-    except Exception as error:  # pyarrow raises its own, and OSError
-        raise fault("damaged-file", path, f"this Parquet file is damaged: {error}.") from None
     units = {}
     for field in found.schema:
         said = field.metadata or {}

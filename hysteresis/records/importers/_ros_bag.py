@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._note import Note
 from ._arrays import sheet_of_arrays
-from ._file import BAG, fault
+from ._file import BAG, damage_of, fault
 from ._sheet import Sheet
 
 _LEAST = 3
@@ -37,7 +37,7 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         ) from None  # fmt: skip
     topics: dict[str, dict[str, list[float]]] = {}
     times: dict[str, list[int]] = {}
-    try:
+    with damage_of("damaged-file", path, "bag"):
         known = get_typestore(Stores.LATEST)  # of bags that do not hold the types of their messages
         with AnyReader([path], default_typestore=known) as reader:
             for connection, stamp, raw in reader.messages():
@@ -47,8 +47,6 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
                     times.setdefault(connection.topic, []).append(stamp)
                     for key, value in fields.items():
                         kept[key].append(value)
-    except Exception as error:  # rosbags raises its own, and what it meets
-        raise fault("damaged-file", path, f"this bag is damaged: {error}.") from None
     usable = [topic for topic, stamps in times.items() if len(stamps) >= _LEAST]
     if not usable:
         raise fault("no-rows", path, "no topic holds numbers.")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ._arrays import sheet_of_arrays
-from ._file import fault
+from ._file import damage_of, fault
 from ._sheet import Sheet, distinct
 
 MARK = b"TDSm"
@@ -34,14 +34,12 @@ def tdms(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "pip install 'hysid[rigs]', or export the file as text (.lvm, .csv).",
         ) from None  # fmt: skip
     log_manager.set_level(logging.ERROR)  # a damaged file is said in our own words
-    try:
+    with damage_of("damaged-file", path, "TDMS file"):
         groups = {
             group.name: group.channels() for group in TdmsFile.read(io.BytesIO(data)).groups()
         }
         units: dict[str, str] = {}
         arrays = {name: _columns(channels, units, len(data)) for name, channels in groups.items()}
-    except Exception as error:  # npTDMS raises what it meets: ValueError, KeyError, struct.error
-        raise fault("damaged-file", path, f"this TDMS file is damaged: {error}.") from None
     sheet = sheet_of_arrays(arrays, units, "a TDMS file", table=table)
     if sheet is None:
         raise fault("no-rows", path, "no channel holds numbers.")

@@ -4,7 +4,7 @@ import io
 import re
 import zipfile
 
-from ..._limits import check_packed
+from ..._limits import check_packed, unpacked
 from ._binary_workbook import Extent, extents_of_binary, extents_of_old
 
 MOST_EMPTY = 5_000_000
@@ -27,12 +27,12 @@ def check_workbook(data: bytes) -> None:
         check_packed(archive)
         # Any part may be a sheet: the workbook's list of them names it.
         _check_extents(
-            [_extent(archive.read(m)) for m in archive.infolist() if m.filename != "content.xml"]
+            [_extent(unpacked(archive, m)) for m in archive.namelist() if m != "content.xml"]
         )
         _check_extents(extents_of_binary(archive))
         for member in archive.infolist():
             if member.filename == "content.xml":
-                _check(_repeated(archive.read(member)), MOST_EMPTY + member.file_size)
+                _check(_repeated(unpacked(archive, member.filename)), MOST_EMPTY + member.file_size)
 
 
 def _check_extents(extents: list[Extent]) -> None:

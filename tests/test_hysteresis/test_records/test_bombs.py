@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import struct
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from scipy.io import savemat
 
 from hysteresis import InputError, read_table
 from hysteresis._hdf5 import opened_hdf5
+from hysteresis._limits import DAMAGE, load_arrays
 from hysteresis.records._cells import LONG_CELL
 from hysteresis.records._dialect import MOST_COLUMNS
 from tests.workbooks import binary_workbook, old_workbook
@@ -258,3 +260,52 @@ def test_arrays_of_a_small_file_that_declare_gigabytes(tmp_path: Path):
 
     for make in (one, many):
         refused(hdf5(tmp_path, matlab=False, make=make), "damaged-file", "declares")
+
+
+def test_a_list_of_an_archive_that_says_less_than_it_packs(tmp_path: Path):
+    """600 MB of zeros in 600 kB, said to be 100 bytes: what is read ends there, and the sum is wrong."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("y.npy", "w") as member:
+            np.lib.format.write_array_header_1_0(
+                member, {"descr": "<f8", "fortran_order": False, "shape": (1,)}
+            )
+            for _ in range(600):
+                member.write(bytes(1_000_000))
+        archive.getinfo("y.npy").file_size = 136
+    raw = bytearray(packed.getvalue())
+    tracemalloc.start()
+    with pytest.raises(DAMAGE):
+        load_arrays(io.BytesIO(raw))
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+
+
+def test_a_column_of_one_value_and_a_thousand_million_rows(tmp_path: Path):
+    pytest.importorskip("pyarrow")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file, rows = tmp_path / "run.parquet", 5_000_000
+    table = pa.table({"u": np.zeros(rows), "y": np.zeros(rows)})
+    with pq.ParquetWriter(file, table.schema) as writer:
+        for _ in range(8):
+            writer.write_table(table)
+    assert file.stat().st_size < 1e6
+    refused(file, "damaged-file", "declares")
+
+
+def test_a_panic_of_a_native_reader_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    calamine = pytest.importorskip("python_calamine")
+
+    class Panic(BaseException):
+        """As Rust's are in Python."""
+
+    def panics(data: Any) -> None:
+        raise Panic("index out of bounds")
+
+    file = tmp_path / "run.xlsx"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    monkeypatch.setattr(calamine.CalamineWorkbook, "from_filelike", panics, raising=True)
+    refused(file, "binary-file", "index out of bounds")
