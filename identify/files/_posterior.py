@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._hdf5 import opened_hdf5
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
+from hysteresis.records.importers._hdf5 import opened_hdf5
 
 from ..posterior._posterior import Posterior, Summary
 from ..storage._file_set import check_unedited, whole_files, write_set

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from hysteresis import InputError
-from hysteresis._hdf5 import opened_hdf5
 from hysteresis._limits import DAMAGE
+from hysteresis.records.importers._hdf5 import opened_hdf5
 
 from ._checkpoint_file import CheckpointFile, check_identity, digest
 

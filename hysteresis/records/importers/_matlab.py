@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._hdf5 import opened_hdf5
 from ._arrays import sheet_of_arrays
 from ._file import damage_of, fault
+from ._hdf5 import opened_hdf5
 from ._matlab_check import checked_matlab
 from ._sheet import Sheet
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape
+from ..._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape
 
 
 @contextmanager
