@@ -46,6 +46,15 @@ PAIRS: dict[tuple[str, str], float] = {
 """Input, output, and how usual the pair is. The output lags the input."""
 
 
+SIX_DIGITS = 1e-5
+"""What two columns of six digits each may be off together, relative to the largest value."""
+
+COARSEST = 0.01
+"""Part of its range to which a column is told that can be known for a copy."""
+
+TURNS_BACK = -0.3
+"""Correlation of neighbouring second differences: of white noise -2 / 3, of a bend positive."""
+
 STRENGTH, FLUX = ("A/m", "kA/m", "Oe", "kOe"), ("T", "mT", "G", "kG", "Gs")
 """Units of a field that drives, and of the flux density that answers."""
 
@@ -84,7 +93,7 @@ def columns_of(table: Table) -> dict[str, Column]:
 
 
 def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
-    """Pairs of an input and an output, the best first.
+    """Pairs of an input and an output, the best first; no copies of each other.
 
     A pair's score is the product of how usual it is, how sure the kinds are, how far one column follows the
     other (the rank correlation), and the shares of its rows in which both are measured and have a time of
@@ -98,7 +107,7 @@ def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
             usual = PAIRS.get((a.kind.name, b.kind.name), 0.0)
             if a.kind.name == b.kind.name == "field" and a.unit in STRENGTH and b.unit in FLUX:
                 usual = 0.9
-            if usual:
+            if usual and not is_scaled(a.x, b.x):
                 follows = abs(rank_correlation(a.x, b.x))
                 sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
                 sure *= 0.5 if b.kind.commanded else 1.0
@@ -140,7 +149,7 @@ def correlation(x: np.ndarray, y: np.ndarray) -> float:
 def leftover(u: np.ndarray, y: np.ndarray, branch: np.ndarray, bins: int = 50) -> float:
     """Part of y that its input u and the branch do not explain, relative to the range of y.
 
-    `rms(y - mean of y in the bin of u on that branch) / range(y)`
+    `rms(y - line through y in the bin of u on that branch) / range(y)`
     """
     good = np.isfinite(u) & np.isfinite(y)
     u, y, branch = u[good], y[good], branch[good]
@@ -148,9 +157,11 @@ def leftover(u: np.ndarray, y: np.ndarray, branch: np.ndarray, bins: int = 50) -
     if not (span and height):
         return 1.0
     cell = np.minimum((bins * (u - u.min()) / span).astype(int), bins - 1) + bins * (branch > 0)
-    count = np.bincount(cell, minlength=2 * bins)
-    mean = np.bincount(cell, y, 2 * bins) / np.maximum(count, 1)
-    return float(np.sqrt(np.mean((y - mean[cell]) ** 2)) / height)
+    count = np.maximum(np.bincount(cell, minlength=2 * bins), 1)
+    u, y = (x - (np.bincount(cell, x, 2 * bins) / count)[cell] for x in (u / span, y / height))
+    square = np.bincount(cell, u * u, 2 * bins)
+    slope = np.bincount(cell, u * y, 2 * bins) / np.maximum(square, 1e-12)
+    return float(np.sqrt(np.mean((y - slope[cell] * u) ** 2)))
 
 
 def held(x: np.ndarray) -> float:
@@ -170,11 +181,23 @@ def noise(x: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(good, 2)))) / span if span else np.inf
 
 
-def duplicates(columns: list[Column]) -> list[Column]:
-    """The same columns, but only the better one of two that hold one quantity in two units or signs.
+def unsteadiness(x: np.ndarray) -> float:
+    """Noise, where second differences turn back from row to row as those of noise do and those of a bend do
+    not, and the smallest step of a column that often stays at one value, relative to the range."""
+    good = x[np.isfinite(x)]
+    if good.size < 5 or not np.ptp(good):
+        return 0.0
+    second, stays = np.diff(good, 2), np.mean(np.diff(good) == 0) > 0.2
+    step = float(np.diff(np.unique(good)).min() / np.ptp(good)) if stays else 0.0
+    return max(step, noise(x) if correlation(second[:-1], second[1:]) < TURNS_BACK else 0.0)
 
-    Better: a reading before a command, a unit of its own, the quantity named, then SI's units, then
-    positive values; else the first.
+
+def duplicates(columns: list[Column]) -> list[Column]:
+    """The same columns, but only the better one of two that hold one quantity in two units or signs: a line
+    of another column is a copy of it.
+
+    Better: a reading before a command, a quantity before a voltage, a unit of its own, the quantity named,
+    then SI's units, then positive values; else the first.
     """
     kept: list[Column] = []
     for column in columns:
@@ -187,9 +210,34 @@ def duplicates(columns: list[Column]) -> list[Column]:
 
 
 def _same(a: Column, b: Column) -> bool:
-    return a.kind.name == b.kind.name and abs(correlation(a.x, b.x)) > 1 - 1e-9
+    if a.kind.name == b.kind.name:
+        return abs(correlation(a.x, b.x)) > 1 - 1e-9 or is_scaled(a.x, b.x)
+    return bool({a.kind.name, b.kind.name} & {*SENSED}) and is_scaled(a.x, b.x)
 
 
-def _worth(column: Column) -> tuple[bool, bool, float, bool, bool]:
+def is_scaled(x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether one is a straight line of the other up to the last digit of both, or to six digits."""
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = x[good], y[good]
+    if len(x) < 3 or not (np.ptp(x) and np.ptp(y)):
+        return False
+    slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
+    left = np.abs(y - y.mean() - slope * (x - x.mean()))
+    digits = _last_digit(y) + abs(slope) * _last_digit(x)
+    return bool(left.max() <= min(digits, COARSEST * np.ptp(y)) + SIX_DIGITS * np.abs(y).max())
+
+
+def _last_digit(x: np.ndarray) -> float:
+    """The power of ten of which all values are multiples; 0 where that has more than six decimals."""
+    for step in 10.0 ** np.arange(2, -7, -1):
+        if np.allclose(x / step, np.round(x / step), rtol=0.0, atol=1e-6):
+            return float(step)
+    return 0.0
+
+
+def _worth(column: Column) -> tuple[bool, bool, bool, float, bool, bool]:
+    """A quantity before the voltage in which it was read."""
     read, sure = not column.kind.commanded, column.kind.sure
-    return read, column.unit != "1", sure, column.unit in _PLAIN, bool(np.nanmean(column.x) > 0)
+    known = column.kind.name not in (*SENSED, "unknown")
+    positive = bool(np.nanmean(column.x) > 0)
+    return read, known, column.unit != "1", sure, column.unit in _PLAIN, positive

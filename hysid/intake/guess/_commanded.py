@@ -28,10 +28,11 @@ def commanded(x: np.ndarray, other: np.ndarray, t: np.ndarray | None) -> str:
         return "is held constant"
     if _stands(x) > STANDS and _stands(other) < 0.5 * STANDS:
         return "goes in steps"
-    rows = np.arange(len(x)) if t is None else t
-    ours, theirs = _bend(x, rows), _bend(other, rows)
-    if ours < STRAIGHT and theirs > BENT:
-        return "moves at a constant rate" if t is not None else "moves evenly from row to row"
+    clocks = [] if t is None else [("moves at a constant rate", t)]
+    # A clock that turns over, or repeats a stamp, bends what moves evenly.
+    for said, rows in (*clocks, ("moves evenly from row to row", np.arange(len(x)))):
+        if _bend(x, rows) < STRAIGHT and _bend(other, rows) > BENT:
+            return said
     return ""
 
 

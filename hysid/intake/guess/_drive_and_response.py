@@ -20,6 +20,7 @@ from ._column_pairs import (
     leftover,
     noise,
     pairs,
+    unsteadiness,
 )
 from ._commanded import commanded
 from ._exceptions import NothingDrivenError
@@ -38,8 +39,10 @@ ALIKE = 0.99
 """Correlation of two readings of one quantity."""
 NEAR = 0.97
 """The share of the best pair's score from which another transducer follows the input as well."""
-FLAT = 2.0
-"""Factor by which the unexplained part must be smaller in the other direction, which is then chosen."""
+USUAL, SURELY = 1.0, 4.0
+"""Bits for the usual way of a pair, and for a column that a rig commanded."""
+LEAST = 1e-3
+"""Part of its range to which a column is told at best."""
 
 
 class Choice(NamedTuple):
@@ -99,7 +102,7 @@ def choose(
         why = {"input": "given", "output": "given"}
         return Choice(by_name[asked_in], by_name[asked_out], "sure", why, {}, [])
     if not found:
-        return _unknown(table, usable, options, given, place)
+        return _unknown(table, usable, time, options, given)
     best = found[0]
     second = next(
         (
@@ -196,35 +199,70 @@ def _directed(
     """A pair with its input and output chosen.
 
     A model with memory describes a loop whose output lags its input. The pair is turned if the usual
-    input has gaps, if the rig commanded the usual output (`commanded`), and if the usual input hardly
-    changes while the output does (a slack specimen): the output is then not a function of the input.
+    input has gaps, or if what speaks for the usual output as the drive outweighs the usual way.
     """
     a, b = pair.input, pair.output
     why = {"input": "the usual input of this pair", "output": "the usual output of this pair"}
     record, other = _record(table, a, b, options), _record(table, b, a, options)
-    fixed = asked_in == a.name or asked_out == b.name
-    reason = ""
-    if fixed:
-        reason = ""
-    elif a.missing > max(MISSING, 2 * b.missing):
-        reason = f"{a.name!r} has gaps ({a.missing:.0%}), and an input must be complete"
-    elif how := _driven(table, b, a, time):
-        reason = f"{b.name!r} {how}, so the rig commanded it"
-    elif how := _driven(table, a, b, time):
-        why["input"] = f"{a.name!r} {how}, so the rig commanded it"
-    elif b.kind.name in ("displacement", "strain", "angle"):
-        ours, theirs = (leftover(r.input, r.output, r.branch) for r in (record, other))
-        if ours > FLAT * theirs and ours > 0.03:
-            reason = (
-                f"{b.name!r} changes while {a.name!r} hardly does, so {a.name!r} does not determine it "
-                f"(unexplained: {ours:.0%} that way, {theirs:.0%} this way)"
-            )
-    if reason:
+    votes = (
+        []
+        if asked_in == a.name or asked_out == b.name
+        else _votes(table, a, b, time, record, other)
+    )
+    for_b, total = max(votes, default=_NONE), sum(vote.bits for vote in votes)
+    for_a = min(votes, default=_NONE)
+    if total > USUAL:
         a, b, record = b, a, other
-        why = {"input": reason, "output": "the response to it"}
+        why = {"input": for_b.said, "output": "the response to it"}
+    elif for_a.bits < 0:
+        why["input"] = for_a.said
     if loop_direction(record) and record.n_cycles:
         why["output"] += f"; loop {turn_in_words(record)}"
     return Choice(a, b, "", why, {}, [_said(b.name, a.name)])
+
+
+class _Vote(NamedTuple):
+    """How much likelier it is that the second of two columns drives, in bits; less than 0: the first."""
+
+    bits: float
+    said: str
+
+
+_NONE = _Vote(0.0, "")
+
+
+def _votes(
+    table: Table, a: Column, b: Column, time: str | None, record: Record, other: Record
+) -> list[_Vote]:
+    """What speaks for either column as the drive: gaps of the other, that a rig commanded it (`commanded`),
+    and of a load and what it deforms that it goes one way while the other turns back (a test to failure),
+    that it determines the other better (a slack specimen: the force rests while it moves), and that it is
+    read with less noise (a controlled motion is smoother than the response of a specimen)."""
+    if a.missing > max(MISSING, 2 * b.missing):
+        gaps = f"{a.name!r} has gaps ({a.missing:.0%}), and an input must be complete"
+        return [_Vote(SURELY, gaps)]
+    for sign, one, rest in ((1, b, a), (-1, a, b)):
+        if how := _driven(table, one, rest, time):
+            return [_Vote(sign * SURELY, f"{one.name!r} {how}, so the rig commanded it")]
+    if b.kind.name not in ("displacement", "strain", "angle"):
+        return []
+    found = []
+    turns = [np.ptp(r.branch) > 0 for r in (record, other)]
+    if turns[0] != turns[1]:
+        sign, one, rest = (1, b, a) if turns[0] else (-1, a, b)
+        found.append(_Vote(sign * 2.0, f"{one.name!r} goes one way while {rest.name!r} turns back"))
+    ours, theirs = (max(leftover(r.input, r.output, r.branch), LEAST) for r in (record, other))
+    bits = float(np.clip(np.log2(ours / theirs), -2.0, 2.0))
+    one, rest = (b, a) if bits > 0 else (a, b)
+    said = f"{one.name!r} determines {rest.name!r} better than the other way round"
+    found.append(
+        _Vote(bits, f"{said} (unexplained: {min(ours, theirs):.1%}, {max(ours, theirs):.1%})")
+    )
+    quiet = [max(unsteadiness(c.x), LEAST) for c in (a, b)]
+    bits = float(np.clip(np.log2(quiet[0] / quiet[1]) / 2, -1.5, 1.5))
+    one, rest = (b, a) if bits > 0 else (a, b)
+    found.append(_Vote(bits, f"{one.name!r} is smoother than {rest.name!r}"))
+    return found
 
 
 def _driven(table: Table, column: Column, other: Column, time: str | None) -> str:
@@ -340,11 +378,12 @@ def _channels(
 def _unknown(
     table: Table,
     columns: list[Column],
+    time: str | None,
     options: Mapping[str, Any],
     given: Mapping[str, Any],
-    place: str,
 ) -> Choice:
-    """Two columns with unknown names: the direction of the loop shows which one lags."""
+    """Two columns with unknown names: the rig commanded one, or the loop shows which one lags."""
+    place = table.path
     asked = {given.get("output"), *(given.get("input") or ())} - {None}
     if len(columns) > 2 and not asked and all(c.kind.name != "unknown" for c in columns):
         kinds = ", ".join(dict.fromkeys(c.kind.name for c in columns))
@@ -354,15 +393,23 @@ def _unknown(
     a, b = columns
     if b.name in (given.get("input") or ()) or a.name == given.get("output"):
         a, b = b, a
-    elif not asked:
-        record = _record(table, a, b, options)
-        falls = _falls(record)
-        if (way := loop_direction(record)) and (way < 0) != falls:
-            a, b = b, a
     why = {
         "input": "the names are unknown; with this input the output lags",
         "output": "it lags the input",
     }
+    if not asked:
+        record = _record(table, a, b, options)
+        way = loop_direction(record)
+        nameless = a.kind.name == b.kind.name == "unknown"
+        theirs, ours = _driven(table, b, a, time), _driven(table, a, b, time)
+        if nameless and (how := theirs or ours):
+            a, b = (b, a) if theirs else (a, b)
+            why = {
+                "input": f"the names are unknown; {a.name!r} {how}, so the rig commanded it",
+                "output": "the response to it",
+            }
+        elif way and (way < 0) != _falls(record):
+            a, b = b, a
     return Choice(a, b, "guess", why, {}, [_said(b.name, a.name)])
 
 

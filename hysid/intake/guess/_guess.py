@@ -206,7 +206,7 @@ def _time(
     if not clocks:
         unnamed = [c for c in columns.values() if c.kind.name == "unknown" and _rises(c.x) == 1.0]
         unnamed = [c for c in unnamed if not (RUNS | SPECIMENS) & set(words_of(c.name))]
-        clocks = [c for c in unnamed if not counts_rows(c.x) and _step(c.x) > 0][:1]
+        clocks = [c for c in unnamed if not counts_rows(c.x) and _step(c.x) > 0 and c.x[0] >= 0][:1]
         if clocks and list(columns).index(clocks[0].name):
             clocks = []  # a clock without its name stands first
     if not clocks:

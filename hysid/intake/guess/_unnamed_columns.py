@@ -4,7 +4,7 @@ import numpy as np
 
 from hysteresis import InputError, Table
 
-from ._column_pairs import Column, correlation, rank_correlation
+from ._column_pairs import Column, correlation, is_scaled, rank_correlation
 
 LEAST = 20
 """Rows from which a shape can be told."""
@@ -28,7 +28,7 @@ def by_shape(
         )
     kept: list[Column] = []
     for c in reversed(columns):  # values that a logger has scaled stand behind those it has read
-        twin = any(_scaled(c.x, other.x) for other in kept)
+        twin = any(is_scaled(c.x, other.x) for other in kept)
         if c.name in asked or not twin:
             kept.insert(0, c)
     if time is not None:
@@ -65,23 +65,6 @@ def no_header(place: str, problem: str) -> InputError:
         fix="Write a line above it that names each column with its unit, as in "
         "time (s),force (N),displacement (mm).",
     )
-
-
-def _scaled(x: np.ndarray, y: np.ndarray) -> bool:
-    """Whether one is a straight line of the other up to the last digit of both."""
-    good = np.isfinite(x) & np.isfinite(y)
-    x, y = x[good], y[good]
-    if len(x) < 3 or not (np.ptp(x) and np.ptp(y)):
-        return False
-    slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
-    left = np.abs(y - y.mean() - slope * (x - x.mean()))
-    return bool(left.max() <= 1.5 * (_digit(y) + abs(slope) * _digit(x)))
-
-
-def _digit(x: np.ndarray) -> float:
-    """The smallest step between different values."""
-    steps = np.diff(np.unique(x))
-    return float(steps.min())
 
 
 def _slope(t: np.ndarray, x: np.ndarray) -> np.ndarray:
