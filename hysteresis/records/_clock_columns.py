@@ -27,6 +27,8 @@ _SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
 """Seconds since 1970 are between one and two thousand millions, from 2001 to 2033, in such steps."""
 _DAYS_SINCE_1900 = 36_526.0, 54_789.0
 """Of the years from 2000 to 2049."""
+SEVERAL = 3.0
+"""Usual steps that a counter goes at most while it turns over."""
 _COUNTED = {"millis": "ms", "micros": "us"}
 """Functions of a microcontroller, and the unit of what they return."""
 
@@ -49,7 +51,11 @@ def with_clocks(table: Table) -> Table:
             found = _stamps(x)
         elif named_unit(name, None, table.units.get(name)) is None:
             if unit := _COUNTED.get(name.strip("() ").lower()):
-                units[name] = unit
+                columns[name], units[name] = _unwrapped(x), unit
+                if columns[name] is not x:
+                    notes.append(
+                        Note("clock", f"Column {name!r} turned over: read as one that goes on.")
+                    )
                 continue
             found = _since_a_day(name, x)
         else:
@@ -143,6 +149,19 @@ def _seconds(word: str) -> float:
     return (
         3600.0 * h + 60 * int(minutes) + int(seconds) + (float(f"0.{fraction}") if fraction else 0)
     )
+
+
+def _unwrapped(x: np.ndarray) -> np.ndarray:
+    """A counter of 16 or 32 bits that has turned over, as one that goes on."""
+    good = np.flatnonzero(np.isfinite(x))
+    step = np.diff(x[good], prepend=x[good[:1]])
+    back, usual = step < 0, np.median(np.abs(step))
+    for bits in (16, 32):
+        turned = back & (np.abs(step + 2.0**bits) <= SEVERAL * usual)
+        if turned.any() and (turned == back).all():
+            x = x.copy()
+            x[good] += 2.0**bits * np.cumsum(turned)
+    return x
 
 
 def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:

@@ -112,7 +112,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
 
 def _is_of_rigs(text: str) -> bool:
     """Whether this is a unit that rigs use, or a product or quotient of such."""
-    parts = re.split(r"[/*·.]", spelled(text).removeprefix("1/"))
+    parts = re.split(r"[/*·.]", re.sub("[µμ]", "u", spelled(text)).removeprefix("1/"))
     return all(re.sub(r"\^?[23²³]$", "", part) in RIG_UNITS for part in parts)
 
 

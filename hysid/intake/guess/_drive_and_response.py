@@ -41,8 +41,8 @@ NEAR = 0.97
 """The share of the best pair's score from which another transducer follows the input as well."""
 USUAL, SURELY = 1.0, 4.0
 """Bits for the usual way of a pair, and for a column that a rig commanded."""
-LEAST = 1e-3
-"""Part of its range to which a column is told at best."""
+LEAST, EXPLAINED = 1e-3, 0.01
+"""Parts of its range to which a column is told at best, and below which nothing of it is unexplained."""
 
 
 class Choice(NamedTuple):
@@ -251,7 +251,7 @@ def _votes(
     if turns[0] != turns[1]:
         sign, one, rest = (1, b, a) if turns[0] else (-1, a, b)
         found.append(_Vote(sign * 2.0, f"{one.name!r} goes one way while {rest.name!r} turns back"))
-    ours, theirs = (max(leftover(r.input, r.output, r.branch), LEAST) for r in (record, other))
+    ours, theirs = (max(leftover(r.input, r.output, r.branch), EXPLAINED) for r in (record, other))
     bits = float(np.clip(np.log2(ours / theirs), -2.0, 2.0))
     one, rest = (b, a) if bits > 0 else (a, b)
     said = f"{one.name!r} determines {rest.name!r} better than the other way round"

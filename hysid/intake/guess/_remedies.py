@@ -15,6 +15,8 @@ Options = dict[str, Any]
 Note = tuple[str, str, str]
 SPARSE = 0.05
 """Above this share of gaps, rows without input and output belong to another part of the file."""
+EVEN = 0.01
+"""By how much of it even steps of a clock differ, but for a few."""
 _INSIDE = ("N", "mN", "kN", "gf", "mm", "um", "V", "mV", "A", "mA", "Pa", "kPa", "MPa")
 
 
@@ -79,17 +81,29 @@ def _omit(table: Table, options: Options, fault: InputError) -> tuple[Options, s
 
 
 def _segments(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
+    t = table.columns[options["time"]]
+    step = np.diff(t[np.isfinite(t)])
+    if (step > 0).any() and -step.min() < np.median(step[step > 0]):
+        return _even(table, options, fault)  # a stamp out of order begins no sequence
     return {"segments": "auto"}, f"a new sequence starts wherever time goes back: {fault.problem}"
 
 
 def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:
     t = table.columns[options["time"]]
-    step = np.diff(t[np.isfinite(t)])
-    if not (step > 0).any():
-        raise fault
+    t = t[np.isfinite(t)]
+    # From one change of the clock to the next: the rows before the first and behind the last are cut off.
     # Where a new run begins, or a break ends, the clock leaps.
-    forward = step[(step >= 0) & (step < 20 * step[step > 0].mean())]
-    dt = float(f"{forward.mean():.4g}")
+    at = np.flatnonzero(np.diff(t, prepend=-np.inf) != 0)[1:]
+    rows, step = np.diff(at), np.diff(t[at])
+    forward = step > 0
+    if not forward.any():
+        raise fault
+    forward &= step < 20 * step[forward].mean()
+    each = step[forward] / rows[forward]
+    usual = float(np.median(each))
+    even = np.mean(np.abs(each - usual) < EVEN * usual) >= 1 - SPARSE
+    dt = usual if even else float(step[forward].sum() / rows[forward].sum())
+    dt = float(f"{dt:.4g}")
     return {
         "dt": dt
     }, f"an even clock, because the recorded one is coarser than the sampling: {fault.problem}"

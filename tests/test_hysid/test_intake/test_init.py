@@ -390,3 +390,61 @@ def test_the_columns_of_measured_files(measured_data, file, pair):
     found: Result = run("init", measured_data / file, "--out", "guess.toml", "--json")
     selection = found.json()["selection"]
     assert {selection["input"], selection["output"]} == pair
+
+
+def pressed(x: np.ndarray, seed: int = 0, noise: float = 0.02) -> np.ndarray:
+    """The force of a stiffening specimen with friction, with noise."""
+    seat = np.zeros(len(x))
+    for k in range(1, len(x)):
+        seat[k] = np.clip(seat[k - 1], x[k] - 0.3, x[k] + 0.3)
+    return x + 0.1 * x**2 + 0.4 * seat + noise * np.random.default_rng(seed).normal(size=len(x))
+
+
+SMOOTH = 5 - 5 * np.cos(2 * np.pi * np.arange(400) / 100)
+DEAD = np.maximum(pressed(SMOOTH - 4), 0.0) + 0.01 * np.random.default_rng(1).normal(size=400)
+TORN = np.concatenate([np.linspace(0, 60, 280) ** 0.5, np.linspace(7.7, 2.0, 120)])
+
+
+@pytest.mark.parametrize("force_first", [True, False])
+@pytest.mark.parametrize(
+    ("x", "force"),
+    [
+        (SMOOTH, pressed(SMOOTH, noise=0.1)),  # read with less noise
+        (SMOOTH, DEAD),  # moves on while the force rests
+        (np.cumsum(1.5 + np.sin(np.arange(400) / 9)), TORN),  # goes one way in a test to failure
+    ],
+)
+def test_what_drives_is_weighed_where_no_rate_shows_it(x, force, force_first: bool):
+    table = [force, x] if force_first else [x, force]
+    names = (F, X) if force_first else (X, F)
+    rows = [[f"{k / 10:g}", *(f"{c[k]:.6g}" for c in table)] for k in range(len(x))]
+    assert columns(guessed(text(rows, (T, *names)))) == (T, X, F)
+
+
+@pytest.mark.parametrize("digits", [5, 6, 8])
+def test_a_copy_of_a_column_is_no_pair(digits: int):
+    """The voltages from which force and displacement were made, and a stress made of the force."""
+    force = pressed(SMOOTH, noise=0.1)
+    made = (0.9 + force / 200, force, 2.5 + SMOOTH / 10, SMOOTH, force / 78.5)
+    rows = [[f"{k / 10:g}", *(f"{c[k]:.{digits}g}" for c in made)] for k in range(len(SMOOTH))]
+    names = (T, "force (V)", F, "displacement (V)", X, "stress (MPa)")
+    found = guessed(text(rows, names))
+    assert columns(found) == (T, X, F)
+    two = guessed(text([row[:3] for row in rows], names[:3]), "--step", "1", name="two.csv")
+    assert "input" not in two["selection"]
+
+
+def test_an_even_clock_is_told_from_its_changes(tmp_path):
+    """Whole seconds with many rows each, of which the first and the last are cut; a few repeated stamps."""
+    t = 0.37 + np.arange(len(SMOOTH)) / 16
+    odd = t.copy()
+    odd[[40, 41, 200]] = odd[[39, 39, 199]]
+    odd[90] -= 0.06
+    for clock in (np.floor(t), odd):
+        rows = [
+            [f"{c:.4f}", f"{f:.4f}", f"{x:.4f}"]
+            for c, f, x in zip(clock, DEAD, SMOOTH, strict=True)
+        ]
+        found = guessed(text(rows, (T, F, X)), "--overwrite")
+        assert found["selection"]["dt"] == pytest.approx(1 / 16, rel=1e-3)
+        assert "segments" not in found["selection"]

@@ -66,11 +66,22 @@ def test_counters_of_a_microcontroller_have_their_unit(tmp_path):
     assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "millis").time_unit == "ms"
 
 
+@pytest.mark.parametrize("bits", [16, 32])
+def test_a_counter_that_turns_over_goes_on(bits, tmp_path):
+    """Also twice; one that begins again is left as it is."""
+    count = 2**bits - 1000 + np.arange(0, 3 * 2**bits, 2**bits // 7)
+    clock = clock_of([str(k % 2**bits) for k in count], tmp_path, "micros")
+    np.testing.assert_array_equal(clock, count)
+    again = clock_of(["0", "500", "1000", "0", "500"], tmp_path, "micros")
+    np.testing.assert_array_equal(again, [0, 500, 1000, 0, 500])
+
+
 @pytest.mark.parametrize(
     ("header", "name", "unit"),
     [
         ("Kraft / N", "Kraft", "N"), ("Kraft in kN", "Kraft", "kN"), ("Load, N", "Load", "N"),
         ("F/N", "F", "N"),
+        ("dL/µm", "dL", "µm"), ("dL/\u03bcm", "dL", "\u03bcm"),
         ("Load<N>", "Load", "N"), ("Time{s}", "Time", "s"), ("GP in 1/s", "GP", "1/s"),
         ("Stress, N/mm2", "Stress", "N/mm2"), ("mV/V", "mV/V", None),
         ("velocity mm/s", "velocity mm/s", None),
