@@ -60,17 +60,19 @@ def init(
 
 def _without_roles(file: Path, found: Guess) -> dict[str, Any]:
     """What is said of a table in which no column drives another; no configuration is written."""
-    names = [shell_word(c["name"]) for c in found.columns][-2:]
-    command = f"hysid init {shell_word(str(file))} --input {names[0]} --output {names[-1]}"
     lines = [f"{file}: {found.rows} rows, and no input or output: {found.no_roles}.", ""]
     for f in found.found:
         lines.append(f"  {f.what}  {f.value} ({f.sure}{f': {f.why}' if f.why else ''})")
-    lines += ["", "No configuration was written. If one column drove another, name them, as in"]
+    lines += [
+        "",
+        "No configuration was written. The file that is needed has what drives beside what answers; if one"
+        " column did drive another, name both (--input COL --output COL).",
+    ]
     return {
         "file": None, "source": str(file), "selection": found.selection, "fit": found.fit,
         "found": [asdict(f) for f in found.found], "alternatives": [], "warnings": [],
         "columns": found.columns, "rows": found.rows, "sequences": 0, "cycles": 0,
-        "no_roles": found.no_roles, "next": command, "lines": [*lines, f"  {command}"],
+        "no_roles": found.no_roles, "next": None, "lines": lines,
     }  # fmt: skip
 
 

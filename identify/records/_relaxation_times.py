@@ -11,10 +11,10 @@ from ._latest import repeats
 def relaxation_times(record: Record, learnt: Bool[np.ndarray, " samples"]) -> tuple[float, ...]:
     """Two a decade from the sampling step to twice the longest sequence; none without time.
 
-    Where one cycle is repeated, only to a sixth of the record: what has not died out, to exp(-3), in its
-    first half cannot be told from a drift, would explain how one run settles, and go on in the next.
-    Where a sequence's first cycles are not `learnt` from, only to a quarter of a cycle: what lasts longer
-    cannot be told from what those cycles left behind.
+    Where one cycle is repeated, only to a sixth of the rows that are `learnt` from: what has not died out,
+    to exp(-3), in their first half cannot be told from a drift, would explain how one run settles, and go
+    on in the next. Where a sequence's first cycles do not count, only to a quarter of a cycle: what lasts
+    longer cannot be told from what those cycles left behind.
     """
     if record.time is None:
         return ()
@@ -22,9 +22,9 @@ def relaxation_times(record: Record, learnt: Bool[np.ndarray, " samples"]) -> tu
     steps = np.concatenate([np.diff(t) for t in sequences])
     step = float(np.median(steps[steps > 0]))
     last_time = 2 * longest_sequence(record)
-    numbers = np.unique(record.cycle[learnt & (record.cycle > 0)])
+    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if repeats(record):
-        t = record.time[record.mask & (record.cycle > 0)]
+        t = record.time[learnt & (record.cycle > 0)]
         last_time = float(np.ptp(t)) / 6
     if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
         rows = np.flatnonzero(np.isin(record.cycle, numbers))

@@ -39,6 +39,10 @@ ALIKE = 0.99
 """Correlation of two readings of one quantity."""
 NEAR = 0.97
 """The share of the best pair's score from which another transducer follows the input as well."""
+SPECTRUM = (
+    "each row is the result of an oscillation, with its storage and loss modulus (a spectrum over frequency"
+    " or temperature), and no sample over time"
+)
 USUAL, SURELY = 1.0, 4.0
 """Bits for the usual way of a pair, and for a column that a rig commanded."""
 LEAST, EXPLAINED = 1e-3, 0.01
@@ -75,6 +79,8 @@ def choose(
             table.number(name)  # says what columns there are, or which cell is no number
     if len(inputs) > 1:
         return _channels(columns, inputs, given, place)
+    if not columns and _results(table).any():
+        raise NothingDrivenError(SPECTRUM)
     if given.get("step") or all(c.name == given.get("output") for c in columns):
         return _step(table, columns, still, time, given)
     asked_in, asked_out = inputs[0] if inputs else None, given.get("output")
@@ -162,9 +168,7 @@ def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> lis
 
     Raises `NothingDrivenError` where only results of oscillations are left.
     """
-    every = columns_of(table).values()
-    moduli = [np.isfinite(c.x) for c in every if c.kind.name == OSCILLATION]
-    results = np.logical_and.reduce(moduli) if len(moduli) > 1 else np.zeros(len(table.line), bool)
+    every, results = columns_of(table).values(), _results(table)
     flow = [c for c in columns if c.kind.name == "rate"]
     field = any(c.kind.name == "field" for c in every)
     found, spectrum = [], 0
@@ -181,11 +185,14 @@ def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> lis
         if c.name in asked or not (adds_up or supply):
             found.append(c)
     if spectrum and not found:
-        raise NothingDrivenError(
-            "each row is the result of an oscillation, with its storage and loss modulus, and no sample"
-            " over time"
-        )
+        raise NothingDrivenError(SPECTRUM)
     return found
+
+
+def _results(table: Table) -> np.ndarray:
+    """Rows that are results of oscillations, (n,)."""
+    moduli = [np.isfinite(c.x) for c in columns_of(table).values() if c.kind.name == OSCILLATION]
+    return np.logical_and.reduce(moduli) if len(moduli) > 1 else np.zeros(len(table.line), bool)
 
 
 def _directed(

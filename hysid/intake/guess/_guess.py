@@ -303,6 +303,10 @@ def _columns(choice: Choice, given: Mapping[str, Any], out: Guess) -> None:
             out.says(role, column.name, sure, f"{column.kind.name}, {unit}; {choice.why[role]}")
     out.selection |= choice.options
     if "step" in choice.options:
+        if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
+            del out.selection["group"]
+            out.selection["each"] = group[0]
+            out.says("each", group[0], LIKELY, "one fit for each constant input")
         out.says("step", choice.options["step"], choice.sure, choice.why["step"])
     out.alternatives += choice.alternatives
 

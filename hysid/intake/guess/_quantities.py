@@ -93,7 +93,8 @@ PHRASES: tuple[tuple[str, str], ...] = (
     ("rate", r"shear ?rate|gradient de cisaillement|(vitesse|taux) de cisaillement|scher(rate|geschw)"
                    r"|剪切速率|せん断速度|^GP\b|γ̇|gamma ?dot"),
     (OSCILLATION, r"storage|loss modul|stockage|module de perte|speichermodul|verlustmodul|tan ?\(?delta|"
-                  r"\((elastic|viscous|complex) component\)|^\|?[EG](\*|'|\")"),
+                  r"\((elastic|viscous|complex) component\)|^\|?[EG](\*|'|\"|_?(stor|loss)\b)"),
+    ("modulus", r"relaxation modul|relaxationsmodul|^[EG](_?relax|\(t\))"),
     ("acidity", r"^pH\b"),
     ("aside", r"normal stress|contrainte normale|normalspannung|phase angle|raw phase"),
     ("stress", r"应力|応力|응력"),
@@ -175,7 +176,7 @@ def kind_of(header: str, unit: str, aside: bool = True) -> Kind:
         by_unit = "force"
     if phrase == "rate" and by_unit in ("speed", ""):
         return Kind("rate", 1.0 if by_unit else 0.8, commanded)
-    if phrase in (OSCILLATION, "aside"):
+    if phrase in (OSCILLATION, "aside") or (phrase == "modulus" and by_unit in ("stress", "")):
         return Kind(phrase, 0.8)
     if "status" in said or unit == "code":
         return Kind("label", 0.8)

@@ -37,8 +37,9 @@ class Sequences(NamedTuple):
 def sequences_of(table: Table, time: str | None) -> Sequences:
     """Columns that separate the sequences of a file.
 
-    A column counts when it holds words, or whole numbers under a name for runs or specimens, and each of
-    its values several rows. A column is no group if time continues across its changes.
+    A column counts when it holds words, or whole numbers under a name for runs or specimens or at each of
+    whose changes the clock begins again, and each of its values several rows. A column is no group if time
+    continues across its changes.
     """
     rows = len(table.line)
     labels, said = set(), []
@@ -65,7 +66,8 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
         kinds = named & (RUNS | SPECIMENS)
         whole = not text and np.all(np.isfinite(x)) and np.all(x == np.round(x))
         runs = 1 + int(np.count_nonzero(np.diff(code)))
-        if not (text or (whole and kinds)) or named & {"z"}:
+        blocks = whole and runs == len(values) and _restarts(table, name, time)
+        if not (text or (whole and kinds) or blocks) or named & {"z"}:
             continue
         if runs > max(4 * len(values), 20) and not named & SPECIMENS:
             continue
@@ -74,7 +76,7 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
         labels.add(name)
         if named & SPECIMENS and not named & RUNS and len(values) <= 40:
             specimens.append(name)
-        elif named & RUNS or text:
+        elif named & RUNS or text or blocks:
             groups.append(name)
     each = min(specimens, key=lambda n: len(np.unique(table.text[n])), default=None)
     if each is not None:
@@ -117,6 +119,14 @@ def counts_rows(x: np.ndarray) -> bool:
     """Whether a column only numbers the rows, from the start or within each sequence."""
     step = np.diff(x)
     return len(x) > 2 and bool(np.all(np.isfinite(x))) and float(np.mean(step == 1)) > 0.75
+
+
+def _restarts(table: Table, name: str, time: str | None) -> bool:
+    """Whether time goes back wherever this column changes."""
+    if time is None:
+        return False
+    change = np.flatnonzero(table.text[name][1:] != table.text[name][:-1])
+    return bool((np.diff(table.columns[time])[change] < 0).all())
 
 
 def _cuts(table: Table, name: str, time: str | None) -> bool:

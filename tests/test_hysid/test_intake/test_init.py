@@ -448,3 +448,20 @@ def test_an_even_clock_is_told_from_its_changes(tmp_path):
         found = guessed(text(rows, (T, F, X)), "--overwrite")
         assert found["selection"]["dt"] == pytest.approx(1 / 16, rel=1e-3)
         assert "segments" not in found["selection"]
+
+
+def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxation():
+    t = np.geomspace(0.1, 100, 20)
+    rows = [[f"{c:.4g}", f"{(50 - 9 * k) * c**-0.1:.5g}", f"{20 * k - 30 + c % 0.3:.1f}", str(k)]
+            for k in range(4) for c in t]  # fmt: skip
+    found = guessed(text(rows, ("t (s)", "E_relax (MPa)", "T (degC)", "No")))
+    assert found["selection"] | {"time": "t (s)", "each": "No", "step": 1.0} == found["selection"]
+    assert "input" not in found["selection"]
+
+
+@pytest.mark.parametrize("names", [("E_stor", "E_loss"), ("G'", "G''")])
+def test_moduli_over_frequency_have_no_roles(names: tuple[str, str]):
+    rows = [[f"{f:.4g}", f"{1 + f:.4g}", f"{0.1 * f:.4g}"] for f in np.geomspace(0.01, 10, 40)]
+    found = guessed(text(rows, ("f (Hz)", *(f"{name} (MPa)" for name in names))))
+    assert "input" not in found["selection"]
+    assert "storage and loss modulus" in found["no_roles"]
