@@ -37,6 +37,8 @@ _ASIDE = ("time", "index", "aside", "label", "speed", "frequency", "viscosity", 
 """Kinds of columns that are no input and no output."""
 MOST_TABLES = 12
 """Tables of a file that are tried where the longest one holds no input and output."""
+CHAMBER = 0.05
+"""Part of its range over all sequences that a temperature may move within one that holds it."""
 STAYS = 0.7
 """Share of rows above which an input counts as held constant."""
 
@@ -122,7 +124,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
         choice = choose(table, measured, constant, time, out.selection, given)
     except (InputError, NothingDrivenError) as nothing:
         # A ratio, an area or a temperature is no reading beside one; alone with its input it is.
-        both = _with_aside(columns, sequences, {*still, time or ""})
+        both = _with_aside(table, columns, sequences, {*still, time or ""})
         if not given and len(measured) < 2 and len(both) == 2:
             choice = choose(table, both, constant, time, out.selection, given)
         elif isinstance(nothing, NothingDrivenError):
@@ -279,12 +281,15 @@ def _measured(
 
 
 def _with_aside(
-    columns: Mapping[str, Column], sequences: Sequences, not_these: set[str]
+    table: Table, columns: Mapping[str, Column], sequences: Sequences, not_these: set[str]
 ) -> list[Column]:
-    """The columns that change, whatever their names say, where they are two that follow each other."""
+    """The columns that change, whatever their names say, where they are two that follow each other. What a
+    chamber holds in each sequence is a condition of it."""
+    keys = sequences.group + ((sequences.each,) if sequences.each else ())
     found = [
         column for name, column in columns.items()
         if name not in not_these and name not in sequences.labels
+        and not constant_within(table, name, keys, CHAMBER)
         and column.kind.name not in ("time", "index", "label", OSCILLATION)
         and not counts_rows(column.x)
     ]  # fmt: skip

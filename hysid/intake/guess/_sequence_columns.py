@@ -97,8 +97,8 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
     return Sequences(chosen, each, split, frozenset(labels), tuple(said))
 
 
-def constant_within(table: Table, name: str, keys: tuple[str, ...]) -> bool:
-    """Whether a column has one value in each sequence: a label, not a measurement."""
+def constant_within(table: Table, name: str, keys: tuple[str, ...], within: float = 1e-3) -> bool:
+    """Whether a column has one value in each sequence, to a part of its range: a label, no measurement."""
     if not keys:
         return False
     parts = np.array(
@@ -111,7 +111,7 @@ def constant_within(table: Table, name: str, keys: tuple[str, ...]) -> bool:
     np.fmax.at(high, code, x)
     return bool(
         code.max() > 0
-        and np.mean(high - low <= 1e-3 * max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)) > 0.9
+        and np.mean(high - low <= within * max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)) > 0.9
     )
 
 
