@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 import identify
 from hysteresis import InputError, Record
 from hysteresis.records._turned import turned
@@ -19,19 +21,19 @@ _OF_RECORDS = (
 def fit(
     data: Any,
     other: Any = None,
-    *,
-    input: str | Sequence[str] | None = None,
-    output: str | None = None,
-    time: Any = None,
-    group: str | None = None,
-    condition: str | Sequence[str] = (),
-    turn: str | Sequence[str] = (),
     model: Any = None,
+    *,
+    input: Any = None,
+    output: Any = None,
+    time: Any = None,
+    group: Any = None,
+    condition: Any = (),
+    turn: str | Sequence[str] = (),
     **options: Any,
 ) -> identify.FitResult:
     """Fit models to measurements and return the best fit.
 
-        fit(record, model)    fit(x, y, model=...)    fit(frame, input="force (N)", output="x (mm)")
+        fit(record, model)    fit(x, y, "Preisach")    fit(frame, input="force (N)", output="x (mm)")
 
     **Arguments:**
 
@@ -82,5 +84,11 @@ def fit(
             "bad-option",
             f"fit() cannot tell input and output in a {type(data).__name__}.",
             fix="fit(record), fit(x, y), or fit(frame, input=NAME, output=NAME).",
+        )
+    if not record.channels and np.array_equal(record.input, record.output):
+        raise InputError(
+            "given-twice",
+            "Input and output are the same numbers.",
+            fix="give what drives, and what answers.",
         )
     return fitted_to_compensate(record, "auto" if model is None else model, **options)

@@ -1,19 +1,52 @@
 """What a record is given, as rows of numbers of one length."""
 
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
 
+REAL = "bifuO"
+"""Kinds of arrays that may hold real numbers: not complex ones, dates, or words that look like numbers."""
+
 
 def numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """A copy as float64. Raises `InputError` `not-numbers`."""
+    """A copy as float64, NaN where a masked array is masked. Raises `InputError` `not-numbers`."""
     try:
-        return np.array(values, float)
+        given = np.ma.getdata(values) if np.ma.isMaskedArray(values) else np.asarray(values)
+        found = given if given.dtype.kind in "cmM" else np.array(given, float)
+        problem = "" if given.dtype.kind in REAL else f"it holds {given.dtype.name}"
     except (TypeError, ValueError) as error:
+        found, problem = np.empty(0), str(error)
+    if problem:
         raise InputError(
-            "not-numbers", f"{name} is no row of numbers: {error}.", fix="give real numbers."
-        ) from error
+            "not-numbers", f"{name} is no row of numbers: {problem}.", fix="give real numbers."
+        )
+    if np.ma.isMaskedArray(values):
+        found[np.ma.getmaskarray(values)] = np.nan
+    return found
+
+
+def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
+    """Columns of a data frame, which may number them, or of a mapping. Raises `InputError` `no-column`."""
+    every = columns if isinstance(columns, Mapping) else columns.columns
+    names = {str(name): name for name in every}
+    for name in asked:
+        if name not in names:
+            near = get_close_matches(name, names, 5, 0.0)
+            raise InputError("no-column", f"No column {name!r}; have {', '.join(near)}.")
+    return {name: np.asanyarray(columns[names[name]]) for name in asked}
+
+
+def seconds(values: ArrayLike) -> np.ndarray:
+    """Times as float64, dates as seconds from the first one. Raises `InputError` `not-numbers`."""
+    given = np.asarray(values)
+    if given.dtype.kind not in "mM" or not given.size:
+        return numbers("time", values)
+    return (given - given.flat[0]) / np.timedelta64(1, "s")
 
 
 def same_length(**arrays: np.ndarray | None) -> None:

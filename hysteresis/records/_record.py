@@ -6,6 +6,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from inspect import signature
 from itertools import pairwise
+from numbers import Integral, Real
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from .._format import quantity
 from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
-from ._arrays import fill, numbers, same_length
+from ._arrays import fill, named_columns, numbers, same_length, seconds
 from ._branch_rows import selected
 from ._common_part import common_part, constant_within
 from ._excitation import describe, summary
@@ -74,11 +75,11 @@ class Record(AbstractRecord):
     def from_columns(
         cls,
         columns: Any,
-        input: str | Sequence[str],
-        output: str,
-        time: str | None = None,
-        group: str | None = None,
-        condition: str | Sequence[str] = (),
+        input: Any,
+        output: Any,
+        time: Any = None,
+        group: Any = None,
+        condition: Any = (),
         **options: Any,
     ) -> "Record":
         """A record from the columns of a data frame or a mapping.
@@ -88,8 +89,8 @@ class Record(AbstractRecord):
         - `columns`: a pandas or polars data frame, or a mapping from names to rows of numbers (n,).
         - `input`, `output`, `time`: names of columns. Several inputs are channels that `fit` combines.
           Units are read from names such as "force (N)" or "force_N", unless `options` give them.
-        - `group`: the column whose values name independent sequences.
-        - `condition`: columns such as a temperature or a pressure, on which the output depends too.
+        - `group`: the column whose values name sequences; `condition`: columns such as a temperature, on
+          which the output depends too.
         - `options`: further arguments of `from_arrays`, such as `dt`, `nan` or `input_unit`.
 
         **Returns:** the record.
@@ -102,15 +103,11 @@ class Record(AbstractRecord):
             >>> hysteresis.Record.from_columns(table, "force (N)", "x (mm)").output_unit
             'mm'
         """
-        names = [*(columns if isinstance(columns, Mapping) else columns.columns)]
-        inputs = [input] if isinstance(input, str) else list(input)
-        given = [condition] if isinstance(condition, str) else list(condition)
+        many = [one if isinstance(one, list | tuple) else [one] for one in (input, condition)]
+        inputs, given = ([*map(str, one)] for one in many)
+        output, time, group = (one if one is None else str(one) for one in (output, time, group))
         asked = [*inputs, output, *given, *(name for name in (time, group) if name is not None)]
-        for name in asked:
-            if name not in names:
-                near = get_close_matches(name, map(str, names), 5, 0.0)
-                raise InputError("no-column", f"No column {name!r}; have {', '.join(near)}.")
-        found = {name: np.asarray(columns[name]) for name in asked}
+        found = named_columns(columns, asked)
         units = {name: named_unit(name, None, None) or "1" for name in asked}
         own: dict[str, Any] = {"output_name": output, "output_unit": units[output]}
         own["columns"] = {name: found[name] for name in given}
@@ -119,9 +116,10 @@ class Record(AbstractRecord):
             own["channels"] = {name: units[name] for name in inputs}
             own["columns"] |= {name: found[name] for name in inputs}
         else:
-            own |= {"input_name": input, "input_unit": units[inputs[0]]}
+            own |= {"input_name": inputs[0], "input_unit": units[inputs[0]]}
         if time is not None:
-            own |= {"time_name": time, "time_unit": named_unit(time, None, None) or "s"}
+            bare = units[time] == "1" or found[time].dtype.kind in "mM"
+            own |= {"time_name": time, "time_unit": "s" if bare else units[time]}
         return cls.from_arrays(
             found[inputs[0]] if len(inputs) == 1 else None,
             found[output],
@@ -169,14 +167,14 @@ class Record(AbstractRecord):
         """
         if nan not in ("raise", "omit", "interpolate"):
             raise InputError("bad-option", f"nan={nan!r}.", fix="raise, omit or interpolate.")
-        if dt is not None and not 0 < dt < np.inf:
+        if dt is not None and not (isinstance(dt, Real) and 0 < dt < np.inf):
             raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
         y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
         more = (*(channels or ()), *(conditions or ()))
         kept |= {name: numbers(name, kept[name]) for name in more}
         n = y.size
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
-        t = None if time is None else numbers("time", time)
+        t = None if time is None else seconds(time)
         group = np.zeros(n, int) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
@@ -310,6 +308,8 @@ class Record(AbstractRecord):
         Rows in no cycle count in neither. Raises `too-few-cycles` where a sequence would have
         none to train on.
         """
+        if isinstance(test, bool) or not isinstance(test, Integral):
+            raise InputError("bad-option", f"{test!r} cycles.", fix="give a whole number.")
         counts = self.cycle_counts
         short = np.flatnonzero(counts <= test) if test > 0 else np.arange(len(counts))
         if short.size:

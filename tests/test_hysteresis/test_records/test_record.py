@@ -323,3 +323,47 @@ def test_history_has_codes():
     assert codes == ["time-from-rows", "filled", "selected", "resampled"]
     said = Record.from_arrays([0, 1], [0, 1], history=("Rig B.",)).history
     assert [(note.code, note.text) for note in said] == [("remark", "Rig B.")]
+
+
+ROW = np.arange(6.0)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        ROW + 0j,
+        ROW.astype("datetime64[s]"),
+        ROW.astype("timedelta64[s]"),
+        ROW.astype(str),
+        ROW.astype(bytes),
+        [[1.0], [2.0, 3.0]],
+        ["1", "OVLD"],
+    ],
+)
+def test_what_is_no_row_of_real_numbers(values):
+    with pytest.raises(InputError) as caught:
+        Record.from_arrays(ROW, values)
+    assert caught.value.code == "not-numbers"
+
+
+def test_a_mask_of_numpy_counts():
+    masked = np.ma.masked_array(ROW, mask=ROW > 3)
+    with pytest.raises(InputError) as caught:
+        Record.from_arrays(ROW, masked)
+    assert caught.value.code == "nan-output"
+    np.testing.assert_array_equal(Record.from_arrays(ROW, masked, nan="omit").mask, ROW <= 3)
+
+
+def test_dates_are_seconds_and_columns_may_be_numbered():
+    dates = np.datetime64("2026-01-01") + (1000 * ROW).astype("timedelta64[ms]")
+    np.testing.assert_allclose(Record.from_arrays(ROW, ROW, dates).time, ROW)
+    record = Record.from_columns({0: dates, 1: ROW, 2: -ROW}, 1, 2, 0)
+    np.testing.assert_allclose(record.time, ROW)
+    assert (record.input_name, record.output_name, record.time_unit) == ("1", "2", "s")
+
+
+@pytest.mark.parametrize("cycles", [True, False])
+def test_cycles_are_whole(cycles):
+    with pytest.raises(InputError) as caught:
+        Record.from_arrays(ROW, ROW).split_cycles(cycles)
+    assert caught.value.code == "bad-option"
