@@ -27,6 +27,7 @@ from .importers import (
     fault,
     file_bytes,
     is_number,
+    json_lines,
     labview,
     without_table,
 )
@@ -55,8 +56,8 @@ def read_table(
 
     Reads UTF-8, UTF-16 and Latin-1, with or without a byte-order mark, any line end, quoted
     cells, trailing separators, comment lines (#), separators `, ; tab |` found by themselves, and
-    a row of units under the header. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill, testXpert and texture
-    analyser files, and of others with notes above, the longest table.
+    a row of units under the header, and JSON lines. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill,
+    testXpert and texture analyser files, and of others with notes above, the longest table.
 
     **Arguments:**
 
@@ -137,8 +138,8 @@ def _sheet(
 ) -> Sheet:
     """The columns of a text."""
     text, notes = decode(path, data)
-    if sheet := labview(path, text):
-        return sheet
+    if sheet := labview(path, text) or json_lines(path, text):
+        return replace(sheet, notes=(*notes, *sheet.notes))
     every = re.split(r"\r\n|\r|\n", text)
     numbered = _numbered(every)
     if not numbered:

@@ -1,13 +1,14 @@
 """Files as rigs write them: one table out of each, whatever stands around it.
 
-A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), spreadsheets, MATLAB,
-HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, and any text with notes above or without names.
+A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), JSON, spreadsheets,
+MATLAB, HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, any text with notes above or without names.
 """
 
 from ._binary import binary as binary
 from ._encoding import decode as decode
 from ._file import fault as fault
 from ._file import file_bytes as file_bytes
+from ._json_lines import json_lines as json_lines
 from ._labview import labview as labview
 from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
