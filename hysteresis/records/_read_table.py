@@ -146,7 +146,7 @@ def _sheet(
         raise fault("empty-file", path, "nothing but blank or comment lines.")
     sheet = None
     if separator is None and units_row is None:
-        above = every[numbered[0][0] - 2] if numbered[0][0] > 1 else ""
+        above = every[: numbered[0][0] - 1]
         sheet = arranged(path, numbered, decimal, above, dialects, table)
     if sheet is None:
         try:

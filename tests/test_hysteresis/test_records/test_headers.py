@@ -61,3 +61,67 @@ def test_json_that_holds_no_table_is_refused_by_name(text, code, table):
     with pytest.raises(InputError, match=r"JSON|objects") as caught:
         table(text)
     assert caught.value.code == code
+
+
+def set_with_blanks(*cells: str) -> str:
+    return "".join(f"{cell:>14}" for cell in cells)
+
+
+NUMBERS = "\n".join(
+    set_with_blanks(str(k), *row.split()) for k, row in enumerate(rows(T, F).split("\n")[:-1])
+)
+UNITS = {
+    "right": set_with_blanks("Index", "t", "Axial Force")
+    + "\n"
+    + set_with_blanks("", "[s]", "[N]"),
+    "left": "  Index       t           Axial Force\n              s           N",
+    "narrow": "Index t Force\n      s N",
+}
+
+
+@pytest.mark.parametrize("header", UNITS.values(), ids=UNITS)
+@pytest.mark.parametrize("notes", ["", "Curve:\n  a rubber\n"])
+def test_units_stand_under_their_names(header, notes, table):
+    found = table(f"{notes}{header}\n{NUMBERS}\n")
+    assert [found.units.get(name) for name in found.columns] == [None, "s", "N"]
+    assert len(found.line) == 12
+
+
+@pytest.mark.parametrize("sep", [",", ";", "\t"])
+def test_units_of_all_columns_but_the_first(sep, table):
+    found = table(f"Index{sep}t{sep}Force\n{sep}s{sep}N\n" + rows(np.arange(12), T, F, sep=sep))
+    assert [found.units.get(name) for name in found.columns] == ["", "s", "N"]
+
+
+FACTS = ("MX840_1 CH 0\tMX840_1 CH 1\tMX840_1 CH 2", "10 Hz Bessel\t10 Hz Bessel", "\tcalibrated\t")
+
+
+@pytest.mark.parametrize("facts", [FACTS[:1], FACTS[1:2], FACTS[:2], FACTS])
+@pytest.mark.parametrize(
+    "names", ["t [s]\tF [kN]\tx [mm]", "t\tF\tx\ns\tkN\tmm", "t (s)\tF (kN)\tx (mm)"]
+)
+@pytest.mark.parametrize("notes", ["", "RECORDER\n\n"])
+def test_names_stand_above_rows_of_channel_facts(facts, names, notes, table):
+    found = table("\n".join([notes + names, *facts, rows(T, F, X)]))
+    assert [name.split()[0] for name in found.columns] == ["t", "F", "x"]
+    np.testing.assert_allclose(list(found.columns.values())[2], X)
+
+
+def test_a_first_row_of_numbers_oddly_written_is_no_row_of_words(table):
+    with pytest.raises(InputError, match="cannot be used as a number"):
+        table("F [N];x [mm]\n1.234,5;N/A\n2,5;2,5\n3,5;2,5\n").number("F [N]")
+
+
+@pytest.mark.parametrize(
+    "text", ["18985\n19062\n19190\n", "1,5\n2,5\n", "# read by hand\n-1e3\n2\n"]
+)
+def test_the_first_value_of_a_column_without_a_name_is_a_value(text, table):
+    found = table(text)
+    lines = [line for line in text.split("\n")[:-1] if line[0] != "#"]
+    assert (len(found.line), next(iter(found.columns))) == (len(lines), "column 1")
+    assert found.notes[0].code == "no-header"
+
+
+def test_comments_name_the_columns_and_their_units(table):
+    found = table("# of a press\n# t\tF\n# s\tN\n" + rows(T, F))
+    assert dict(found.units) == {"t": "s", "F": "N"}
