@@ -10,6 +10,10 @@ from ._file import fault as fault
 from ._file import file_bytes as file_bytes
 from ._json_lines import json_lines as json_lines
 from ._labview import labview as labview
+from ._notes import clock_in as clock_in
+from ._notes import noted_units as noted_units
+from ._notes import units_behind_blanks as units_behind_blanks
+from ._notes import without_settings as without_settings
 from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
 from ._sheet import is_number as is_number

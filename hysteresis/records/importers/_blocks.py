@@ -16,6 +16,7 @@ from ..._note import Note
 from .._cells import MISSING
 from .._units import is_unit, written_unit
 from ._dialects import Dialect
+from ._notes import is_numbered, listed_names
 from ._sheet import Sheet, decimal_of, distinct, is_number, units_of
 
 Rows = Sequence[tuple[int, list[str]]]
@@ -184,7 +185,10 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
                 break
     if found is not None and len(set(found.names)) == len(found.names):
         return found
-    if found is None and any(last) and not any(map(is_number, last)) and 2 * len(last) > width:
+    words = any(last) and not any(map(is_number, last))
+    if k > 1 and all(is_numbered("\t".join(rows[at][1])) for at in (k - 2, k - 1)):
+        words = False  # the end of a list of names
+    if found is None and words and 2 * len(last) > width:
         found = _Header(k - 1, last, [], k)
     # Names that hold units may stand above rows that say more about each column.
     lowest = found.start if found else k - 1
@@ -193,7 +197,7 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
         if rows[at + 1][0] - rows[at][0] > 1 or not (len(below) > 1 and _are_words(below, width)):
             break
         whole = len(names) == width and all(names) and not any(map(is_number, names))
-        worth, least_worth = _worth(names), _worth(found.names) if found else (0, 0)
+        worth, least_worth = worth_of(names), worth_of(found.names) if found else (0, 0)
         if whole and (worth[0] > 1 or worth[1] > 2) and worth > least_worth:
             found = _Header(at, names, found.units if found else [], k)
     return found
@@ -206,7 +210,7 @@ def _are_words(cells: Sequence[str], width: int) -> bool:
     return len(trimmed(cells)) <= width and all(words)
 
 
-def _worth(names: Sequence[str]) -> tuple[int, int]:
+def worth_of(names: Sequence[str]) -> tuple[int, int]:
     """How much a row says as names of columns: units behind them, and names that differ by more than a
     number."""
     units = [unit for name in names if (unit := written_unit(name, None)) and is_unit(unit)]
@@ -259,6 +263,9 @@ def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> l
         names = head.names  # and no line such as NData = 12
         own = any(written_unit(name, None) for name in names)
         units = head.units or ([] if own else units)
+    told = listed_names([*above, *text.split("\n")], width)
+    if told[0]:
+        names, units = told[0], told[1] or units
     if len(names) != width or not all(names) or any(map(is_number, names)):
         known = dialect.names[:width]
         names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]

@@ -7,9 +7,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..._note import Note
-from ._blocks import Block, blocks, headers, mostly, nameless, period_of, sheet_of, trimmed
+from ._blocks import (
+    Block,
+    blocks,
+    headers,
+    mostly,
+    nameless,
+    period_of,
+    sheet_of,
+    trimmed,
+    worth_of,
+)
 from ._dialects import dialect_of, maker_of
 from ._file import fault
+from ._notes import is_numbered
 from ._sheet import Layout, Sheet, is_number
 
 _LOOK = 400
@@ -52,7 +63,8 @@ def arranged(
     plain = not (
         dialect.sure or separator == "" or table or _begins_late(first) or period_of(first[0][1])
     )
-    bare = bool(dialect.names) or _all_numbers(first[0][1])
+    listed = is_numbered(lines[0][1]) and not headers(first)
+    bare = bool(dialect.names) or _all_numbers(first[0][1]) or listed
     if plain and not bare:
         return None
     rows = [*first, *((k, split(line)) for k, line in lines[_LOOK:])]
@@ -104,7 +116,8 @@ def _begins_late(rows: list[tuple[int, list[str]]]) -> bool:
     if head.start == 0:
         return head.first > 1 + bool(head.units)
     if head.first == 2:  # a row of odd units is as wide as the header above it
-        return len(trimmed(rows[0][1])) != len(trimmed(rows[2][1])) or len(head.names) < 2
+        wide = len(trimmed(rows[0][1])) == len(trimmed(rows[2][1])) and len(head.names) > 1
+        return not wide or worth_of(head.names)[0] > 1
     return True
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hysteresis import InputError, read_table
+from hysteresis import InputError, read_csv, read_table
 
 T = 0.5 * np.arange(12)
 X = np.abs((np.arange(12) % 8) - 4.0) / 4
@@ -125,3 +125,106 @@ def test_the_first_value_of_a_column_without_a_name_is_a_value(text, table):
 def test_comments_name_the_columns_and_their_units(table):
     found = table("# of a press\n# t\tF\n# s\tN\n" + rows(T, F))
     assert dict(found.units) == {"t": "s", "F": "N"}
+
+
+def counted(*columns: np.ndarray) -> str:
+    """Rows of an oscilloscope, which end with a separator."""
+    return "".join(f"{line},\n" for line in rows(np.arange(12), *columns, sep=",").split("\n")[:-1])
+
+
+SCOPES = {
+    "two channels": "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-4.0e-03,2.0e-05\n"
+    + counted(F, X),
+    "one channel": "X,CH1,Start,Increment,\nSequence,Volt,-4.0e-03,2.0e-05\n" + counted(F),
+    "other words": 'n;CH1;CH2;"t0";"dt (ms)"\n;V;mV;-4e-3;0.02\n' + rows(T, F, X, sep=";"),
+    "settings first": "Increment,Start,X,CH1\n2e-5,-4e-3,0,0.5\n"
+    + "".join(f",,{k},{0.5 + k}\n" for k in range(1, 12)),
+    "among the names": "CH1 (V),CH2 (V),t0 =-0.004s, tInc = 2e-05,\n"
+    + "".join(f"{line},,\n" for line in rows(F, X, sep=",").split("\n")[:-1]),
+    "a note": "Sample Interval,2.0E-5,s\nStart,-0.004\nCH1 (V),CH2 (V)\n" + rows(F, X, sep=","),
+}
+
+
+@pytest.mark.parametrize("text", SCOPES.values(), ids=SCOPES)
+def test_an_oscilloscope_tells_its_clock_in_the_header(text, table):
+    found = table(text)
+    np.testing.assert_allclose(found.number("time"), -4e-3 + 2e-5 * np.arange(12), atol=1e-12)
+    assert (found.units["time"], found.text["time"][0]) == ("s", "-0.004")
+    assert not [name for name in found.columns if "ncrement" in name or "=" in name]
+    assert any(note.code == "clock" for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("note", "step"),
+    [("# SAMPLE_TIME = 0.00005", 5e-5), ("# Sampling rate: 20 kHz", 5e-5), ("# dt=0.01", 0.01),
+     ("Sample Period\t5 ms", 5e-3), ("Abtastrate: 100,0 Hz", 0.01), ("sample_rate_hz: 50", 0.02),
+     ("# Sample interval [ms]: 0.5", 5e-4), ("Sampling frequency 200 Sa/s", 5e-3)],
+)  # fmt: skip
+def test_notes_tell_the_clock_of_a_table_without_one(note, step, table):
+    found = table(f"{note}\nForce [N]\tPosition [mm]\n" + rows(F, X))
+    np.testing.assert_allclose(found.number("time"), step * np.arange(12))
+
+
+@pytest.mark.parametrize(
+    ("note", "names"),
+    [("# Sample rate: 20 Hz", "Time [s]\tx"), ("# Rate: 5 mm/min", "F\tx"), ("# Sample rate: 5 kg", "F\tx"),
+     ("# Sample rate: 20 Hz\n# dt = 3", "F\tx"), ("# dt = 0.5", "n\tx"), ("# Sample rate: 0 Hz", "F\tx")],
+)  # fmt: skip
+def test_a_note_makes_no_second_clock_and_none_of_what_it_does_not_say(note, names, table):
+    assert "time" not in table(f"{note}\n{names}\n" + rows(T, X)).columns
+
+
+LISTS = {
+    "a recorder": "# VERSION = 1\n# DIM = 2\n#\n# NAME0 = Force\n# NAME1 = Position\n# END",
+    "units too": "# NAME0 = Force\n# NAME1 = Position\n# UNIT0 = N\n# UNIT1 = mm",
+    "columns": "% Column 1: Force\n% Column 2: Position".replace("%", "#"),
+    "no comments": "Channel 1 Name\tForce\nChannel 1 Unit\tN\nChannel 2 Name\tPosition\nChannel 2 Unit\tmm",
+    "bare numbers": "# 0 = Force [N]\n# 1 = Position [mm]",
+}
+
+
+@pytest.mark.parametrize("notes", LISTS.values(), ids=LISTS)
+def test_notes_list_the_names_of_columns(notes, table):
+    found = table(f"{notes}\n" + rows(F, X))
+    assert [name.split(" ")[0] for name in found.columns] == ["Force", "Position"]
+    assert len(found.line) == 12
+    if "UNIT" in notes.upper():
+        assert dict(found.units) == {"Force": "N", "Position": "mm"}
+
+
+def test_a_list_of_another_length_names_no_columns(table):
+    found = table("# NAME0 = Force\n# NAME1 = Position\n# NAME2 = T\n" + rows(F, X))
+    assert list(found.columns) == ["column 1", "column 2"]
+
+
+@pytest.mark.parametrize(
+    ("notes", "units"),
+    [("Units: lbF\nX-Axis: Travel\nTravel Unit: in", ["lbf", "in"]), ("# Units: kN, mm", ["kN", "mm"]),
+     ("Load units = N\nUnit of travel: mm", ["N", "mm"]), ("Einheit Travel: mm", [None, "mm"]),
+     ("Units: SI", [None, None]), ("Units: mm/s", [None, None]), ("Force unit: N", ["N", None])],
+)  # fmt: skip
+def test_notes_tell_the_units_of_columns(notes, units, table):
+    found = table(f"{notes}\nLoad\tTravel\n" + rows(F, X))
+    assert [found.units.get(name) for name in ("Load", "Travel")] == units
+
+
+def test_a_unit_behind_a_name_goes_before_that_of_a_note(table):
+    assert not table("Units: lbF\nLoad (N)\tTravel (mm)\n" + rows(F, X)).units
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [("Time s,I1 A,P1 uC_per_cm2", ["s", "A", None]), ("n,Time s,Load kN", [None, "s", "kN"]),
+     ("Load N,Load S,Load W", [None] * 3), ("Load min,Stroke min,T min", [None] * 3),
+     ("Time s,Cell A,Cell B", [None] * 3), ("v mm/s,F N,x µm", ["mm/s", "N", "µm"])],
+)  # fmt: skip
+def test_units_behind_blanks_where_most_names_have_one(names, units, table):
+    found = table(f"{names}\n" + rows(F, X, F, sep=","))
+    assert [found.units.get(name) for name in names.split(",")] == units
+
+
+@pytest.mark.parametrize("name", ["P1 uC_per_cm2", "P_uC_per_cm2", "P_uC/cm2", "P, µC/cm²"])
+def test_units_of_ratios_behind_names(name, tmp_path):
+    file = tmp_path / "run.tsv"
+    file.write_text(f"x (V)\t{name}\n" + rows(X, F), encoding="utf-8")
+    assert read_csv(file, "x (V)", name).output_unit in ("uC/cm^2", "µC/cm²")
