@@ -16,25 +16,36 @@ from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
 from ._compiled_rows import CompiledRows, OddRowsError
 from ._dialect import header_of, made_square, separator_of, trimmed
-from ._table import Table, followed
-from ._units import are_units, bare_unit, spelled
+from ._table import Table, TextColumns, followed
+from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
     Layout,
     Sheet,
     arranged,
     binary,
+    clock_in,
     decode,
     fault,
     file_bytes,
     is_number,
+    json_lines,
     labview,
+    noted_units,
+    units_behind_blanks,
+    without_settings,
     without_table,
 )
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
 """A line drawn below a header, and the characters that it begins with."""
+CLOCK = re.compile(
+    r"(?i:time|zeit|stamp|clock|date|datum|temps\b|tiempo|czas|时间|時間|время)|^t\b"
+)
+"""The name of a column that is a clock."""
 MOST_FEET = 4
 """Lines below a table."""
+MOST_NOTES = 200
+"""Lines above a table that may tell of it."""
 HEAD, LEAST_LINES = 2**18, 1000
 """Bytes and lines of a large text that are read carefully and say how its rows go on."""
 
@@ -55,8 +66,8 @@ def read_table(
 
     Reads UTF-8, UTF-16 and Latin-1, with or without a byte-order mark, any line end, quoted
     cells, trailing separators, comment lines (#), separators `, ; tab |` found by themselves, and
-    a row of units under the header. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill, testXpert and texture
-    analyser files, and of others with notes above, the longest table.
+    a row of units under the header, and JSON lines. Of LabVIEW, TDMS, Excel, MTS, TRIOS, Bluehill,
+    testXpert and texture analyser files, and of others with notes above, the longest table.
 
     **Arguments:**
 
@@ -86,9 +97,31 @@ def read_table(
     if (sheet := binary(path, data, table)) is None:
         ways = separator, decimal, units_row, dialects, table
         if found := _by_its_head(path, data, size, ways, tuple(na_values)):
-            return with_clocks(found)
+            return found
         sheet = _sheet(path, data, *ways)
-    return with_clocks(_table(path, data, size, sheet, decimal, tuple(na_values)))
+    return _timed(_table(path, data, size, sheet, decimal, tuple(na_values)), sheet)
+
+
+def _timed(table: Table, sheet: Sheet) -> Table:
+    """The table with its clocks, and with the one that its header tells where it has none."""
+    table = with_clocks(table)
+    if sheet.clock is None or any(note.code == "joined" for note in table.notes):
+        return table
+    first, step, said = sheet.clock
+    for name, x in table.columns.items():
+        even = x.dtype.kind == "f" and np.allclose(np.diff(x), step, 0.01, 0)
+        unit = named_unit(name, None, table.units.get(name))
+        if even or CLOCK.search(name) or unit in ("s", "ms", "us", "min", "h"):
+            return table
+    t = first + step * np.arange(len(table.line))
+    note = Note("clock", f"Column 'time' counts the rows by what the header says: {said}.")
+    text = TextColumns(
+        [*table.text, "time"], lambda n: t.astype(str) if n == "time" else table.text[n]
+    )
+    return replace(
+        table, columns={**table.columns, "time": t}, text=text, units={**table.units, "time": "s"},
+        written_units={**table.written_units, "time": "s"}, notes=(*table.notes, note),
+    )  # fmt: skip
 
 
 def _by_its_head(
@@ -112,7 +145,7 @@ def _by_its_head(
             data, cut, lines + 1, sheet.layout, begun.decimal, na_values,
             careful if sheet.layout.plain else None,
         )  # fmt: skip
-        return followed(begun, rows)
+        return _timed(followed(begun, rows), sheet)
     except (InputError, OddRowsError):  # which the careful reader words, if it is a fault at all
         return None
 
@@ -137,15 +170,15 @@ def _sheet(
 ) -> Sheet:
     """The columns of a text."""
     text, notes = decode(path, data)
-    if sheet := labview(path, text):
-        return sheet
+    if sheet := labview(path, text) or json_lines(path, text):
+        return replace(sheet, notes=(*notes, *sheet.notes))
     every = re.split(r"\r\n|\r|\n", text)
-    numbered = _numbered(every)
+    numbered, told = without_settings(_numbered(every))
     if not numbered:
         raise fault("empty-file", path, "nothing but blank or comment lines.")
     sheet = None
     if separator is None and units_row is None:
-        above = every[numbered[0][0] - 2] if numbered[0][0] > 1 else ""
+        above = every[: numbered[0][0] - 1]
         sheet = arranged(path, numbered, decimal, above, dialects, table)
     if sheet is None:
         try:
@@ -154,7 +187,15 @@ def _sheet(
             if error.code in ("ragged-line", "decimal-comma", "duplicate-column", "no-rows"):
                 without_table(path, numbered)
             raise
-    return replace(sheet, notes=(*notes, *sheet.notes))
+    above = every[: sheet.line[0] - 1][-MOST_NOTES:]
+    bare = [name for name in sheet.columns if name not in sheet.units]
+    units = units_behind_blanks(bare) | noted_units(above, bare)
+    return replace(
+        sheet,
+        notes=(*notes, *sheet.notes),
+        units={**sheet.units, **units},
+        clock=clock_in([*told, *above]),
+    )
 
 
 def _numbered(lines: Sequence[str], first: int = 1) -> list[tuple[int, str]]:

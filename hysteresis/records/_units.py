@@ -9,7 +9,7 @@ from .._unit_grammar import LIMITS, LONGEST, is_within_grammar
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
 N mN uN kN gf kgf lbf mm um nm cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT
-Oe emu deg rad percent Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
+Oe emu deg rad percent uC nC pC Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
 """
 RIG_UNITS = tuple(_UNITS.split())
 FORCES = ("N", "mN", "uN", "kN", "gf", "kgf", "lbf")
@@ -28,6 +28,7 @@ _IN_WORDS = {
     "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
     "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "lbf": "lbf",
     "inches": "inch", "torr": "torr", "kgf": "kgf", "cycles": "count", "segments": "count",
+    "sequence": "count",
     "с": "s", "сек": "s", "мс": "ms", "мин": "min", "н": "N", "кн": "kN", "мм": "mm", "мкм": "um",
     "см": "cm",
     "мпа": "MPa", "кпа": "kPa", "па": "Pa", "кгс": "kgf", "град": "deg",
@@ -36,11 +37,12 @@ _IN_WORDS = {
 _BRACKET = re.compile(
     r"^(?P<name>.*?)\s*(\((?P<a>[^()\[\]]*)\)|\[(?P<b>[^()\[\]]*)\]|\{(?P<c>[^{}]*)\}|<(?P<d>[^<>]*)>)$"
 )
-# "Kraft in kN", "Load, N", "Force / N" and "F/N": name and unit as norms and labs write them.
+# "Kraft in kN", "Load, N", "Force / N", "P1 uC_per_cm2", "v_mm/s" and "F/N", as norms and labs write them.
 _BEHIND = (
     re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$"),
     re.compile(r"^(?P<name>.+?),\s*(?P<unit>[^\s,]+)$"),
     re.compile(r"^(?P<name>.+?)\s+/\s*(?P<unit>\S+)$"),
+    re.compile(r"^(?P<name>.+?)[\s_]+(?P<unit>[^\W_]+_per_[^\W_]+|(?<=_)[^\W_]+/[^\W_]+)$"),
     re.compile(r"^(?P<name>[^\s/]+)/(?P<unit>[^\s/]+)$"),
 )
 # Words in brackets behind a name that say which one it is: "Stress (step)" has no unit "step".
@@ -62,6 +64,7 @@ def spelled(unit: str) -> str:
     bare = bare_unit(unit)
     if bare.endswith(".") and bare[:-1].isalpha():  # sec., in., lb.
         bare = bare[:-1]
+    bare = bare.replace("_per_", "/")
     bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
     bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
     if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m

@@ -18,6 +18,7 @@ from ._drive_and_response import FOLLOWS, Choice, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
 from ._number_format import HEAD, reading
+from ._own_stamps import filled, logged_in_turn
 from ._quantities import OSCILLATION, kind_of, words_of
 from ._remedies import settle
 from ._sequence_columns import (
@@ -115,6 +116,10 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
         for name in table.columns
     ]
     time = _time(table, columns, given, out)
+    if in_turn := logged_in_turn(columns):
+        columns |= {name: filled(columns[name]) for name in in_turn}
+        why = "each has rows of its own; gaps are interpolated linearly to compare them"
+        out.says("in turn", ", ".join(sorted(in_turn)), LIKELY, why)
     sequences = sequences_of(table, time)
     _sequences(sequences, given, out)
     still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}

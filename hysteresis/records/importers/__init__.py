@@ -1,14 +1,19 @@
 """Files as rigs write them: one table out of each, whatever stands around it.
 
-A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), spreadsheets, MATLAB,
-HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, and any text with notes above or without names.
+A plain CSV needs none of this. Here are what machines export: LabVIEW (.lvm, .tdms), JSON, spreadsheets,
+MATLAB, HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, any text with notes above or no names.
 """
 
 from ._binary import binary as binary
 from ._encoding import decode as decode
 from ._file import fault as fault
 from ._file import file_bytes as file_bytes
+from ._json_lines import json_lines as json_lines
 from ._labview import labview as labview
+from ._notes import clock_in as clock_in
+from ._notes import noted_units as noted_units
+from ._notes import units_behind_blanks as units_behind_blanks
+from ._notes import without_settings as without_settings
 from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
 from ._sheet import is_number as is_number

@@ -13,8 +13,10 @@ import numpy as np
 
 from ..._errors import InputError
 from ..._note import Note
-from .._units import written_unit
+from .._cells import MISSING
+from .._units import is_unit, written_unit
 from ._dialects import Dialect
+from ._notes import is_numbered, listed_names
 from ._sheet import Sheet, decimal_of, distinct, is_number, units_of
 
 Rows = Sequence[tuple[int, list[str]]]
@@ -159,12 +161,15 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
     last = _as_wide(rows[k - 1][1], width)
     # The first row names the columns. To ask whether it is one of units loads pint, half a second.
     units = units_of(last) if k - 2 >= least else None
-    if units is None and k - 3 >= least and len(last) <= width:
+    for at in range(k - 3, max(least, k - 5) - 1, -1) if units is None else ():
         # Between units and numbers some loggers write where each column is connected.
-        names, over = (_as_wide(rows[at][1], width) for at in (k - 3, k - 2))
-        stated = units_of(over)
+        if len(_as_wide(rows[at + 2][1], width)) > width:
+            break
+        names, over = (_as_wide(rows[n][1], width) for n in (at, at + 1))
+        stated = units_of(over) if 2 * len(names) > width else None
         if stated is not None and len(names) == len(over) and not any(map(is_number, names)):
-            return _Header(k - 3, names, stated, k)
+            return _Header(at, names, stated, k)
+    found = None
     if units is not None:
         stated = sum(map(bool, units))
         for at in range(k - 2, max(least, k - 4) - 1, -1):
@@ -174,12 +179,42 @@ def _header(rows: Rows, k: int, least: int) -> _Header | None:
             if 2 * len(names) > width and 2 * filled > stated and not all(map(is_number, names)):
                 if _is_data(names) and at - 1 >= 0 and _is_data(rows[at - 1][1]):
                     break  # numbers of the table above
-                return _Header(at, names, units, k)
+                found = _Header(at, names, units, k)
+                break
             if filled > 3:
                 break
-    if any(last) and not any(map(is_number, last)) and 2 * len(last) > width:
-        return _Header(k - 1, last, [], k)
-    return None
+    if found is not None and len(set(found.names)) == len(found.names):
+        return found
+    words = any(last) and not any(map(is_number, last))
+    if k > 1 and all(is_numbered("\t".join(rows[at][1])) for at in (k - 2, k - 1)):
+        words = False  # the end of a list of names
+    if found is None and words and 2 * len(last) > width:
+        found = _Header(k - 1, last, [], k)
+    # Names that hold units may stand above rows that say more about each column.
+    lowest = found.start if found else k - 1
+    for at in range(lowest - 1, max(least, lowest - 4) - 1, -1):
+        names, below = trimmed(rows[at][1]), rows[at + 1][1]
+        if rows[at + 1][0] - rows[at][0] > 1 or not (len(below) > 1 and _are_words(below, width)):
+            break
+        whole = len(names) == width and all(names) and not any(map(is_number, names))
+        worth, least_worth = worth_of(names), worth_of(found.names) if found else (0, 0)
+        if whole and (worth[0] > 1 or worth[1] > 2) and worth > least_worth:
+            found = _Header(at, names, found.units if found else [], k)
+    return found
+
+
+def _are_words(cells: Sequence[str], width: int) -> bool:
+    """Whether each cell of a row, which is no wider, holds a letter and is no number, however written."""
+    filled = [cell for cell in trimmed(cells) if cell]
+    words = [re.search(r"[^\W\d_eE]", cell) and cell.lower() not in MISSING for cell in filled]
+    return len(trimmed(cells)) <= width and all(words)
+
+
+def worth_of(names: Sequence[str]) -> tuple[int, int]:
+    """How much a row says as names of columns: units behind them, and names that differ by more than a
+    number."""
+    units = [unit for name in names if (unit := written_unit(name, None)) and is_unit(unit)]
+    return len(units), len({re.sub(r"\d+", "", name) for name in names})
 
 
 def _titles(rows: Rows, heads: list[_Header]) -> set[int]:
@@ -193,16 +228,16 @@ def _titles(rows: Rows, heads: list[_Header]) -> set[int]:
     return found
 
 
-def nameless(rows: Rows, dialect: Dialect, above: str, text: str) -> list[Block]:
+def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> list[Block]:
     """Rows of numbers alone, as blocks: those of the commonest width.
 
-    The comment `above` the first row names the columns, or the dialect, or their place.
+    The comments `above` the first row name the columns, or the dialect, or their place.
     An empty line ends a block where the dialect says so, or where each block has several rows.
     """
     runs: list[list[tuple[int, list[str]]]] = []
     for k, cells in rows:
         row = trimmed(cells)
-        if len(row) < 2 or not all(map(is_number, row)):
+        if not row or not all(map(is_number, row)):
             continue
         last = runs[-1][-1] if runs else (-2, [])
         if len(last[1]) == len(row) and k == last[0] + 1:
@@ -218,13 +253,19 @@ def nameless(rows: Rows, dialect: Dialect, above: str, text: str) -> list[Block]
     runs = [run for run in runs if len(run[0][1]) == width]
     if not dialect.blank and any(len(run) < 3 for run in runs):
         runs = [[row for run in runs for row in run]]
-    names, units = _as_wide([above], width), list(dialect.units_in(text))
+    names, over = (_as_wide([*above[at:][:1]], width) if width > 1 else [] for at in (-1, -2))
+    units = list(dialect.units_in(text))
+    if len(over) == len(names) == width and (stated := units_of(names)) is not None:
+        names, units = over, stated
     first = next(k for k, (line, _) in enumerate(rows) if line == runs[0][0][0])
     head = _header(rows, first, 0) if first else None
     if head is not None and len(head.names) == width and not any("=" in n for n in head.names):
         names = head.names  # and no line such as NData = 12
         own = any(written_unit(name, None) for name in names)
         units = head.units or ([] if own else units)
+    told = listed_names([*above, *text.split("\n")], width)
+    if told[0]:
+        names, units = told[0], told[1] or units
     if len(names) != width or not all(names) or any(map(is_number, names)):
         known = dialect.names[:width]
         names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]

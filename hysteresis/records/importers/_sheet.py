@@ -36,6 +36,7 @@ class Sheet:
     - `notes`: one for each thing that was done.
     - `decimal`: the sign its numbers are written with.
     - `layout`: how rows would go on, None where more than rows like these may follow.
+    - `clock`: the time of the first row and from row to row, in seconds, and what says so.
     """
 
     columns: Mapping[str, Sequence[str] | np.ndarray]
@@ -44,6 +45,7 @@ class Sheet:
     notes: tuple[Note, ...]
     decimal: str = "."
     layout: Layout | None = None
+    clock: tuple[float, float, str] | None = None
 
 
 def is_number(cell: str) -> bool:

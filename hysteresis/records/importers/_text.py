@@ -1,14 +1,26 @@
 """The table of a text that is more than a header and rows: notes, units, pieces, blanks, or no names."""
 
 import csv
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..._note import Note
-from ._blocks import Block, blocks, headers, mostly, nameless, period_of, sheet_of, trimmed
+from ._blocks import (
+    Block,
+    blocks,
+    headers,
+    mostly,
+    nameless,
+    period_of,
+    sheet_of,
+    trimmed,
+    worth_of,
+)
 from ._dialects import dialect_of, maker_of
 from ._file import fault
+from ._notes import is_numbered
 from ._sheet import Layout, Sheet, is_number
 
 _LOOK = 400
@@ -23,13 +35,13 @@ def arranged(
     path: Path,
     lines: Lines,
     decimal: str = ".",
-    above: str = "",
+    above: Sequence[str] = (),
     own: str | Path | None = None,
     table: int | None = None,
 ) -> Sheet | None:
     """The table of a text that does not begin with its header, or None where it does.
 
-    `above`: what stands right above the first line. `own`: a file of dialects. Tables side by side with the
+    `above`: the comments above the first line. `own`: a file of dialects. Tables side by side with the
     same names are put under one another as well.
 
     Raises `InputError` `no-rows` for what a dialect knows to hold no record, and as `dialect_of` and
@@ -47,13 +59,15 @@ def arranged(
         raise fault("no-rows", path, f"this is {dialect.name} with a header and no rows.")
     separator, split = splitter([line for _, line in lines[:_LOOK]])
     first = [(k, split(line)) for k, line in lines[:_LOOK]]
+    first = first if separator else _under_names(first, lines)
     plain = not (
         dialect.sure or separator == "" or table or _begins_late(first) or period_of(first[0][1])
     )
-    bare = bool(dialect.names) or _all_numbers(first[0][1])
+    listed = is_numbered(lines[0][1]) and not headers(first)
+    bare = bool(dialect.names) or _all_numbers(first[0][1]) or listed
     if plain and not bare:
         return None
-    rows = [(k, split(line)) for k, line in lines]
+    rows = [*first, *((k, split(line)) for k, line in lines[_LOOK:])]
     found = [] if bare else blocks(rows)
     found = found or nameless(rows, dialect, above, head)
     sheet = sheet_of(found, dialect, decimal, table)
@@ -99,16 +113,46 @@ def _begins_late(rows: list[tuple[int, list[str]]]) -> bool:
     head = next(iter(headers(rows)), None)
     if head is None:
         return False
-    if head.start == 0 and head.first < 3:
-        return False
+    if head.start == 0:
+        return head.first > 1 + bool(head.units)
     if head.first == 2:  # a row of odd units is as wide as the header above it
-        return len(trimmed(rows[0][1])) != len(trimmed(rows[2][1])) or len(head.names) < 2
+        wide = len(trimmed(rows[0][1])) == len(trimmed(rows[2][1])) and len(head.names) > 1
+        return not wide or worth_of(head.names)[0] > 1
     return True
+
+
+def _under_names(rows: list[tuple[int, list[str]]], lines: Lines) -> list[tuple[int, list[str]]]:
+    """Rows set with blanks, in which a row between names and numbers with fewer cells than these has its
+    cells under the names that they stand under."""
+    found = list(rows)
+    for at in range(1, len(rows) - 1):
+        width = len(rows[at + 1][1])
+        if len(rows[at][1]) >= width or not _all_numbers(rows[at + 1][1]):
+            continue
+        spans = [_spans(lines[at - 1][1], form) for form in (r"\S+(?: \S+)*", r"\S+")]
+        names = next((span for span in spans if len(span) == width), [])
+        cells = _spans(lines[at][1], r"\S+")
+        if not names:
+            continue
+        places = [
+            min(range(width), key=lambda n: min(abs(a - names[n][0]), abs(b - names[n][1])))
+            for a, b in cells
+        ]
+        if places == sorted(set(places)):
+            row = [""] * width
+            for place, (a, b) in zip(places, cells, strict=True):
+                row[place] = lines[at][1][a:b]
+            found[at] = (rows[at][0], row)
+    return found
+
+
+def _spans(line: str, form: str) -> list[tuple[int, int]]:
+    return [found.span() for found in re.finditer(form, line)]
 
 
 def _all_numbers(cells: list[str]) -> bool:
     row = trimmed(cells)
-    return len(row) > 1 and all(map(is_number, row))
+    return bool(row) and all(map(is_number, row))
 
 
 def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:

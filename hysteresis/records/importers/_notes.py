@@ -1,0 +1,199 @@
+"""What the lines above a table say of its columns: their names, their units, and the clock of its rows."""
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple
+
+from .._units import FORCES, LENGTHS, is_unit, name_and_unit, spelled, written_unit
+from ._sheet import is_number
+
+Lines = Sequence[tuple[int, str]]
+
+_NUMBERED = re.compile(
+    r"""(?ix)^[\s\#%;"'/*]*((?P<word>[a-z]+?)[\s_\[(\#.-]*)?(?P<number>\d+)[\s_\])]*
+    (?P<what>[a-z]*)\s*([:=]|\s-\s|(?(word)[,;\t]|(?!)))\s*(?P<value>.+?)[\s"';,]*$"""
+)
+_SAID = re.compile(
+    r"""(?x)^[\s\#%;"'/*]*(?P<key>[^\W\d_][^:=;\n]*?)[\s"]*[:=,;\t ][\s"]*
+    (?P<value>[+-]?(\d+([.,]\d+)?|\.\d+)([eE][+-]?\d+)?)[\s,;"]*(?P<unit>[^\s,;"]*)[\s,;"]*$"""
+)
+_STEPS = """
+increment:x increment:t increment:xinc:x inc:t inc:tinc:dt:delta t:delta time:time step:timestep:
+time interval:
+time increment:time per sample:sample time:sampling time:sample interval:sampling interval:sample period:
+sampling period:scan interval:scan period:logging interval:log interval:recording interval:h resolution:
+acquisition interval:horizontal interval:abtastzeit:abtastintervall:messintervall:abtastperiode
+""".replace("\n", "").split(":")
+_RATES = """
+sample rate:sampling rate:samplerate:sample frequency:sampling frequency:sampling freq:data rate:
+acquisition rate:acquisition frequency:logging rate:recording rate:abtastrate:abtastfrequenz:messrate:fs
+""".replace("\n", "").split(":")
+_STARTS = ("start", "t0", "x0", "t 0", "x 0", "x origin", "xorigin", "xzero")
+_SECONDS = {
+    "": 1.0,
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "μs": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+}
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa/s": 1.0, "ks/s": 1e3,
+          "ksa/s": 1e3, "ms/s": 1e6, "msa/s": 1e6, "samples/s": 1.0, "sps": 1.0}  # fmt: skip
+_HINT = re.compile(r"(?i)inc|dt|interval|period|sampl|step|delta")
+LONGEST = 300
+"""Characters of a note that are read."""
+_UNIT = re.compile(r"(?i)\b(units?|einheit(en)?|unit[ée]s?|unidad(es)?)\b")
+_OF = re.compile(r"(?i)\b(of|for|the|de|der)\b")
+_MEANT = (
+    (FORCES, re.compile(r"(?i)force|load(?!\w)|kraft|last\b|thrust|fuerza|forza")),
+    (
+        LENGTHS,
+        re.compile(r"(?i)travel|disp|position|extension|distance|stroke|weg|deflection|height"),
+    ),
+    (("s", "ms", "min"), re.compile(r"(?i)time|zeit")),
+)
+
+
+class Clock(NamedTuple):
+    """The time of the first row and from row to row, in seconds, and the note that says so."""
+
+    first: float
+    step: float
+    said: str
+
+
+def _plain(text: str) -> str:
+    """The words of a key, in small letters: SAMPLE_TIME, sampleTime and "Sample Time" have the same."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    return " ".join(re.sub(r"[\W_]+", " ", text).casefold().split())
+
+
+def is_numbered(note: str) -> bool:
+    """Whether a line is one of a list by number, as in `NAME0 = Force`."""
+    found = _NUMBERED.match(note[:LONGEST])
+    return found is not None and not is_number(found["value"])
+
+
+def listed_names(notes: Iterable[str], width: int) -> tuple[list[str], list[str]]:
+    """The names of so many columns that notes list by number from 0 or 1, as in `NAME0 = Force`, and the
+    units that they list likewise; empty where they list no names."""
+    lists: dict[tuple[str, str], dict[int, str]] = {}
+    for note in notes:
+        if (found := _NUMBERED.match(note[:LONGEST])) and not is_number(found["value"]):
+            kind = (found["word"] or "").lower().removesuffix("s"), found["what"].lower()
+            lists.setdefault(kind, {}).setdefault(int(found["number"]), found["value"])
+    whole = {
+        kind: list(values.values()) for kind, values in lists.items()
+        if list(values) in ([*range(width)], [*range(1, width + 1)])
+    }  # fmt: skip
+    units = next((v for kind, v in whole.items() if any(map(_UNIT.fullmatch, kind))), [])
+    names = (v for kind, v in whole.items() if not any(map(_UNIT.fullmatch, kind)))
+    return next((v for v in names if len(set(v)) == width), []), units
+
+
+def noted_units(notes: Iterable[str], names: Collection[str]) -> dict[str, str]:
+    """The units of columns that notes tell, as in `Travel Unit: mm`, `Units: N` or `Units: s, N, mm`."""
+    found: dict[str, str] = {}
+    for note in notes:
+        key, _, value = re.sub(r"^[\s#%;\"'/*]+", "", note).partition(
+            "=" if "=" in note and ":" not in note else ":" if ":" in note else "\t"
+        )
+        if not value.strip() or not _UNIT.search(key := _plain(key)):
+            continue
+        value = value.strip(" \t\"',;")
+        whose = " ".join(_OF.sub("", _UNIT.sub("", key)).split())
+        each = re.split(r"\s*[,;\t]\s*", value)
+        named = [
+            n for n in names if whose and re.sub(r" \d+$", "", _plain(name_and_unit(n)[0])) == whose
+        ]
+        if not whose and len(each) == len(names) > 1:
+            found |= {n: u for n, u in zip(names, each, strict=True) if is_unit(u)}
+            continue
+        if not named:  # of a quantity that one column alone measures
+            names_of = next((form for units, form in _MEANT if spelled(value) in units), None)
+            named = [n for n in names if names_of is not None and names_of.search(n)]
+            named = named if len(named) == 1 else []
+        found |= {n: value for n in named if is_unit(value)}
+    return {n: unit for n, unit in found.items() if written_unit(n, None) is None}
+
+
+def units_behind_blanks(names: Collection[str]) -> dict[str, str]:
+    """The units that stand behind a blank after most names, as in `Time s`; none where they may be letters
+    that tell columns of one name apart."""
+    parted = {n: n.rpartition(" ") for n in names if written_unit(n, None) is None}
+    stems = [stem for stem, _, _ in parted.values()]
+    found = {
+        n: u for n, (stem, _, u) in parted.items() if stems.count(stem) == 1 and _is_behind(stem, u)
+    }
+    return found if len(found) > 1 and 2 * len(found) > len(names) else {}
+
+
+def _is_behind(stem: str, unit: str) -> bool:
+    minimum = unit in ("min", "count", "counts") and not _MEANT[-1][1].search(stem)
+    return bool(stem) and not minimum and name_and_unit(f"x, {unit}")[1] is not None
+
+
+def clock_in(notes: Iterable[str]) -> Clock | None:
+    """The even clock that notes tell, as in `SAMPLE_TIME = 5e-5` or `Sampling rate: 20 kHz`; None where
+    they tell none, or two that differ."""
+    first, found = 0.0, list[Clock]()
+    for note in notes:
+        said = _SAID.match(note.strip()[:LONGEST])
+        if said is None:
+            continue
+        key, behind = name_and_unit(said["key"].strip())
+        value, unit = (
+            float(said["value"].replace(",", ".")),
+            said["unit"].strip("()[].") or behind or "",
+        )
+        key, (short, _, tail) = _plain(key), _plain(key).rpartition(" ")
+        key, unit = (short, unit or tail) if short in (*_STEPS, *_RATES) else (key, unit)
+        seconds, hertz = _SECONDS.get(spelled(unit) if unit else ""), _HERTZ.get(unit.casefold())
+        if key in _STARTS and seconds:
+            first = value * seconds
+        elif key in _STEPS and seconds and value > 0:
+            found.append(Clock(0.0, value * seconds, note.strip(" #;,\t")))
+        elif key in _RATES and hertz and value > 0:
+            found.append(Clock(0.0, 1 / (value * hertz), note.strip(" #;,\t")))
+    if not found or max(c.step for c in found) > 1.001 * min(c.step for c in found):
+        return None
+    return found[0]._replace(first=first)
+
+
+def without_settings(lines: Lines) -> tuple[Lines, list[str]]:
+    """Lines without the cells of a header that tell of the clock, and these as notes.
+
+    Oscilloscopes write Start and Increment as names of columns that have a value in the first row alone,
+    or `tInc = 2e-9` among the names.
+    """
+    for k, (_, line) in enumerate(lines[:30]):
+        rows = [line, *(text for _, text in lines[k + 1 : k + 4])]
+        for separator in ",;\t":
+            cells = [[c.strip(' "') for c in row.split(separator)] for row in rows]
+            if len(rows) < 4 or len(cells[0]) < 3 or not _HINT.search(line):
+                continue
+            cells = [[*row, *[""] * (len(cells[0]) - len(row))] for row in cells]
+            told = {}
+            for at, name in enumerate(cells[0]):
+                note = name if any(c in name for c in "=:") else f"{name} = {cells[1][at]}"
+                key = _plain(name_and_unit(re.split("[=:]", name)[0].strip())[0])
+                alone = not any(row[at] for row in cells[2:])
+                if alone and key in (*_STEPS, *_STARTS) and _SAID.match(note):
+                    told[at] = note
+            if clock_in(told.values()) is None:
+                continue
+            kept = [
+                (
+                    n,
+                    separator.join(
+                        c for at, c in enumerate(row.split(separator)) if at not in told
+                    ),
+                )
+                for n, row in lines[k:]
+            ]
+            return [*lines[:k], *((n, row) for n, row in kept if row.strip(separator))], [
+                *told.values()
+            ]
+    return lines, []

@@ -1,0 +1,230 @@
+"""What files say of their columns at their beginning, in the ways in which rigs and scripts say it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hysteresis import InputError, read_csv, read_table
+
+T = 0.5 * np.arange(12)
+X = np.abs((np.arange(12) % 8) - 4.0) / 4
+F = 3 * X**2 + 0.125
+
+
+@pytest.fixture
+def table(tmp_path):
+    def _read(content: str, name: str = "run.txt"):
+        path = tmp_path / name
+        path.write_text(content, encoding="utf-8")
+        return read_table(path)
+
+    return _read
+
+
+def rows(*columns: np.ndarray, sep: str = "\t") -> str:
+    lines = (sep.join(f"{v:.4f}" for v in row) for row in zip(*columns, strict=True))
+    return "\n".join(lines) + "\n"
+
+
+OBJECTS = [{"t_s": t, "ft": {"z": f, "xy": [0.0, None]}} for t, f in zip(T, F, strict=True)]
+LINES = "\n".join(map(json.dumps, OBJECTS))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [LINES, LINES.replace("\n", "\n\n"), json.dumps(OBJECTS), json.dumps(OBJECTS, indent=2),
+     f"[\n{LINES.replace(chr(10), ',' + chr(10))}\n]\n", LINES + '\n{"t_s": 3.0, "ft'],
+)  # fmt: skip
+def test_objects_are_rows(text, table):
+    found = table(text)
+    assert list(found.columns) == ["t_s", "ft.z", "ft.xy.0", "ft.xy.1"]
+    np.testing.assert_allclose(found.number("ft.z"), F)
+    assert np.isnan(found.number("ft.xy.1")).all()
+
+
+def test_lists_in_an_object_are_columns(table):
+    found = table(json.dumps({"time_s": T.tolist(), "force_N": F.tolist()}))
+    np.testing.assert_allclose(found.number("force_N"), F)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('{"a": 1}\n{"a": 2, b}\n{"a": 3}\n', "damaged-file"),
+        ('{"settings": {"rate": 100}}', "no-rows"),
+        ('{"a": ' + 4000 * "[", "damaged-file"),
+        ("\n".join(f'{{"k{k}": 1}}' for k in range(3000)), "too-many-columns"),
+    ],
+)
+def test_json_that_holds_no_table_is_refused_by_name(text, code, table):
+    with pytest.raises(InputError, match=r"JSON|objects") as caught:
+        table(text)
+    assert caught.value.code == code
+
+
+def set_with_blanks(*cells: str) -> str:
+    return "".join(f"{cell:>14}" for cell in cells)
+
+
+NUMBERS = "\n".join(
+    set_with_blanks(str(k), *row.split()) for k, row in enumerate(rows(T, F).split("\n")[:-1])
+)
+UNITS = {
+    "right": set_with_blanks("Index", "t", "Axial Force")
+    + "\n"
+    + set_with_blanks("", "[s]", "[N]"),
+    "left": "  Index       t           Axial Force\n              s           N",
+    "narrow": "Index t Force\n      s N",
+}
+
+
+@pytest.mark.parametrize("header", UNITS.values(), ids=UNITS)
+@pytest.mark.parametrize("notes", ["", "Curve:\n  a rubber\n"])
+def test_units_stand_under_their_names(header, notes, table):
+    found = table(f"{notes}{header}\n{NUMBERS}\n")
+    assert [found.units.get(name) for name in found.columns] == [None, "s", "N"]
+    assert len(found.line) == 12
+
+
+@pytest.mark.parametrize("sep", [",", ";", "\t"])
+def test_units_of_all_columns_but_the_first(sep, table):
+    found = table(f"Index{sep}t{sep}Force\n{sep}s{sep}N\n" + rows(np.arange(12), T, F, sep=sep))
+    assert [found.units.get(name) for name in found.columns] == ["", "s", "N"]
+
+
+FACTS = ("MX840_1 CH 0\tMX840_1 CH 1\tMX840_1 CH 2", "10 Hz Bessel\t10 Hz Bessel", "\tcalibrated\t")
+
+
+@pytest.mark.parametrize("facts", [FACTS[:1], FACTS[1:2], FACTS[:2], FACTS])
+@pytest.mark.parametrize(
+    "names", ["t [s]\tF [kN]\tx [mm]", "t\tF\tx\ns\tkN\tmm", "t (s)\tF (kN)\tx (mm)"]
+)
+@pytest.mark.parametrize("notes", ["", "RECORDER\n\n"])
+def test_names_stand_above_rows_of_channel_facts(facts, names, notes, table):
+    found = table("\n".join([notes + names, *facts, rows(T, F, X)]))
+    assert [name.split()[0] for name in found.columns] == ["t", "F", "x"]
+    np.testing.assert_allclose(list(found.columns.values())[2], X)
+
+
+def test_a_first_row_of_numbers_oddly_written_is_no_row_of_words(table):
+    with pytest.raises(InputError, match="cannot be used as a number"):
+        table("F [N];x [mm]\n1.234,5;N/A\n2,5;2,5\n3,5;2,5\n").number("F [N]")
+
+
+@pytest.mark.parametrize(
+    "text", ["18985\n19062\n19190\n", "1,5\n2,5\n", "# read by hand\n-1e3\n2\n"]
+)
+def test_the_first_value_of_a_column_without_a_name_is_a_value(text, table):
+    found = table(text)
+    lines = [line for line in text.split("\n")[:-1] if line[0] != "#"]
+    assert (len(found.line), next(iter(found.columns))) == (len(lines), "column 1")
+    assert found.notes[0].code == "no-header"
+
+
+def test_comments_name_the_columns_and_their_units(table):
+    found = table("# of a press\n# t\tF\n# s\tN\n" + rows(T, F))
+    assert dict(found.units) == {"t": "s", "F": "N"}
+
+
+def counted(*columns: np.ndarray) -> str:
+    """Rows of an oscilloscope, which end with a separator."""
+    return "".join(f"{line},\n" for line in rows(np.arange(12), *columns, sep=",").split("\n")[:-1])
+
+
+SCOPES = {
+    "two channels": "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-4.0e-03,2.0e-05\n"
+    + counted(F, X),
+    "one channel": "X,CH1,Start,Increment,\nSequence,Volt,-4.0e-03,2.0e-05\n" + counted(F),
+    "other words": 'n;CH1;CH2;"t0";"dt (ms)"\n;V;mV;-4e-3;0.02\n' + rows(T, F, X, sep=";"),
+    "settings first": "Increment,Start,X,CH1\n2e-5,-4e-3,0,0.5\n"
+    + "".join(f",,{k},{0.5 + k}\n" for k in range(1, 12)),
+    "among the names": "CH1 (V),CH2 (V),t0 =-0.004s, tInc = 2e-05,\n"
+    + "".join(f"{line},,\n" for line in rows(F, X, sep=",").split("\n")[:-1]),
+    "a note": "Sample Interval,2.0E-5,s\nStart,-0.004\nCH1 (V),CH2 (V)\n" + rows(F, X, sep=","),
+}
+
+
+@pytest.mark.parametrize("text", SCOPES.values(), ids=SCOPES)
+def test_an_oscilloscope_tells_its_clock_in_the_header(text, table):
+    found = table(text)
+    np.testing.assert_allclose(found.number("time"), -4e-3 + 2e-5 * np.arange(12), atol=1e-12)
+    assert (found.units["time"], found.text["time"][0]) == ("s", "-0.004")
+    assert not [name for name in found.columns if "ncrement" in name or "=" in name]
+    assert any(note.code == "clock" for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("note", "step"),
+    [("# SAMPLE_TIME = 0.00005", 5e-5), ("# Sampling rate: 20 kHz", 5e-5), ("# dt=0.01", 0.01),
+     ("Sample Period\t5 ms", 5e-3), ("Abtastrate: 100,0 Hz", 0.01), ("sample_rate_hz: 50", 0.02),
+     ("# Sample interval [ms]: 0.5", 5e-4), ("Sampling frequency 200 Sa/s", 5e-3)],
+)  # fmt: skip
+def test_notes_tell_the_clock_of_a_table_without_one(note, step, table):
+    found = table(f"{note}\nForce [N]\tPosition [mm]\n" + rows(F, X))
+    np.testing.assert_allclose(found.number("time"), step * np.arange(12))
+
+
+@pytest.mark.parametrize(
+    ("note", "names"),
+    [("# Sample rate: 20 Hz", "Time [s]\tx"), ("# Rate: 5 mm/min", "F\tx"), ("# Sample rate: 5 kg", "F\tx"),
+     ("# Sample rate: 20 Hz\n# dt = 3", "F\tx"), ("# dt = 0.5", "n\tx"), ("# Sample rate: 0 Hz", "F\tx")],
+)  # fmt: skip
+def test_a_note_makes_no_second_clock_and_none_of_what_it_does_not_say(note, names, table):
+    assert "time" not in table(f"{note}\n{names}\n" + rows(T, X)).columns
+
+
+LISTS = {
+    "a recorder": "# VERSION = 1\n# DIM = 2\n#\n# NAME0 = Force\n# NAME1 = Position\n# END",
+    "units too": "# NAME0 = Force\n# NAME1 = Position\n# UNIT0 = N\n# UNIT1 = mm",
+    "columns": "% Column 1: Force\n% Column 2: Position".replace("%", "#"),
+    "no comments": "Channel 1 Name\tForce\nChannel 1 Unit\tN\nChannel 2 Name\tPosition\nChannel 2 Unit\tmm",
+    "bare numbers": "# 0 = Force [N]\n# 1 = Position [mm]",
+}
+
+
+@pytest.mark.parametrize("notes", LISTS.values(), ids=LISTS)
+def test_notes_list_the_names_of_columns(notes, table):
+    found = table(f"{notes}\n" + rows(F, X))
+    assert [name.split(" ")[0] for name in found.columns] == ["Force", "Position"]
+    assert len(found.line) == 12
+    if "UNIT" in notes.upper():
+        assert dict(found.units) == {"Force": "N", "Position": "mm"}
+
+
+def test_a_list_of_another_length_names_no_columns(table):
+    found = table("# NAME0 = Force\n# NAME1 = Position\n# NAME2 = T\n" + rows(F, X))
+    assert list(found.columns) == ["column 1", "column 2"]
+
+
+@pytest.mark.parametrize(
+    ("notes", "units"),
+    [("Units: lbF\nX-Axis: Travel\nTravel Unit: in", ["lbf", "in"]), ("# Units: kN, mm", ["kN", "mm"]),
+     ("Load units = N\nUnit of travel: mm", ["N", "mm"]), ("Einheit Travel: mm", [None, "mm"]),
+     ("Units: SI", [None, None]), ("Units: mm/s", [None, None]), ("Force unit: N", ["N", None])],
+)  # fmt: skip
+def test_notes_tell_the_units_of_columns(notes, units, table):
+    found = table(f"{notes}\nLoad\tTravel\n" + rows(F, X))
+    assert [found.units.get(name) for name in ("Load", "Travel")] == units
+
+
+def test_a_unit_behind_a_name_goes_before_that_of_a_note(table):
+    assert not table("Units: lbF\nLoad (N)\tTravel (mm)\n" + rows(F, X)).units
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [("Time s,I1 A,P1 uC_per_cm2", ["s", "A", None]), ("n,Time s,Load kN", [None, "s", "kN"]),
+     ("Load N,Load S,Load W", [None] * 3), ("Load min,Stroke min,T min", [None] * 3),
+     ("Time s,Cell A,Cell B", [None] * 3), ("v mm/s,F N,x µm", ["mm/s", "N", "µm"])],
+)  # fmt: skip
+def test_units_behind_blanks_where_most_names_have_one(names, units, table):
+    found = table(f"{names}\n" + rows(F, X, F, sep=","))
+    assert [found.units.get(name) for name in names.split(",")] == units
+
+
+@pytest.mark.parametrize("name", ["P1 uC_per_cm2", "P_uC_per_cm2", "P_uC/cm2", "P, µC/cm²"])
+def test_units_of_ratios_behind_names(name, tmp_path):
+    file = tmp_path / "run.tsv"
+    file.write_text(f"x (V)\t{name}\n" + rows(X, F), encoding="utf-8")
+    assert read_csv(file, "x (V)", name).output_unit in ("uC/cm^2", "µC/cm²")
