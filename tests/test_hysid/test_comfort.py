@@ -108,7 +108,7 @@ def test_double_precision_is_met_once():
         "import hysid\n"
         "u = [0.0, 1.0, 2.0, 3.0] * 20\n"
         "try:\n"
-        "    hysid.fit(u, u, model='LinearSponge')\n"
+        "    hysid.fit(u, [2 * x for x in u], model='LinearSponge')\n"
         "except hysid.InputError as error:\n"
         "    assert 'hysid.enable_x64()' in error.fix, error\n"
         "hysid.enable_x64()\n"

@@ -258,7 +258,12 @@ def _votes(
     if turns[0] != turns[1]:
         sign, one, rest = (1, b, a) if turns[0] else (-1, a, b)
         found.append(_Vote(sign * 2.0, f"{one.name!r} goes one way while {rest.name!r} turns back"))
-    ours, theirs = (max(leftover(r.input, r.output, r.branch), EXPLAINED) for r in (record, other))
+    # Specimens differ: of one sequence.
+    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    ours, theirs = (
+        max(leftover(r.input[rows], r.output[rows], r.branch[rows]), EXPLAINED)
+        for r in (record, other)
+    )
     bits = float(np.clip(np.log2(ours / theirs), -2.0, 2.0))
     one, rest = (b, a) if bits > 0 else (a, b)
     said = f"{one.name!r} determines {rest.name!r} better than the other way round"
