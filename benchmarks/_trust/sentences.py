@@ -222,9 +222,9 @@ def _drift(record: Record, here: np.ndarray, values: np.ndarray) -> float:
         low = max(record.input[rows].min() for rows in (one, other))
         high = min(record.input[rows].max() for rows in (one, other))
         level = low + (high - low) * GRID
-        read = [_legs(record, rows, values, level) for rows in (one, other)]
-        if high > low and all(x is not None for x in read):
-            moves.append(float((read[1] - read[0]).mean()) / (other.mean() - one.mean()))
+        first, second = (_legs(record, rows, values, level) for rows in (one, other))
+        if high > low and first is not None and second is not None:
+            moves.append(float((second - first).mean()) / (other.mean() - one.mean()))
     return float(np.median(moves)) if len(moves) > 1 else 0.0
 
 
