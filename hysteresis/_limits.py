@@ -95,11 +95,16 @@ def load_arrays(file: Path | BytesIO) -> dict[str, np.ndarray]:
         return {m.filename.removesuffix(".npy"): _array(packed, m) for m in packed.infolist()}
 
 
+def most_unpacked(size: int) -> int:
+    """Bytes that so many packed ones may unpack to."""
+    return max(ALWAYS_UNPACKED, LARGEST_RATIO * size)
+
+
 def check_packed(packed: zipfile.ZipFile) -> None:
     """Raise `ValueError` where a zip file would unpack to more than its size explains."""
     members = packed.infolist()
     held, unpacked = sum(m.compress_size for m in members), sum(m.file_size for m in members)
-    most = min(max(ALWAYS_UNPACKED, LARGEST_RATIO * held), LARGEST_UNPACKED)
+    most = min(most_unpacked(held), LARGEST_UNPACKED)
     if unpacked > most:
         raise ValueError(
             f"it would unpack to {unpacked:,} bytes, and the limit for {held:,} packed ones is {most:,}"
@@ -107,19 +112,18 @@ def check_packed(packed: zipfile.ZipFile) -> None:
 
 
 def unpacked(packed: zipfile.ZipFile, name: str) -> bytes:
-    """What a member holds, and never more than the archive's list says of it: that list may be made up.
+    """The content of a member, at most its declared size, because an archive can declare any size.
 
-    Asked for all, `zipfile` unpacks a member whole before it cuts off what is beyond."""
+    Without a limit `zipfile` unpacks the whole member before it cuts off what is beyond that size."""
     member = packed.getinfo(name)
     with _opened(packed, member) as opened:
         return opened.read(member.file_size + 1)
 
 
 def _opened(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> zipfile.ZipExtFile:
+    # Other ways are unpacked without bounds.
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(
-            f"{member.filename} is packed in an unusual way"
-        )  # unpacked without bounds
+        raise ValueError(f"{member.filename} is packed in an unusual way")
     return packed.open(member)  # type: ignore[return-value]
 
 

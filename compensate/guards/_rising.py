@@ -22,7 +22,7 @@ from hysteresis import AbstractModel, InputError
 
 from .._contract import AbstractCompensator
 from ..inverses._bisection import BracketedCompensator
-from ._run_in import PAST, Past, driven, first_draw, thinned
+from ._run_in import Past, driven, first_draw, thinned
 
 STATES, LEVELS = 256, 257
 """States at most, and inputs: a hundredth of the range is two of their steps."""
@@ -56,7 +56,7 @@ def spread_of(model: AbstractModel, low: float, high: float, past: Past) -> floa
     """The greatest distance of two inputs of which the higher one has the lower output, in the input's
     unit."""
     one = first_draw(model)
-    t, u = thinned(past, low, PAST)
+    t, u = thinned(past, low)
     levels = np.linspace(low, high, LEVELS)
     looks = np.arange(len(u)) % -(-len(u) // STATES) == 0
     rows, across = (jnp.asarray(driven(one, x), float) for x in (u, levels))

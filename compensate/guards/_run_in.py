@@ -100,7 +100,7 @@ def histories(model: AbstractModel, low: float, high: float, past: Past | None) 
 
     **Raises:** `InputError` `no-time` where the model depends on the rate and no times are given.
     """
-    t, u = thinned(past, low, PAST)
+    t, u = thinned(past, low)
     speed = _speed(t, u, high - low)
     clock = None if t is None else t[:1]
     begin = clock, np.array([low])
@@ -125,12 +125,12 @@ def first_draw(model: AbstractModel) -> AbstractModel:
     return jax.tree.map(lambda leaf: leaf[0], model) if many else model
 
 
-def thinned(past: Past | None, low: float, most: int) -> tuple[np.ndarray | None, np.ndarray]:
-    """Times and inputs of at most so many rows of a past; without one the low end."""
+def thinned(past: Past | None, low: float) -> tuple[np.ndarray | None, np.ndarray]:
+    """Times and inputs of at most `PAST` rows of a past; without one the low end."""
     if past is None:
         return None, np.array([low])
     u = np.asarray(past.inputs, float)
-    every = slice(None, None, -(-len(u) // most))
+    every = slice(None, None, -(-len(u) // PAST))
     return None if past.times is None else np.asarray(past.times, float)[every], u[every]
 
 

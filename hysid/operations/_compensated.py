@@ -34,13 +34,12 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     if found.document["refused"] == "not-invertible":
         fits = (one for one in others if isinstance(one, identify.FitResult))
         tried = ((one, judged_compensator(one)) for one in fits)
-        for other, of_other in tried:
-            if of_other.document["refused"] is None:
-                others = (first, *(one for one in others if one is not other))
-                fit = replace(other, skipped=fit.skipped, seconds=fit.seconds)
-                said = f"{first.name} predicts better and is passed over. {reasons[0].text}"
-                found, reasons = of_other, [*of_other.reasons, Note("passed-over", said)]
-                break
+        if made := next((pair for pair in tried if pair[1].document["refused"] is None), None):
+            other, found = made
+            others = (first, *(one for one in others if one is not other))
+            fit = replace(other, skipped=fit.skipped, seconds=fit.seconds)
+            said = f"{first.name} predicts better and is passed over. {reasons[0].text}"
+            reasons = [*found.reasons, Note("passed-over", said)]
     changes = "drift" in fit.verdict.codes
     verdict = fit.verdict.at_most(found.level).at_most("CAUTION" if changes else "PASS")
     if found.level != "FAIL" and (band := band_reason(error_of(fit).coverage_before)) is not None:

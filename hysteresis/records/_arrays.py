@@ -23,7 +23,7 @@ def numbers(name: str, values: ArrayLike) -> np.ndarray:
         found, problem = np.empty(0), str(error)
     if problem:
         raise InputError(
-            "not-numbers", f"{name} is no row of numbers: {problem}.", fix="give real numbers."
+            "not-numbers", f"{name} is not a row of numbers: {problem}.", fix="give real numbers."
         )
     if np.ma.isMaskedArray(values):
         found[np.ma.getmaskarray(values)] = np.nan

@@ -223,8 +223,10 @@ def is_scaled(x: np.ndarray, y: np.ndarray) -> bool:
         return False
     slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
     left = np.abs(y - y.mean() - slope * (x - x.mean()))
-    digits = _last_digit(y) + abs(slope) * _last_digit(x)
-    return bool(left.max() <= min(digits, COARSEST * np.ptp(y)) + SIX_DIGITS * np.abs(y).max())
+    rounding = SIX_DIGITS * np.abs(y).max()
+    if left.max() > COARSEST * np.ptp(y) + rounding:
+        return False  # most pairs, before digits are looked for
+    return bool(left.max() <= _last_digit(y) + abs(slope) * _last_digit(x) + rounding)
 
 
 def _last_digit(x: np.ndarray) -> float:

@@ -313,10 +313,8 @@ def _columns(choice: Choice, given: Mapping[str, Any], out: Guess) -> None:
             out.says(role, column.name, sure, f"{column.kind.name}, {unit}; {choice.why[role]}")
     out.selection |= choice.options
     if "step" in choice.options:
-        if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
-            del out.selection["group"]
-            out.selection["each"] = group[0]
-            out.says("each", group[0], LIKELY, "one fit for each constant input")
+        if _each_of_group(out):
+            out.says("each", out.selection["each"], LIKELY, "one fit for each constant input")
         out.says("step", choice.options["step"], choice.sure, choice.why["step"])
     out.alternatives += choice.alternatives
 
@@ -368,11 +366,19 @@ def _hold(table: Table, out: Guess) -> None:
         del out.selection["hold"]  # small beside its range, the input moves on
         return
     why = "the input moves one way and stays there, so the hold shows creep or relaxation"
-    if len(group := out.selection.get("group", ())) == 1 and "each" not in out.selection:
-        del out.selection["group"]
-        out.selection["each"] = group[0]
+    if _each_of_group(out):
         why += "; one fit for each value of the group"
     out.says("hold", "true", LIKELY, why)
+
+
+def _each_of_group(out: Guess) -> bool:
+    """Fits each value of the one group apart; whether there is such a group."""
+    group = out.selection.get("group", ())
+    if len(group) != 1 or "each" in out.selection:
+        return False
+    del out.selection["group"]
+    out.selection["each"] = group[0]
+    return True
 
 
 def _goes_and_stays(record: Record) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape
+from ..._limits import check_shape, most_unpacked
 
 
 @contextmanager
@@ -30,7 +30,7 @@ class Hdf5:
 
     def __init__(self, file: Any, size: int):
         self.file = file
-        self.left = max(ALWAYS_UNPACKED, LARGEST_RATIO * size)
+        self.left = most_unpacked(size)
 
     def array(self, path: str) -> np.ndarray:
         """A data set. Raises `ValueError` where it is none, lies elsewhere, holds objects or is too large,

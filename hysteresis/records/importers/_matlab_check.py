@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 
-from ..._limits import ALWAYS_UNPACKED, LARGEST_RATIO
+from ..._limits import most_unpacked
 
 _HEADER, _MATRIX, _COMPRESSED, _INT8, _INT32, _UINT32 = 128, 14, 15, 1, 5, 6
 _SIZE = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
@@ -36,7 +36,7 @@ def checked_matlab(data: bytes) -> bytes:
             raise ValueError("a variable is cut off, or is none")
         body = data[at + 8 : end]
         if kind == _COMPRESSED:
-            most = max(ALWAYS_UNPACKED, LARGEST_RATIO * len(data)) - unpacked
+            most = most_unpacked(len(data)) - unpacked
             opened = zlib.decompressobj()
             whole = opened.decompress(body, max(most, 1))
             if opened.unconsumed_tail or len(whole) < 8:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._limits import ALWAYS_UNPACKED, LARGEST_RATIO, check_shape
+from ..._limits import check_shape, most_unpacked
 from ._arrays import sheet_of_arrays
 from ._file import damage_of, fault
 from ._sheet import Sheet
@@ -31,7 +31,7 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         file = pq.ParquetFile(io.BytesIO(data))
         # A column of one value takes a few bytes, whatever its length.
         shape = file.metadata.num_rows, file.metadata.num_columns
-        check_shape(shape, np.dtype(float), max(ALWAYS_UNPACKED, LARGEST_RATIO * len(data)))
+        check_shape(shape, np.dtype(float), most_unpacked(len(data)))
         found = file.read()
         columns = {name: found.column(name).to_numpy() for name in found.column_names}
     units = {}
