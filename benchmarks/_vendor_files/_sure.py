@@ -25,8 +25,7 @@ SHARED = Path(__file__).resolve().parents[3] / "shared"
 EITHER_WAY = ("variant", "measured")
 """Kinds of files of which the pair is known, and not which of the two drives."""
 
-Name = str | int | None
-"""A column's header, or its number where the file has no names."""
+Name = str | None
 
 
 class Answer(NamedTuple):
@@ -64,14 +63,12 @@ def sure_and_wrong(quick: bool) -> list[Row]:
 
 def _faults(told: dict[str, Any], answer: Answer) -> Iterator[tuple[str, str]]:
     """What is told as sure, and what is wrong with it ("": nothing)."""
-    names = [column["name"] for column in told["columns"]]
     certain = {found["what"] for found in told["found"] if found["sure"] == "sure"}
     chosen = told["selection"]
 
     def plain(name: Name) -> str:
         """A header without the unit that a file may write into it."""
-        written = names[name] if isinstance(name, int) and name < len(names) else str(name)
-        return re.sub(r"\s*(\[.*\]|\(.*\))$", "", written)
+        return re.sub(r"\s*(\[.*\]|\(.*\))$", "", str(name))
 
     if {"input", "output"} <= certain and answer.pairs is not None:
         pair = [plain(chosen.get("input")), plain(chosen.get("output"))]
@@ -96,13 +93,12 @@ def _answers(folder: Path) -> Iterator[Answer]:
     for known in _documents("vendor", "files"):
         number = known.get("main table")
         main = known["tables"][number] if number is not None and known["tables"] else {}
-        headers = main.get("columns") or []
         drive, response, time = (
-            headers[at] if isinstance(at, int) and at < len(headers) else at
-            for at in (known.get(role, main.get(role)) for role in ("drive", "response", "time"))
+            known.get(role, main.get(role)) for role in ("drive", "response", "time")
         )
-        pairs: list[tuple[Name, Name]] = [] if drive is None else [(drive, response)]
-        yield Answer("maker", SHARED / "vendor" / known["file"], pairs, time)
+        if not isinstance(drive, int):  # a number: the file has no names that could be compared
+            pairs = [(drive, response)] if drive else []
+            yield Answer("maker", SHARED / "vendor" / known["file"], pairs, time)
     for card in sorted((SHARED / "data").glob("*/CARD.md")):
         asked: dict[Path, list[tuple[Name, Name]]] = {}
         for line in re.findall(r"^ +hysid fit (.*)$", card.read_text("utf-8"), re.MULTILINE):
