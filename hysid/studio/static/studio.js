@@ -1,6 +1,6 @@
 // The page: the measurements of the folder, the one that is open, its fit, and what runs.
 import { DataPanel } from "./data.js";
-import { duration, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
+import { duration, enter, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
 import { ResultPanel } from "./result.js";
 import { comparison } from "./compare.js";
 
@@ -108,7 +108,7 @@ async function open(name) {
     listFiles();
   }
   try {
-    const look = await getJson("api/look", { name });
+    const look = await post("api/look", { name });
     if (page.name === name) show(look);
   } catch (error) {
     if (page.name === name) fill(main, faultBox(error.fault ?? { message: String(error) }));
@@ -251,6 +251,7 @@ addEventListener("hashchange", () => {
   if (name && name !== page.name) open(name);
 });
 
+await enter();
 await poll();
 const asked = decodeURIComponent(location.hash.slice(1));
 if (page.state?.files.some((file) => file.name === asked)) open(asked);
