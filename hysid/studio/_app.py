@@ -5,6 +5,7 @@ import functools
 import json
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -29,13 +30,15 @@ from ._folder import Folder, upload_to, zipped
 from ._guard import DOCUMENT_RULES, Sessions
 from ._measurement import Measurement, as_document
 from ._processes import Jobs
-from ._requests import Asked, Json, asked_of, refusal, told, too_large
+from ._requests import Asked, Json, RequestError, asked_of, refusal
 from ._results import Fits, written_rows
 from ._views import of_loops, over_time
 
 STATIC = Path(__file__).parent / "static"
 COMPARISON = "comparison"
 """The folder of the page that compares fits."""
+FAULTS = (InputError, OSError, RequestError)
+"""What is refused with words; any other exception is a fault of ours, and is status 500."""
 LARGEST = 4 * 2**30
 """Bytes of an upload."""
 
@@ -124,6 +127,7 @@ class Studio:
             raise InputError("file-not-found", "There is no fit yet.", place=name, fix="Press Fit.")
         at, source = (path.relative_to(self.folder.root).as_posix() for path in (place, file))
         if kind == "fit":
+            _configuration.read(one.config)  # the command follows every name in it
             config = one.config.relative_to(self.folder.root).as_posix()
             words = ["fit", _path(source), "--config", _path(config), "--overwrite"]
             words += ["--out", _path(out.relative_to(self.folder.root).as_posix())]
@@ -197,26 +201,26 @@ async def _page(_: Request) -> Response:
 
 async def _nothing(request: Request, error: Exception) -> Response:
     """The answer at an address where there is nothing, or to a method that it does not have."""
-    status = error.status_code if isinstance(error, HTTPException) else 404
-    said = f"The studio answers no {request.method:.20} at this address."
-    return Json({"error": {"code": "bad-request", "message": said}}, status)
+    status = HTTPStatus(error.status_code if isinstance(error, HTTPException) else 404)
+    return refusal(
+        RequestError(status, f"The studio answers no {request.method:.20} at this address.")
+    )
 
 
 def _answer(studio: Studio, handler: Callable[[Studio, Asked], Any]) -> Any:
     """A route: the handler in a thread, with query and body; a fault of the user's is status 422."""
 
+    def does(asked: Asked) -> Response:
+        found = handler(studio, asked)
+        return found if isinstance(found, Response) else Json(plain(found))
+
     async def answer(request: Request) -> Response:
         try:
-            asked = await asked_of(request)
-        except InputError as error:
+            return await run_in_threadpool(does, await asked_of(request))
+        except FAULTS as error:
             return refusal(error)
-        return await run_in_threadpool(told, lambda: _as_response(handler(studio, asked)))
 
     return answer
-
-
-def _as_response(found: Any) -> Response:
-    return found if isinstance(found, Response) else Json(plain(found))
 
 
 def _enter(sessions: Sessions, studio: Studio, asked: Asked) -> Any:
@@ -373,15 +377,16 @@ async def _upload(studio: Studio, request: Request) -> Response:
                     async for piece in request.stream():
                         size += len(piece)
                         if size > LARGEST:
-                            raise too_large(
-                                "This file is too large to be dropped.", "Copy it here."
+                            said = "This file is too large to be dropped."
+                            raise RequestError(
+                                HTTPStatus.REQUEST_ENTITY_TOO_LARGE, said, fix="Copy it here."
                             )
                         opened.write(piece)
                 twin = await run_in_threadpool(studio.folder.twin, name, new)
             if twin is not None:
                 path.unlink()
                 path = twin
-    except (InputError, OSError) as error:
+    except FAULTS as error:
         return refusal(error)
     studio.jobs.touched()
     return Json({"name": path.relative_to(studio.folder.root).as_posix()})

@@ -7,12 +7,15 @@ import os
 import re
 import zipfile
 from collections.abc import Iterable, Iterator
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
 import identify
 from hysteresis import InputError
 from hysteresis._atomic_file import atomic_file
+
+from ._requests import RequestError
 
 MEASUREMENTS = (
     ".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm", ".tdms", ".xls", ".xlsx", ".xlsb", ".ods",
@@ -163,15 +166,16 @@ def _cut(text: str, most: int) -> str:
 
 
 def zipped(folder: Path) -> bytes:
-    """The files below a folder as a ZIP archive; links are left out. Raises `InputError` `too-large`."""
+    """The files below a folder as a ZIP archive, without links. Raises `RequestError` where it is large."""
     found = io.BytesIO()
     files = [
         Path(at, name) for at, _, names in os.walk(folder) for name in names
         if Path(at, name).is_file() and not Path(at, name).is_symlink()
     ]  # fmt: skip
     if sum(file.stat().st_size for file in files) > LARGEST_ARCHIVE:
-        raise InputError(
-            "too-large", "This folder is too large to be sent.", fix="Copy it with another program."
+        said = "This folder is too large to be sent."
+        raise RequestError(
+            HTTPStatus.REQUEST_ENTITY_TOO_LARGE, said, fix="Copy it by another program."
         )
     with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(files):

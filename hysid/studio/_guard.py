@@ -4,14 +4,13 @@ import hashlib
 import hmac
 import secrets
 from collections.abc import Awaitable, Callable
+from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
 
 from starlette.requests import Request
 
-from hysteresis import InputError
-
-from ._requests import refusal
+from ._requests import RequestError, refusal
 
 PAGE_RULES = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
@@ -64,7 +63,7 @@ class Sessions:
         return self._token is not None
 
     def enter(self, token: str) -> str:
-        """The secret of a new session. Raises `InputError` `no-session` for a token that is not good."""
+        """The secret of a new session. Raises `RequestError` for a token that is not good."""
         if self._token is not None and _same(token, self._token):
             self._used.add(self._token)
             self._token = None
@@ -108,22 +107,22 @@ class Guard:
         send = _adding_rules(send)
         try:
             self._check(Request(scope))
-        except InputError as error:
+        except RequestError as error:
             await refusal(error)(scope, receive, send)
             return
         await self._app(scope, receive, send)
 
     def _check(self, request: Request) -> None:
-        """Raise `InputError` `bad-request`, `no-session` for a request that is not answered."""
+        """Raise `RequestError` for a request from elsewhere, and for one without a session."""
         path, head = request.scope["path"], request.headers
         page = path == "/" and request.method in ("GET", "HEAD")
         sites = {*head.getlist("sec-fetch-site")} - {"same-origin", "none"}
         origins = {*head.getlist("origin")} - {f"http://{self._host}"}
         if head.getlist("host") != [self._host] or origins or (sites and not page):
-            raise InputError(
-                "no-session", "This request comes from another address than the studio's.",
-                fix=f"Open http://{self._host}, by this name.",
-            )  # fmt: skip
+            said = "This request comes from another address than the studio's."
+            raise RequestError(
+                HTTPStatus.FORBIDDEN, said, fix=f"Open http://{self._host}, by this name."
+            )
         if page or path.startswith("/static/") or path == "/api/enter":
             return
         key, secret = request.query_params.get("key", ""), head.get("x-hysid", "")
@@ -135,10 +134,10 @@ class Guard:
             raise no_session()
 
 
-def no_session() -> InputError:
+def no_session() -> RequestError:
     """What is said to a browser that has no session, or to one whose link is of an earlier studio."""
-    return InputError(
-        "no-session", "This browser has no session with hysid studio.",
+    return RequestError(
+        HTTPStatus.FORBIDDEN, "This browser has no session with hysid studio.",
         cause="The studio was started again, or the address was opened before: each works once.",
         fix="Open the last address that hysid studio has printed in its terminal. Opening one that was used"
         " makes it print another.",

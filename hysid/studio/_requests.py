@@ -3,11 +3,12 @@
 import asyncio
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse
 
 from hysteresis import InputError
 from hysteresis._limits import parse_json
@@ -20,14 +21,20 @@ LONGEST = 1000
 """Characters of a text; a name of a file has at most 255 bytes."""
 PATIENCE = 30.0
 """Seconds in which a body must arrive."""
-STATUS = {"bad-request": 400, "no-session": 403, "too-slow": 408, "too-large": 413}
-"""By code; 422 for all others, which are about files and settings."""
+
+
+class RequestError(Exception):
+    """A request is at fault, not the user's files or settings: a status, and words for the page."""
+
+    def __init__(self, status: HTTPStatus, message: str, *, cause: str = "", fix: str = ""):
+        super().__init__(message)
+        self.status, self.cause, self.fix = status, cause, fix
 
 
 class Asked:
     """The query of a request, the parts of its path and the object of its body, each entry by its kind.
 
-    Every method raises `InputError` `bad-request` for an entry that is missing or of another kind.
+    Every method raises `RequestError` for an entry that is missing or of another kind.
     """
 
     def __init__(self, given: Mapping[str, Any]):
@@ -82,7 +89,7 @@ class Asked:
 
 
 async def asked_of(request: Request) -> Asked:
-    """What a request asks for. Raises `InputError` `bad-request`, `too-large`, `too-slow`."""
+    """What a request asks for. Raises `RequestError` for a body that is not JSON, too large or too slow."""
     given: dict[str, Any] = dict(request.query_params) | dict(request.path_params)
     if request.method == "POST":
         raw = await _body(request)
@@ -103,30 +110,27 @@ async def _body(request: Request) -> bytes:
             async for piece in request.stream():
                 body += piece
                 if len(body) > LARGEST_BODY:
-                    raise too_large(f"This request has more than {LARGEST_BODY:,} bytes.")
+                    said = f"This request has more than {LARGEST_BODY:,} bytes."
+                    raise RequestError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, said)
     except (TimeoutError, ClientDisconnect):
-        raise InputError("too-slow", f"The body was not sent in {PATIENCE:g} s.") from None
+        said = f"The body was not sent in {PATIENCE:g} s."
+        raise RequestError(HTTPStatus.REQUEST_TIMEOUT, said) from None
     return bytes(body)
 
 
-def too_large(said: str, fix: str = "") -> InputError:
-    """What is larger than the studio takes or gives."""
-    return InputError("too-large", said, fix=fix)
-
-
-def told(does: Callable[[], Response]) -> Response:
-    """The answer, or a refusal where the request or the user's files are at fault."""
-    try:
-        return does()
-    except (InputError, OSError) as error:
-        return refusal(error)
-
-
-def refusal(error: InputError | OSError) -> Response:
-    """What went wrong, as the page shows it."""
+def refusal(error: Exception) -> "Json":
+    """What went wrong, as the page shows it; status 422 where it is about files and settings."""
+    if isinstance(error, InputError):
+        return Json({"error": as_document(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
+    status, cause, fix, said = HTTPStatus.UNPROCESSABLE_ENTITY, "", "", str(error)
     if isinstance(error, OSError):
-        error = InputError("os-error", f"{error.strerror or error}.")
-    return Json({"error": as_document(error)}, STATUS.get(error.code, 422))
+        said = f"{error.strerror or error}."
+    elif isinstance(error, RequestError):
+        status, cause, fix = error.status, error.cause, error.fix
+    code = status.phrase.lower().replace(" ", "-")
+    return Json(
+        {"error": {"code": code, "message": said, "where": "", "cause": cause, "fix": fix}}, status
+    )
 
 
 class Json(JSONResponse):
@@ -147,5 +151,5 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
-def _bad(said: str) -> InputError:
-    return InputError("bad-request", said, fix="Load the page again.")
+def _bad(said: str) -> RequestError:
+    return RequestError(HTTPStatus.BAD_REQUEST, said, fix="Load the page again.")

@@ -131,9 +131,8 @@ def open_page(ready: Prepared) -> None:
         file.write_text(
             f'<!DOCTYPE html><meta http-equiv="refresh" content="0; url={goal}">', "utf-8"
         )
-        webbrowser.open(file.as_uri())
-        until = time.monotonic() + PATIENCE
-        while ready.sessions.waiting and not ready.server.should_exit and time.monotonic() < until:
+        there = webbrowser.open(file.as_uri())
+        while there and ready.sessions.waiting and not ready.server.should_exit:
             time.sleep(0.1)
 
 

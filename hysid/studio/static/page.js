@@ -35,15 +35,21 @@ async function answered(request) {
   throw new Refused(fault);
 }
 
-/** What shows that a request is this page's. Of one port alone, unlike a cookie; all pages of a browser have it. */
-const own = () => ({ "X-Hysid": localStorage.getItem("session") ?? "" });
-
-/** Exchange the token of the address, which is good once, for a session; a page that has one keeps it. */
-export async function enter() {
+/** Exchange the token of the address, which is good once, for a session; a browser that has one keeps it. */
+async function enter() {
   const token = new URLSearchParams(location.search).get("token");
   if (!token) return;
   history.replaceState(null, "", location.pathname + location.hash);
-  await post("api/enter", { token }).then(({ session }) => localStorage.setItem("session", session), () => {});
+  const answer = await fetch("api/enter", { method: "POST", body: JSON.stringify({ token }) });
+  if (answer.ok) localStorage.setItem("session", (await answer.json()).session);
+}
+
+const entered = enter().catch(() => {}); // the first request tells what is wrong
+
+/** What shows that a request is this page's; unlike a cookie, no other port of this machine gets it. */
+async function own() {
+  await entered;
+  return { "X-Hysid": localStorage.getItem("session") ?? "" };
 }
 
 /** A link to a file of the folder, by an address with a key that is good for this file alone. */
@@ -55,7 +61,7 @@ export function fileLink(path, text, { download = false } = {}) {
 
 export async function get(path, query = {}, signal = undefined) {
   const given = Object.fromEntries(Object.entries(query).filter(([, value]) => value !== null && value !== undefined));
-  return answered(fetch(`${path}?${new URLSearchParams(given)}`, { headers: own(), signal }));
+  return answered(fetch(`${path}?${new URLSearchParams(given)}`, { headers: await own(), signal }));
 }
 
 export async function getJson(path, query, signal) {
@@ -63,13 +69,13 @@ export async function getJson(path, query, signal) {
 }
 
 export async function post(path, body) {
-  const headers = { "Content-Type": "application/json", ...own() };
+  const headers = { "Content-Type": "application/json", ...await own() };
   return (await answered(fetch(path, { method: "POST", headers, body: JSON.stringify(body) }))).json();
 }
 
 export async function upload(file) {
   const path = `api/upload?${new URLSearchParams({ name: file.name })}`;
-  return (await answered(fetch(path, { method: "POST", headers: own(), body: file }))).json();
+  return (await answered(fetch(path, { method: "POST", headers: await own(), body: file }))).json();
 }
 
 export function number(x, digits = 3) {

@@ -1,6 +1,6 @@
 // The page: the measurements of the folder, the one that is open, its fit, and what runs.
 import { DataPanel } from "./data.js";
-import { duration, enter, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
+import { duration, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
 import { ResultPanel } from "./result.js";
 import { comparison } from "./compare.js";
 
@@ -251,7 +251,6 @@ addEventListener("hashchange", () => {
   if (name && name !== page.name) open(name);
 });
 
-await enter();
 await poll();
 const asked = decodeURIComponent(location.hash.slice(1));
 if (page.state?.files.some((file) => file.name === asked)) open(asked);

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import quote, urlsplit
@@ -15,6 +16,7 @@ import pytest
 from hysid.studio import _app, _folder, _requests, _server
 from hysid.studio._app import Studio
 from hysid.studio._folder import Folder, zipped
+from hysid.studio._requests import RequestError
 from hysteresis import InputError
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
@@ -94,7 +96,7 @@ def test_an_address_opens_one_session_and_a_used_one_makes_another(folder):
         assert len(said) == 1
         for _ in range(3):  # one is waiting from the first time on
             refused = ask(ready.address, "/api/enter", {"token": token})
-            assert refused.document["error"]["code"] == "no-session"
+            assert refused.document["error"]["code"] == "forbidden"
             assert "makes it print another" in refused.document["error"]["fix"]
         assert len(said) == 2
         other = entered(said[1])
@@ -140,26 +142,45 @@ def test_the_token_is_in_no_arguments_and_only_the_user_reads_it(folder, tmp_pat
     script.chmod(0o755)
     words = [sys.executable, "-m", "hysid", "studio", str(folder), "--json"]
     named = ENVIRONMENT | {"HOME": str(home), "BROWSER": f"{script} %s"}
-    with subprocess.Popen(words, env=named, stdout=subprocess.PIPE, text=True) as process:
+    process = subprocess.Popen(words, env=named, stdout=subprocess.PIPE, text=True)
+    try:
         assert process.stdout is not None
         address = process.stdout.readline().split('"')[3]
         token = urlsplit(address).query.removeprefix("token=")
-        for _ in range(300):
-            if seen.exists():
-                break
-            time.sleep(0.1)
+        _wait_for(seen.exists)
         said = seen.read_text()
         assert token not in said
         assert said.split("\n")[2:4] == ["0o600", "0o700"]
         assert f"url={address}" in Path(f"{seen}.html").read_text()
         assert len(list(home.glob("hysid-studio-*"))) == 1
         entered(address)
-        for _ in range(100):
-            if not list(home.glob("hysid-studio-*")):
-                break
-            time.sleep(0.1)
+        _wait_for(lambda: not list(home.glob("hysid-studio-*")))
+    finally:
         process.terminate()
-    assert not list(home.glob("hysid-studio-*"))
+        process.communicate()
+
+
+def _wait_for(what: Callable[[], bool]) -> None:
+    """Wait until it is so, for at most 30 s."""
+    for _ in range(300):
+        if what():
+            return
+        time.sleep(0.1)
+    raise AssertionError("It did not come.")
+
+
+def test_the_page_opens_a_report_in_a_tab(browser, fitted):
+    (fitted / "run" / "report.html").write_text("<h1>Report of run</h1>")
+    with serving([fitted / "run.csv"]) as ready:
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(ready.address)
+        with context.expect_page() as opened:
+            page.get_by_role("link", name="Report").click()
+        opened.value.get_by_role("heading", name="Report of run").wait_for()
+        opened.value.reload()
+        opened.value.get_by_role("heading", name="Report of run").wait_for()
+        context.close()
 
 
 def test_without_a_session_there_is_the_page_alone(folder):
@@ -328,6 +349,5 @@ def test_a_configuration_is_no_measurement(folder):
 
 def test_a_large_folder_is_not_packed(folder, monkeypatch):
     monkeypatch.setattr(_folder, "LARGEST_ARCHIVE", 100)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(RequestError, match="too large"):
         zipped(folder)
-    assert caught.value.code == "too-large"
