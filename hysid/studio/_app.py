@@ -145,7 +145,7 @@ class Studio:
             ]
             if target := options.get("target", ""):
                 if target not in TARGETS:
-                    raise InputError("bad-option", f"There is no target {target!a}.")
+                    raise InputError("bad-option", f"There is no target {target!r}.")
                 written = f"{at}/{target_name(place, target)}"
                 self.folder.inside(written)
                 words = ["export", _path(at), "--to", target, _path(written)]
@@ -157,7 +157,7 @@ class Studio:
             )
             words = [kind, _path(at), _path(other), *(["--inverse"] if kind == "predict" else [])]
         else:
-            raise InputError("bad-option", f"There is no command {kind!a}.")
+            raise InputError("bad-option", f"There is no command {kind!r}.")
         return self.jobs.start(kind, name, words).document
 
     def compare(self, names: Sequence[str]) -> dict[str, Any]:

@@ -76,14 +76,14 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
         table: Any = document[name]
         for key, value in keys.items():
             if name == "selection" and key not in FIELDS:
-                raise InputError("unknown-key", f"There is no option {key!a}.", place=str(config))
+                raise InputError("unknown-key", f"There is no option {key!r}.", place=str(config))
             if not (_is_plain(key) and _is_plain(value)) or (
                 name == "selection"
                 and value is not None
                 and not fits_option(key, _as_option(key, value))
             ):
                 raise InputError(
-                    "bad-option", f"{key!a} cannot be {value!a:.80}.", place=str(config)
+                    "bad-option", f"{key!r} cannot be {value!r:.80}.", place=str(config)
                 )
             if value is None:
                 table.pop(key, None)

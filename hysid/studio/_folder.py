@@ -54,7 +54,7 @@ class Folder:
         if odd or not _is_name(name) or self._leads_out(path):
             raise InputError(
                 "outside-folder",
-                f"{name[:LONGEST_NAME]!a} is not a file of this folder.",
+                f"{name[:LONGEST_NAME]!r} is not a file of this folder.",
                 place=str(self.root),
                 fix="Copy the file into the folder, or start hysid studio there.",
             )
@@ -71,7 +71,8 @@ class Folder:
 
         Raises `InputError` `outside-folder` where it leads out of the folder, or a link in it does.
         """
-        self.inside(os.path.relpath(place, self.root))
+        own = place.is_relative_to(self.root)
+        self.inside(str(place.relative_to(self.root) if own else place))
         if (place / "fit.json").is_file():
             for found in (*place.glob("*"), *place.glob("*/*")):
                 if found.is_symlink() and self._leads_out(found):

@@ -128,7 +128,7 @@ class Fits:
         with self._lock:
             fit = self._loaded(folder)
             if unknown := values.keys() - {one.name for one in _sliders(fit)}:
-                raise InputError("unknown-parameter", f"There is no slider {min(unknown)!a:.60}.")
+                raise InputError("unknown-parameter", f"There is no slider {min(unknown)!r:.60}.")
             model = moved(fit.model, values)
             record = fit.train if fit.test is None else fit.test
             return _curve("moved", record, replace(fit, model=model).predict(record))

@@ -84,7 +84,7 @@ def prepared(
     port = listening.getsockname()[1]
     studio, host = Studio(folder, models), f"{ADDRESS}:{port}"
     named = [path.resolve().relative_to(folder.root) for path in files if path.is_file()]
-    first = f"#{quote(named[0].as_posix())}" if named else ""
+    first = f"#{quote(named[0].as_posix(), errors='replace')}" if named else ""
     addresses: list[str] = []
 
     def new(token: str) -> None:

@@ -40,8 +40,9 @@ ODD: tuple[Any, ...] = (
     {"K.x.0": 1e308}, {"input": 5}, {"input": []}, {"units_row": -1}, {"table": 0}, {"range": [1, 2, 3]},
     {"nope": 1}, {"test_lines": ["x"]}, {"dialects": "../x.toml"}, {"dialects": "run.toml"},
     {"time": "\ud800"}, {"where": ["x"]}, {"test_tail": 1e308}, {"dt": -1}, {"nan": "x"},
-    {"a\nb": {"c": []}}, {"seed": 10**30}, {"decimal": ";"}, {"na_values": "x" * 2000}, {"step": 0},
-    {"hold": True}, {"exclude_lines": ["2-9" * 300]}, {"each": "time (s)"},
+    {"a\nb": {"c": []}}, {"a\nb": 1}, {"a.b": 1}, {'"\\': "\x00\x7f\u2028"}, {"": 1}, {"seed": 10**30},
+    {"decimal": ";"}, {"na_values": "x" * 2000}, {"step": 0}, {"hold": True},
+    {"exclude_lines": ["2-9" * 300]}, {"each": "time (s)"},
     {"exclude_lines": [f"{2 * k}-{2 * k}" for k in range(2000)]},
 )  # fmt: skip
 BODIES = (
@@ -124,6 +125,9 @@ def tried(ready: Prepared, count: int, first: int = 0) -> Tried:
         if status >= 500 or (status >= 400 and not said) or (not status and whole):
             found.faults.append(f"{status} {said} {request[:600]!r}")
     assert ask(ready.address, "/api/state", X_Hysid=secret).status == 200
+    look = ask(ready.address, "/api/look", {"name": "run.csv"}, X_Hysid=secret).document
+    if (look["fault"] or {}).get("code") == "bad-config":  # none may leave a file that is not TOML
+        found.faults.append(str(look["fault"]))
     return found
 
 

@@ -5,6 +5,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -158,6 +159,24 @@ def test_the_token_is_in_no_arguments_and_only_the_user_reads_it(folder, tmp_pat
     finally:
         process.terminate()
         process.communicate()
+
+
+def test_the_file_that_opens_the_browser_leads_to_the_page(browser, folder, monkeypatch):
+    seen: list[str] = []
+    monkeypatch.setattr(_server.Path, "home", lambda: folder.parent)
+    monkeypatch.setattr(_server.webbrowser, "open", lambda address: seen.append(address) or True)
+    with serving([folder / "run.csv"]) as ready:
+        thread = threading.Thread(target=_server.open_page, args=(ready,))
+        thread.start()
+        _wait_for(lambda: bool(seen))
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(seen[0])
+        page.get_by_role("heading", name="run.csv").wait_for()
+        thread.join(10)
+        assert not thread.is_alive()
+        context.close()
+    assert not list(folder.parent.glob("hysid-studio-*"))
 
 
 def _wait_for(what: Callable[[], bool]) -> None:
@@ -338,6 +357,16 @@ def test_names_that_no_file_can_have_are_refused(folder, name):
     with pytest.raises(InputError) as caught:
         Folder(folder).file(name)
     assert caught.value.code in ("outside-folder", "file-not-found")
+
+
+@pytest.mark.parametrize("value", ["..", "link/../outside", "/etc", "link", "\0", "a/" * 3000])
+def test_no_value_of_a_fit_leads_out_of_the_folder(folder, value):
+    (folder / "run").mkdir()
+    (folder.parent / "outside").mkdir()
+    (folder / "run" / "link").symlink_to(folder.parent / "outside")
+    with pytest.raises((InputError, OSError)) as caught:
+        Studio(Folder(folder), []).place("run.csv", value)
+    assert getattr(caught.value, "code", "outside-folder") == "outside-folder"
 
 
 def test_a_configuration_is_no_measurement(folder):
