@@ -13,7 +13,7 @@ import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 
-from ..figures._sliders import moved, sliders_of
+from ..figures._sliders import Slider, moved, sliders_of
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
 from ..operations._columns import selection_of_fit
@@ -109,12 +109,7 @@ class Fits:
             if fit.test is not None:
                 found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
             record = fit.train
-            units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-            try:
-                sliders = sliders_of(fit.model, units)
-            except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
-                sliders = []
-            found["sliders"] = [one._asdict() for one in sliders]
+            found["sliders"] = [one._asdict() for one in _sliders(fit)]
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
@@ -128,10 +123,12 @@ class Fits:
     def redrawn(self, folder: Path, values: Mapping[str, float]) -> dict[str, Any]:
         """The model's output with parameters at other values, and its error; nothing is written.
 
-        Raises `InputError` as the model does where a value is out of its bounds.
+        Raises `InputError` `unknown-parameter` where there is no such slider.
         """
         with self._lock:
             fit = self._loaded(folder)
+            if unknown := values.keys() - {one.name for one in _sliders(fit)}:
+                raise InputError("unknown-parameter", f"There is no slider {min(unknown)!r:.60}.")
             model = moved(fit.model, values)
             record = fit.train if fit.test is None else fit.test
             return _curve("moved", record, replace(fit, model=model).predict(record))
@@ -195,6 +192,15 @@ def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
         "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
         **series,
     }  # fmt: skip
+
+
+def _sliders(fit: identify.FitResult) -> list[Slider]:
+    record = fit.train
+    units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    try:
+        return sliders_of(fit.model, units)
+    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+        return []
 
 
 def _loops(

@@ -1,5 +1,5 @@
 // Fits of several measurements side by side: loops overlaid, errors, parameters, and the page that compares them.
-import { faultBox, fill, getJson, h, number, post, quantity, say, table, word } from "./page.js";
+import { faultBox, fileLink, fill, getJson, h, number, post, quantity, say, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const COLOURS = ["--measured", "--model", "--held", "--moved", "--input", "--excluded"];
@@ -26,7 +26,7 @@ export async function comparison(main, names, jobs, poll) {
       }
       const place = job.result?.file;
       if (!place) throw Object.assign(new Error("failed"), { fault: job.error });
-      fill(written, h("p", {}, h("a", { href: `files/comparison/${encodeURIComponent(place.split(/[\\/]/).at(-1))}`, target: "_blank", rel: "noopener" }, "The comparison (opens in a new tab)")));
+      fill(written, h("p", {}, fileLink(`comparison/${place.split(/[\\/]/).at(-1)}`, "The comparison (opens in a new tab)")));
       say("The comparison is written.");
     } catch (error) {
       fill(written, faultBox(error.fault ?? { message: String(error) }));

@@ -1,5 +1,5 @@
 // A fit: its verdict, candidates, loops, residuals, parameters, posterior, compensator, files.
-import { faultBox, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
+import { faultBox, fileLink, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
@@ -261,9 +261,9 @@ export class ResultPanel {
   }
 
   files(found) {
-    const link = (path, text) => h("a", { href: `files/${path.split("/").map(encodeURIComponent).join("/")}?download=1`, download: "" }, text.includes(".") ? text : `${text} (ZIP)`);
+    const link = (path, text) => fileLink(path, text.includes(".") ? text : `${text} (ZIP)`, { download: true });
     const list = h("ul", {}, found.exports.map((path) => h("li", {}, link(path, path.split("/").at(-1)))),
-      found.report && h("li", {}, h("a", { href: `files/${found.report.split("/").map(encodeURIComponent).join("/")}`, target: "_blank", rel: "noopener" }, "Report (opens in a new tab)")));
+      found.report && h("li", {}, fileLink(found.report, "Report (opens in a new tab)")));
     const deed = (kind, text) => h("button", { type: "button", onclick: () => this.start(kind, { value: this.folder }) }, text);
     this.done = (job) => {
       if (job.kind !== "export") return;

@@ -108,7 +108,7 @@ async function open(name) {
     listFiles();
   }
   try {
-    const look = await getJson("api/look", { name });
+    const look = await post("api/look", { name });
     if (page.name === name) show(look);
   } catch (error) {
     if (page.name === name) fill(main, faultBox(error.fault ?? { message: String(error) }));
