@@ -12,6 +12,7 @@ from hysteresis import InputError, Record
 from .._compensator import with_compensator
 from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
+from ..intake._own_config import check_there
 from ..intake._selection import Selection, all_of
 from ._compensated import fitted_to_compensate
 from ._several_fits import together
@@ -31,6 +32,7 @@ def fit(
     New fits of several values replace the old ones all at once, at the end; where there are none, each is
     there as soon as it is made.
     """
+    check_there(file)
     selection.check_columns()
     records, faults = selection.records(selection.read(file))
     folders = folder_names(records)
