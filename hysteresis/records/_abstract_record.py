@@ -119,7 +119,7 @@ class AbstractRecord:
     def place(self, row: int) -> str:
         """A row's line in words, and its time where there is a clock."""
         at = self.lines(np.array([row]))
-        return at if self.time is None else f"{at} ({quantity(self.time[row], self.time_unit)})"
+        return at if self.time is None else f"{at} ({quantity(self.time[row], self.time_unit, 6)})"
 
     def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
         rows = np.flatnonzero(bad)

@@ -25,7 +25,6 @@ SURE = 3.0
 MOVED = 0.15
 """Of the output's range: a zero that moves so far is as grave as an error that is too large to use."""
 
-
 DRIFTS = 0.05
 """Of the output's range: a steady drift so far is an error in the next run with which no fit passes."""
 
