@@ -8,7 +8,8 @@ damaged at random), readings (compensators fed with what a broken sensor gives),
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
 guided (bytes of tables, runtime files, fits and configurations that atheris makes, guided by coverage),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
-units, moved far off, made again), interpreters (outputs and fits with two threads, and by another Python),
+units, moved far off, made again), zeros (tares, jumps, drifts and losses of the zero put into good
+records), interpreters (outputs and fits with two threads, and by another Python),
 load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments),
 chains (of killed samplers, resumed), http (the studio: wrong requests, many at once, other ports).
 
@@ -44,6 +45,7 @@ from ._ruggedness import load as _load
 from ._ruggedness import numbers as _numbers
 from ._ruggedness import tables as _tables
 from ._ruggedness import written as _written
+from ._ruggedness import zeros as _zeros
 from ._ruggedness.fuzzing import elsewhere, fuzz, one_line
 
 FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
@@ -327,6 +329,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "headers": lambda quick: _written.headers(17 if quick else 1),
     "http": http,
     "numbers": numbers,
+    "zeros": _zeros.rows,
     "load": much,
     "disk": disk,
     "kills": kills,

@@ -19,6 +19,7 @@ OPTIONS = (
     "condition",
     "nan",
     "segments",
+    "rezero",
     "input_unit",
     "output_unit",
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._format import duration
+from .._format import duration, quantity
 from .._note import Note
 from ._arrays import same_length
 from ._cycles import branches, cycles
@@ -115,6 +115,11 @@ class AbstractRecord:
         """The lines of the first and the last of these rows, in words."""
         word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
         return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
+
+    def place(self, row: int) -> str:
+        """A row's line in words, and its time where there is a clock."""
+        at = self.lines(np.array([row]))
+        return at if self.time is None else f"{at} ({quantity(self.time[row], self.time_unit, 6)})"
 
     def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
         rows = np.flatnonzero(bad)
