@@ -21,8 +21,10 @@ from starlette.staticfiles import StaticFiles
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
 from hysteresis._format import plain
+from identify.batch._fit_many import SIDE_BY_SIDE
 
 from . import _configuration
+from ._controls import ROLES, settings, worded
 from ._equivalents import equivalents, header_name, target_name
 from ._folder import Folder, upload_to, zipped
 from ._guard import DOCUMENT_RULES
@@ -34,6 +36,8 @@ from ._views import of_loops, over_time
 STATIC = Path(__file__).parent / "static"
 COMPARISON = "comparison"
 """The folder of the page that compares fits."""
+ABOUT = ("value", "file", "target", "made", "stamp")
+"""What is remembered of a command: the fit, file and target it is for, and when these were made."""
 LARGEST = 4 * 2**30
 """Bytes of an upload."""
 
@@ -73,7 +77,10 @@ class Studio:
             "files": self.folder.listed(),
             "jobs": self.jobs.listed(),
             "models": self._models,
+            "constants": list(SIDE_BY_SIDE),
             "targets": [target for target in TARGETS if target not in ("c", "runtime")],
+            "roles": ROLES,
+            "settings": settings(),
         }
 
     def look(self, name: str) -> dict[str, Any]:
@@ -85,19 +92,21 @@ class Studio:
             selection = _configuration.selection(one.config)
         place = self.place(name)
         try:
-            found["result"] = self.fits.summary(place, selection) if place.exists() else None
-        except InputError as error:
             found["result"] = None
+            if place.exists():
+                asked = found["fit"]
+                found["result"] = self.fits.summary(place, selection, asked, file=one.file)
+                found["seen"] = self.folder.copies(one.file)
+        except InputError as error:
             if error.code != "file-not-found":
                 found["result_fault"] = as_document(error)
         shown = (found["result"] or {}).get("folder", ".")
-        asked = found.get("fit", {})
-        found["equivalents"] = equivalents(one.file, place, selection, asked, shown)
+        found["equivalents"] = equivalents(one.file, place, selection, found["fit"], shown)
         return found
 
     def change(self, name: str, changes: dict[str, dict[str, Any]]) -> None:
         """Change the configuration of a measurement."""
-        _configuration.change(self.measurement(name).config, changes)
+        self.measurement(name).change(changes)
         self.jobs.touched()
 
     def start(self, kind: str, name: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -140,13 +149,14 @@ class Studio:
             words = [kind, _path(at), _path(other), *(["--inverse"] if kind == "predict" else [])]
         else:
             raise InputError("bad-option", f"There is no command {kind!r}.")
-        return self.jobs.start(kind, name, words).document
+        about = {key: options[key] for key in ABOUT if key in options}
+        return self.jobs.start(kind, name, words, about).document
 
     def compare(self, names: Sequence[str]) -> dict[str, Any]:
         """Start the page that compares the fits of several measurements."""
         places = [self.place(name).relative_to(self.folder.root).as_posix() for name in names]
         words = ["report", *map(_path, places), "--out", COMPARISON]
-        return self.jobs.start("compare", COMPARISON, words).document
+        return self.jobs.start("compare", COMPARISON, words, {"value": "\n".join(names)}).document
 
 
 def app_of(studio: Studio) -> Starlette:
@@ -202,14 +212,14 @@ def _safely(handler: Any, studio: Studio, asked: dict[str, Any]) -> Response:
     try:
         found = handler(studio, asked)
     except InputError as error:
-        return JSONResponse({"error": as_document(error)}, 422)
+        return JSONResponse(worded({"error": as_document(error)}), 422)
     except OSError as error:
         said = f"{error.strerror or error}."
         return JSONResponse({"error": {"code": "os-error", "message": said}}, 422)
     except (KeyError, TypeError) as error:
         said = f"This request is not complete ({type(error).__name__} {error})."
         return JSONResponse({"error": {"code": "bad-request", "message": said}}, 400)
-    return found if isinstance(found, Response) else JSONResponse(plain(found))
+    return found if isinstance(found, Response) else JSONResponse(worded(plain(found)))
 
 
 def _state(studio: Studio, asked: Any) -> Any:
@@ -299,8 +309,9 @@ def _cancel(studio: Studio, asked: Any) -> Any:
 
 
 def _summary(studio: Studio, asked: Any) -> Any:
-    selection = _configuration.selection(studio.measurement(asked["name"]).config)
-    return studio.fits.summary(studio.place(asked["name"]), selection, asked.get("value", ""))
+    one, value = studio.measurement(asked["name"]), asked.get("value", "")
+    selection, fit = _configuration.selection(one.config), _configuration.read(one.config)["fit"]
+    return studio.fits.summary(studio.place(asked["name"]), selection, fit, value, one.file)
 
 
 def _curves(studio: Studio, asked: Any) -> Any:
@@ -308,8 +319,11 @@ def _curves(studio: Studio, asked: Any) -> Any:
 
 
 def _redraw(studio: Studio, asked: Any) -> Any:
-    values = {str(name): float(value) for name, value in asked["values"].items()}
-    return studio.fits.redrawn(_fit_place(studio, asked), values)
+    values, factors = (
+        {str(name): float(value) for name, value in asked[key].items()}
+        for key in ("values", "factors")
+    )
+    return studio.fits.redrawn(_fit_place(studio, asked), values, factors)
 
 
 def _posterior(studio: Studio, asked: Any) -> Any:
