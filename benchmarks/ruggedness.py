@@ -10,7 +10,7 @@ guided (bytes of tables, runtime files, fits and configurations that atheris mak
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
 units, moved far off, made again), interpreters (outputs and fits with two threads, and by another Python),
 load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments),
-chains (of killed samplers, resumed).
+chains (of killed samplers, resumed), http (the studio: wrong requests, many at once, other ports).
 
 `--count`: of cases of `tables`, `documents` and `guided`, 10,000 each by default; `--seed`: other cases, so
 that 200,000 are tried by several processes. `--python`: the other Python, of an environment that has hysid,
@@ -37,6 +37,7 @@ from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
 from ._ruggedness import coverage_guided as _coverage_guided
 from ._ruggedness import documents as _documents
+from ._ruggedness import http as _http
 from ._ruggedness import interpreters as _interpreters
 from ._ruggedness import kills as _kills
 from ._ruggedness import load as _load
@@ -291,6 +292,12 @@ def disk(quick: bool) -> list[Row]:
         return _kills.full_disk()
 
 
+def http(quick: bool) -> list[Row]:
+    """The server of the studio."""
+    with elsewhere():
+        return _http.rows(200 if quick else 3000, 0)
+
+
 def numbers(quick: bool) -> list[Row]:
     """Fits of a record in other units, moved far off, and made again."""
     if quick:
@@ -318,6 +325,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "readings": readings,
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
     "headers": lambda quick: _written.headers(17 if quick else 1),
+    "http": http,
     "numbers": numbers,
     "load": much,
     "disk": disk,

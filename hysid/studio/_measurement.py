@@ -69,9 +69,9 @@ class Measurement:
                 known = self._guessed()["selection"]
                 changes = {**changes, "selection": known | dict(changes.get("selection", {}))}
             _configuration.change(self.config, changes)
-            given = _configuration.read(self.config)["selection"]
-            if not begun and (_has_roles(given) or not {"input", "output"} & given.keys()):
-                with contextlib.suppress(InputError):  # `look` tells it
+            with contextlib.suppress(InputError):  # `look` tells it
+                given = _configuration.read(self.config)["selection"]
+                if not begun and (_has_roles(given) or not {"input", "output"} & given.keys()):
                     self._write_guess(given)
 
     def look(self) -> dict[str, Any]:

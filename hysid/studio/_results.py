@@ -16,7 +16,7 @@ from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 
 from ..figures._plot import axes_of
-from ..figures._sliders import moved, sliders_of
+from ..figures._sliders import Slider, moved, sliders_of
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
 from ..operations._columns import selection_of_fit
@@ -123,13 +123,8 @@ class Fits:
             if fit.test is not None:
                 found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
             record = fit.train
-            units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-            try:
-                sliders = sliders_of(fit.model, units)
-            except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
-                sliders = []
             found["shapes"] = handles_of(fit)
-            found["sliders"] = [one._asdict() for one in sliders if "." not in one.name]
+            found["sliders"] = [one._asdict() for one in _sliders(fit)]
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
@@ -146,10 +141,12 @@ class Fits:
         """The model's output with parameters at other values, or figures of its loop that are so many times
         as large, and its error; nothing is written.
 
-        Raises `InputError` as the model does where a value is out of its bounds.
+        Raises `InputError` `unknown-parameter` where there is no such slider.
         """
         with self._lock:
             fit = self._loaded(folder)
+            if unknown := values.keys() - {one.name for one in _sliders(fit)}:
+                raise InputError("unknown-parameter", f"There is no slider {min(unknown)!r:.60}.")
             fit = replace(fit, model=moved(fit.model, values))
             record = judged(fit)
             return _curve("moved", record, reshaped(fit, record, factors))
@@ -213,6 +210,16 @@ def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
         "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
         "flagged_rows": int(flagged.sum()), **series,
     }  # fmt: skip
+
+
+def _sliders(fit: identify.FitResult) -> list[Slider]:
+    record = fit.train
+    units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    try:
+        # Numbers of a composition's parts mean little one by one.
+        return [one for one in sliders_of(fit.model, units) if "." not in one.name]
+    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+        return []
 
 
 def _loops(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from hysteresis import Record
+from hysteresis import InputError, Record
 from identify.records._loads import kind_of_units
 
 LEVELS = 60
@@ -26,6 +26,8 @@ MOVES = 1e-3
 """Of the output's range: a relaxation time that changes less than this is not in the model."""
 SLOWER = 3.0
 """Factor by which a slider makes a stiffness or a time smaller or larger, and a loop wider."""
+FAR = 1e3
+"""No factor is larger, or smaller than its inverse."""
 
 STIFFNESS, WIDTH, TIME = "stiffness", "loop width", "relaxation time"
 
@@ -56,7 +58,16 @@ def handles_of(fit: identify.FitResult) -> list[dict[str, Any]]:
 
 
 def reshaped(fit: identify.FitResult, record: Record, factors: Mapping[str, float]) -> np.ndarray:
-    """(n,) the model's output with figures of its loop that are so many times as large."""
+    """(n,) the model's output with figures of its loop that are so many times as large.
+
+    Raises `InputError` `unknown-parameter` for a figure without a slider, or a factor far from its ends.
+    """
+    for name, by in factors.items():
+        least = 0.0 if name == WIDTH else 1 / FAR
+        if name not in (STIFFNESS, WIDTH, TIME) or not least <= by <= FAR:
+            raise InputError(
+                "unknown-parameter", f"There is no slider {name!r:.60} at {by:g} times."
+            )
     y = np.asarray(fit.predict(_slower(record, factors.get(TIME, 1.0))), float)
     stiffness, width = factors.get(STIFFNESS, 1.0), factors.get(WIDTH, 1.0)
     if kind_of_units(record) == "creep":

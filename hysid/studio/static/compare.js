@@ -1,5 +1,5 @@
 // Fits of several measurements side by side: loops on the same axes, figures and parameters in columns.
-import { Deed, faultOf, fill, getJson, h, number, quantity, table, word } from "./page.js";
+import { Deed, faultOf, fileLink, fill, getJson, h, number, quantity, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const MOST = 6;
@@ -16,7 +16,7 @@ export function comparison(main, names, studio) {
     } }), name)));
   const write = new Deed(studio, "compare", "Write the page that compares them", {
     options: () => ({ names: shown(), value: shown().join("\n") }),
-    answer: (job) => h("p", {}, h("a", { href: `files/comparison/${encodeURIComponent(job.result.file.split(/[\\/]/).at(-1))}`, target: "_blank", rel: "noopener" }, "The comparison (opens in a new tab)")),
+    answer: (job) => h("p", {}, fileLink(`comparison/${job.result.file.split(/[\\/]/).at(-1)}`, "The comparison (opens in a new tab)")),
   });
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, "Comparison"), h("p", { class: "soft" }, "Fits of several measurements of this folder, side by side."))),
     h("section", { class: "card", "aria-labelledby": "compare-title" }, h("h2", { id: "compare-title" }, "Measurements"), boxes, loopsAt,
@@ -38,7 +38,7 @@ export function comparison(main, names, studio) {
     const curvesOf = ({ curves: { records } }) => records.flatMap(({ u, y, model, gap }) => [[y, "--under", 4], [model, "--model", 1.4]].map(([values, colour, width]) => ({ x: u, y: values, gap: gap.map(Boolean), colour, width })));
     // One scale for those that have the same axes: what is larger looks larger.
     const axesOf = ({ curves: { axes } }) => `${axes.u} ${axes.y}`;
-    fill(loopsAt, all.map(({ name, summary }) => h("figure", {}, h("figcaption", {}, h("strong", {}, name), " ", word(summary.level), summary.stale && " of earlier choices"), h("div", { role: "img", "aria-label": `Loops of ${name} and of its model` }))));
+    fill(loopsAt, all.map(({ name, summary }) => h("figure", {}, h("figcaption", {}, h("strong", {}, name), " ", word(summary.level), summary.stale && " of other choices"), h("div", { role: "img", "aria-label": `Loops of ${name} and of its model` }))));
     all.forEach((one, k) => {
       const { axes } = one.curves, plot = new LoopPlot(loopsAt.children[k].lastElementChild, { height: 240 });
       plot.show(curvesOf(one), axes.u, axes.y, all.filter((other) => axesOf(other) === axesOf(one)).flatMap(curvesOf));

@@ -36,15 +36,37 @@ async function answered(request) {
   let fault = { code: "http", message: `The studio answered with status ${answer.status}.` };
   try {
     fault = (await answer.json()).error ?? fault;
-  } catch {
-    fault.message = answer.status === 403 ? "This page has lost its token. Open the address that hysid studio printed." : fault.message;
-  }
+  } catch { /* the server is too busy for words of its own */ }
   throw new Refused(fault);
+}
+
+/** Exchange the token of the address, which is good once, for a session; a browser that has one keeps it. */
+async function enter() {
+  const token = new URLSearchParams(location.search).get("token");
+  if (!token) return;
+  history.replaceState(null, "", location.pathname + location.hash);
+  const answer = await fetch("api/enter", { method: "POST", body: JSON.stringify({ token }) });
+  if (answer.ok) localStorage.setItem("session", (await answer.json()).session);
+}
+
+const entered = enter().catch(() => {}); // the first request tells what is wrong
+
+/** What shows that a request is this page's; unlike a cookie, no other port of this machine gets it. */
+async function own() {
+  await entered;
+  return { "X-Hysid": localStorage.getItem("session") ?? "" };
+}
+
+/** A link to a file of the folder, by an address with a key that is good for this file alone. */
+export function fileLink(path, text, { download = false } = {}) {
+  const link = h("a", download ? { download: "" } : { target: "_blank", rel: "noopener" }, text);
+  getJson("api/link", { name: path }).then(({ address }) => { link.href = download ? `${address}&download=1` : address; }, () => {});
+  return link;
 }
 
 export async function get(path, query = {}, signal = undefined) {
   const given = Object.fromEntries(Object.entries(query).filter(([, value]) => value !== null && value !== undefined));
-  return answered(fetch(`${path}?${new URLSearchParams(given)}`, { signal }));
+  return answered(fetch(`${path}?${new URLSearchParams(given)}`, { headers: await own(), signal }));
 }
 
 export async function getJson(path, query, signal) {
@@ -52,13 +74,13 @@ export async function getJson(path, query, signal) {
 }
 
 export async function post(path, body) {
-  const headers = { "Content-Type": "application/json", "X-Hysid": "1" };
+  const headers = { "Content-Type": "application/json", ...await own() };
   return (await answered(fetch(path, { method: "POST", headers, body: JSON.stringify(body) }))).json();
 }
 
 export async function upload(file) {
   const path = `api/upload?${new URLSearchParams({ name: file.name })}`;
-  return (await answered(fetch(path, { method: "POST", headers: { "X-Hysid": "1" }, body: file }))).json();
+  return (await answered(fetch(path, { method: "POST", headers: await own(), body: file }))).json();
 }
 
 export function number(x, digits = 3) {

@@ -1,5 +1,5 @@
 // A fit: its verdict, candidates, loops, residuals, parameters, posterior, compensator, files.
-import { Deed, faultBox, faultOf, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
+import { Deed, faultBox, faultOf, fileLink, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
@@ -28,7 +28,7 @@ export class ResultPanel {
     }
     this.folder = found.folder === "." ? "" : found.folder;
     const place = h("div"), all = [this.verdict(found), place];
-    fill(this.element, found.stale ? h("details", { class: "card" }, h("summary", {}, "A fit of earlier choices"),
+    fill(this.element, found.stale ? h("details", { class: "card" }, h("summary", {}, "A fit of other choices"),
       h("p", {}, "It was made from other columns, rows or options than those chosen now, or from another file. Fit to judge the present ones."), all) : all);
     try {
       const curves = await getJson("api/curves", { name: this.name, value: this.folder });
@@ -47,10 +47,9 @@ export class ResultPanel {
   filled(found) {
     fill(this.posteriorAt, found.posterior && this.posterior(found.posterior));
     if (found.posterior) this.drawPosterior();
-    const href = (path) => `files/${path.split("/").map(encodeURIComponent).join("/")}`;
-    const link = (path) => h("a", { href: `${href(path)}?download=1`, download: "" }, path.includes(".") ? path.split("/").at(-1) : `${path.split("/").at(-1)} (ZIP)`);
+    const link = (path) => fileLink(path, path.includes(".") ? path.split("/").at(-1) : `${path.split("/").at(-1)} (ZIP)`, { download: true });
     fill(this.made, (found.exports.length > 0 || found.report) && h("ul", {}, found.exports.map((path) => h("li", {}, link(path))),
-      found.report && h("li", {}, h("a", { href: href(found.report), target: "_blank", rel: "noopener" }, "Report (opens in a new tab)"))));
+      found.report && h("li", {}, fileLink(found.report, "Report (opens in a new tab)"))));
     this.update();
   }
 

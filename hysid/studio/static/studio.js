@@ -1,6 +1,6 @@
 // The page: the measurements of the folder, the one that is open, its fit, and what runs.
 import { DataPanel } from "./data.js";
-import { Deed, faultBox, faultOf, fill, getJson, h, sameLines, say, settingFields, upload, word } from "./page.js";
+import { Deed, faultBox, faultOf, fill, getJson, h, post, sameLines, say, settingFields, upload, word } from "./page.js";
 import { ResultPanel } from "./result.js";
 import { comparison } from "./compare.js";
 
@@ -111,7 +111,7 @@ async function open(name) {
   }
   const before = page.look;
   try {
-    const look = await getJson("api/look", { name });
+    const look = await post("api/look", { name });
     if (page.name !== name) return;
     if (page.look === before && !page.data.waiting) show(look);
     else page.version = -1; // something was changed meanwhile: look again

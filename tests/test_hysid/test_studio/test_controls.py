@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import identify
 from hysid.studio._controls import on_page, settings, worded
 from hysid.studio._shapes import STIFFNESS, WIDTH, handles_of, reshaped
-from hysteresis import Record
+from hysteresis import InputError, Record
 from hysteresis.rigs import SpongeRig
 
 ROOT = Path(__file__).parents[3]
@@ -89,3 +89,7 @@ def test_sliders_move_the_figures_that_they_name():
     assert wide[STIFFNESS] == pytest.approx(before[STIFFNESS], rel=0.1)
     assert stiff[STIFFNESS] == pytest.approx(2 * before[STIFFNESS], rel=0.1)
     assert stiff[WIDTH] == pytest.approx(before[WIDTH], rel=1e-3)
+    for wrong in ({"offset": 1.0}, {STIFFNESS: 0.0}, {WIDTH: -1.0}, {WIDTH: 1e300}):
+        with pytest.raises(InputError) as caught:
+            reshaped(fit, fit.train, wrong)
+        assert caught.value.code == "unknown-parameter"

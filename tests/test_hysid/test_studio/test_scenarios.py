@@ -82,14 +82,14 @@ def test_a_fit_of_other_choices_is_put_away(page, there):
     page.locator("#verdict").wait_for()
     page.get_by_label("Number of cycles held out").fill("2")
     page.keyboard.press("Tab")
-    page.get_by_text("A fit of earlier choices").wait_for()
+    page.get_by_text("A fit of other choices").wait_for()
     assert not page.locator("#verdict").is_visible()
     assert "PASS" not in page.locator("#files").inner_text()
     page.get_by_label("Number of cycles held out").fill("1")
     page.keyboard.press("Tab")
     page.locator("#verdict").wait_for()
     page.get_by_label("A model with named constants").check()
-    page.get_by_text("A fit of earlier choices").wait_for()
+    page.get_by_text("A fit of other choices").wait_for()
     assert not page.locator("#verdict").is_visible()
     page.get_by_label("My own choice").check()
     page.get_by_label("Composition", exact=True).check()
@@ -97,7 +97,7 @@ def test_a_fit_of_other_choices_is_put_away(page, there):
         page.get_by_label(name, exact=True).uncheck()
     page.locator("#verdict").wait_for()
     (there / "run.csv").write_text(SPONGE.read_text() + "606,1.0,4.0,5\n")
-    page.get_by_text("A fit of earlier choices").wait_for()
+    page.get_by_text("A fit of other choices").wait_for()
 
 
 def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
@@ -186,11 +186,11 @@ def test_the_model_is_one_of_three_choices_and_sliders_are_those_of_the_loop(pag
     fit.get_by_text("My own choice").click()
     assert fit.get_by_role("checkbox").count() > 10
     fit.get_by_text("A model with named constants").click()
-    page.get_by_text("A fit of earlier choices").wait_for()
+    page.get_by_text("A fit of other choices").wait_for()
     assert fit.get_by_role("radio").count() == 3
     assert fit.get_by_role("checkbox").count() == 0
     assert 'model = "LinearSponge,Burgers,FoamCurve,BoucWen"' in (there / "run.toml").read_text()
-    page.get_by_text("A fit of earlier choices").click()
+    page.get_by_text("A fit of other choices").click()
     page.get_by_text("What if … ?").click()
     sliders = page.locator("#verdict .sliders label").all_inner_texts()
     assert [text.split("\n")[0].strip() for text in sliders][:2] == ["stiffness", "loop width"]
