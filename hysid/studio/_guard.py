@@ -123,6 +123,8 @@ class Guard:
             raise RequestError(
                 HTTPStatus.FORBIDDEN, said, fix=f"Open http://{self._host}, by this name."
             )
+        if "\0" in path:  # earlier versions of Starlette look for such a file
+            raise RequestError(HTTPStatus.NOT_FOUND, "There is nothing at this address.")
         if page or path.startswith("/static/") or path == "/api/enter":
             return
         key, secret = request.query_params.get("key", ""), head.get("x-hysid", "")
