@@ -41,7 +41,11 @@ def fit(
     check_writable(out)
     found: dict[str, dict[str, Any]] = {}
     written: dict[str, Any] = {}
-    extra = {"selection": _as_read(selection, [train for train, _ in records.values()]).as_json()}
+    asked = {name: value for name, value in options.items() if isinstance(value, str | int)}
+    extra = {
+        "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
+        "options": asked,
+    }
     run = partial(fitted_to_compensate, **options)
     if selection.is_step:
         if options.get("purpose") == "compensate":

@@ -23,8 +23,10 @@ from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
+from identify.batch._fit_many import SIDE_BY_SIDE
 
 from . import _configuration
+from ._controls import ROLES, settings
 from ._equivalents import equivalents, header_name, target_name
 from ._folder import Folder, upload_to, zipped
 from ._guard import DOCUMENT_RULES, Sessions
@@ -37,6 +39,8 @@ from ._views import of_loops, over_time
 STATIC = Path(__file__).parent / "static"
 COMPARISON = "comparison"
 """The folder of the page that compares fits."""
+ABOUT = ("value", "file", "target", "made", "stamp")
+"""What is remembered of a command: the fit, file and target it is for, and when these were made."""
 FAULTS = (InputError, OSError, RequestError)
 """What is refused with words; any other exception is a fault of ours, and is status 500."""
 LARGEST = 4 * 2**30
@@ -86,7 +90,10 @@ class Studio:
             "files": self.folder.listed(),
             "jobs": self.jobs.listed(),
             "models": self._models,
+            "constants": list(SIDE_BY_SIDE),
             "targets": [target for target in TARGETS if target not in ("c", "runtime")],
+            "roles": ROLES,
+            "settings": settings(),
         }
 
     def look(self, name: str) -> dict[str, Any]:
@@ -99,15 +106,17 @@ class Studio:
             selection = _configuration.selection(one.config)
         place = self.place(name)
         try:
-            with damage_told("The fit", place, "Fit again."):
-                found["result"] = self.fits.summary(place, selection) if place.exists() else None
-        except InputError as error:
             found["result"] = None
+            if place.exists():
+                with damage_told("The fit", place, "Fit again."):
+                    asked = found["fit"]
+                    found["result"] = self.fits.summary(place, selection, asked, file=one.file)
+                found["seen"] = self.folder.copies(one.file)
+        except InputError as error:
             if error.code != "file-not-found":
                 found["result_fault"] = as_document(error)
         shown = (found["result"] or {}).get("folder", ".")
-        asked = found.get("fit", {})
-        found["equivalents"] = equivalents(one.file, place, selection, asked, shown)
+        found["equivalents"] = equivalents(one.file, place, selection, found["fit"], shown)
         return found
 
     def change(self, name: str, changes: dict[str, dict[str, Any]]) -> None:
@@ -116,7 +125,7 @@ class Studio:
         with self.changing(name):
             with contextlib.suppress(InputError):  # a file that is not understood has roles by hand
                 one.configured()
-            _configuration.change(one.config, changes)
+            one.change(changes)
         self.jobs.touched()
 
     def start(self, kind: str, name: str, options: Mapping[str, str]) -> dict[str, Any]:
@@ -158,13 +167,14 @@ class Studio:
             words = [kind, _path(at), _path(other), *(["--inverse"] if kind == "predict" else [])]
         else:
             raise InputError("bad-option", f"There is no command {kind!r}.")
-        return self.jobs.start(kind, name, words).document
+        about = {key: options[key] for key in ABOUT if key in options}
+        return self.jobs.start(kind, name, words, about).document
 
     def compare(self, names: Sequence[str]) -> dict[str, Any]:
         """Start the page that compares the fits of several measurements."""
         places = [self.place(name).relative_to(self.folder.root).as_posix() for name in names]
         words = ["report", *map(_path, places), "--out", COMPARISON]
-        return self.jobs.start("compare", COMPARISON, words).document
+        return self.jobs.start("compare", COMPARISON, words, {"value": "\n".join(names)}).document
 
 
 def app_of(studio: Studio, sessions: Sessions) -> Starlette:
@@ -308,7 +318,7 @@ def _brush(studio: Studio, asked: Asked) -> Any:
 
 
 def _start(studio: Studio, asked: Asked) -> Any:
-    options = {key: asked.text(key, "") for key in ("value", "target", "file")}
+    options = {key: asked.text(key, "") for key in ABOUT}
     return studio.start(asked.text("kind"), asked.text("name"), options)
 
 
@@ -322,11 +332,11 @@ def _cancel(studio: Studio, asked: Asked) -> Any:
 
 
 def _summary(studio: Studio, asked: Asked) -> Any:
-    name = asked.text("name")
-    selection = _configuration.selection(studio.measurement(name).config)
-    place = studio.place(name)
+    name, value = asked.text("name"), asked.text("value", "")
+    one, place = studio.measurement(name), studio.place(name)
+    selection, fit = _configuration.selection(one.config), _configuration.read(one.config)["fit"]
     with damage_told("The fit", place, "Fit again."):
-        return studio.fits.summary(place, selection, asked.text("value", ""))
+        return studio.fits.summary(place, selection, fit, value, one.file)
 
 
 def _curves(studio: Studio, asked: Asked) -> Any:
@@ -334,7 +344,8 @@ def _curves(studio: Studio, asked: Asked) -> Any:
 
 
 def _redraw(studio: Studio, asked: Asked) -> Any:
-    return studio.fits.redrawn(_fit_place(studio, asked), asked.numbers("values"))
+    values, factors = asked.numbers("values"), asked.numbers("factors")
+    return studio.fits.redrawn(_fit_place(studio, asked), values, factors)
 
 
 def _posterior(studio: Studio, asked: Asked) -> Any:

@@ -108,12 +108,17 @@ class Folder:
         return file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit")
 
     def listed(self) -> list[dict[str, Any]]:
-        """Every measurement with what there is of it: configuration, and the verdict of its fit."""
+        """Every measurement with what there is of it: configuration, and the verdict of its fit.
+
+        `stamp`, `edited`: when the file and its configuration were written.
+        """
         return [
             {
                 "name": file.relative_to(self.root).as_posix(),
                 "size": file.stat().st_size,
-                "configured": file.with_suffix(".toml").is_file(),
+                "stamp": str(file.stat().st_mtime),
+                "configured": (config := file.with_suffix(".toml")).is_file(),
+                "edited": str(config.stat().st_mtime) if config.is_file() else "",
                 "fit": self._verdict(self.fit_of(file)),
             }
             for file in self.measurements()
@@ -143,6 +148,15 @@ class Folder:
             yield path
         finally:
             self._coming.discard(path)
+
+    def copies(self, file: Path) -> list[str]:
+        """The names of the measurements that hold the same bytes as a file, its own name included."""
+        size = file.stat().st_size
+        return [
+            path.relative_to(self.root).as_posix()
+            for path in self.measurements()
+            if path.stat().st_size == size and filecmp.cmp(path, file, shallow=False)
+        ]
 
     def twin(self, name: str, content: Path) -> Path | None:
         """The measurement of this name that holds the same bytes as an uploaded file."""

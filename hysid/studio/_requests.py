@@ -13,6 +13,7 @@ from starlette.responses import JSONResponse
 from hysteresis import InputError
 from hysteresis._limits import parse_json
 
+from ._controls import worded
 from ._measurement import as_document
 
 LARGEST_BODY = 1_000_000
@@ -134,11 +135,12 @@ def refusal(error: Exception) -> "Json":
 
 
 class Json(JSONResponse):
-    """JSON in ASCII: the name of a file may hold bytes that are no UTF-8."""
+    """JSON in ASCII: a name of a file may hold bytes that are no UTF-8. Its texts for people name the
+    controls of the page in place of options."""
 
     def render(self, content: Any) -> bytes:
         """The bytes of the answer."""
-        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+        return json.dumps(worded(content), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 def _number(name: str, value: Any) -> float:

@@ -194,6 +194,7 @@ def test_the_page_opens_a_report_in_a_tab(browser, fitted):
         context = browser.new_context()
         page = context.new_page()
         page.goto(ready.address)
+        page.get_by_text("A fit of other choices").click()  # it was made without the configuration
         with context.expect_page() as opened:
             page.get_by_role("link", name="Report").click()
         opened.value.get_by_role("heading", name="Report of run").wait_for()

@@ -162,7 +162,7 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     np.testing.assert_allclose(other["model"], loaded.predict(loaded.train)[loaded.train.mask])
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
     same, moved = (
-        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}) for k in (1.0, 1.5)
+        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}, {}) for k in (1.0, 1.5)
     )
     assert same["rms"] == pytest.approx(curves["records"][-1]["rms"])
     assert moved["rms"] > same["rms"]
@@ -285,7 +285,7 @@ def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, 
     monkeypatch.setattr(
         studio.jobs,
         "start",
-        lambda kind, name, words: given.append(list(words)) or Job(1, kind, name, words),
+        lambda kind, name, words, *_: given.append(list(words)) or Job(1, kind, name, words),
     )
     monkeypatch.chdir(tmp_path)
     targets = studio.state()["targets"]
