@@ -15,6 +15,7 @@ import identify
 from hysteresis import InputError
 from hysteresis._atomic_file import atomic_file
 
+from ..intake._own_config import config_of, folder_of
 from ._requests import RequestError
 
 MEASUREMENTS = (
@@ -64,7 +65,7 @@ class Folder:
         """The configuration of a measurement. Raises `InputError` `outside-folder`, `bad-option`."""
         if file.suffix == ".toml":
             raise InputError("bad-option", "A configuration is not a measurement.", place=file.name)
-        return self.inside(file.with_suffix(".toml").relative_to(self.root).as_posix())
+        return self.inside(config_of(file).relative_to(self.root).as_posix())
 
     def fit(self, place: Path) -> Path:
         """The folder of a fit, or of one of its values.
@@ -105,7 +106,7 @@ class Folder:
 
     def fit_of(self, file: Path) -> Path:
         """The folder of a measurement's fit, as `hysid fit` names it."""
-        return file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit")
+        return folder_of(file)
 
     def listed(self) -> list[dict[str, Any]]:
         """Every measurement with what there is of it: configuration, and the verdict of its fit.
@@ -117,7 +118,7 @@ class Folder:
                 "name": file.relative_to(self.root).as_posix(),
                 "size": file.stat().st_size,
                 "stamp": str(file.stat().st_mtime),
-                "configured": (config := file.with_suffix(".toml")).is_file(),
+                "configured": (config := config_of(file)).is_file(),
                 "edited": str(config.stat().st_mtime) if config.is_file() else "",
                 "fit": self._verdict(self.fit_of(file)),
             }

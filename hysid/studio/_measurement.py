@@ -17,10 +17,11 @@ from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
 from ..intake._creep_fits import check_step
 from ..intake._lines import as_ranges, on_lines
+from ..intake._own_config import config_of
 from ..intake._selection import Pair, Selection
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ..intake.guess._column_pairs import columns_of
-from ..intake.guess._guess import Guess, _read, guess
+from ..intake.guess._guess import Guess, guess, table_of
 from ..operations._init import init
 from . import _configuration
 from ._views import EXCLUDED, GAP, USED, Series
@@ -39,7 +40,6 @@ class Measurement:
 
     def __init__(self, file: Path):
         self.file = file
-        self.config = file.with_suffix(".toml")
         self._lock = threading.RLock()
         self._tables: dict[Any, Table] = {}
         self._reading: Any = None
@@ -47,6 +47,11 @@ class Measurement:
         self._guess: tuple[Any, dict[str, Any]] | None = None
         self._series: tuple[Any, Series] | None = None
         self._faults: dict[Any, Exception] = {}
+
+    @property
+    def config(self) -> Path:
+        """Its configuration, which another file of the same stem may have taken since."""
+        return config_of(self.file)
 
     def configured(self) -> None:
         """Write the configuration that `hysid init` writes, where there is none.
@@ -244,7 +249,7 @@ class Measurement:
         Raises `InputError` where it cannot be read.
         """
         found = Guess()
-        table = _read(self.file, found, given)
+        table = table_of(self.file, found, given)
         moves = {n for n, c in columns_of(table).items() if np.nanmax(c.x) > np.nanmin(c.x)}
         found.rows = int(len(table.line) / table.share)
         found.columns = [

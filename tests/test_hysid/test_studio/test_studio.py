@@ -63,6 +63,16 @@ def test_uploads_get_a_free_name_in_the_folder(tmp_path: Path, name: str):
     assert not first.name.startswith(".")
 
 
+def test_two_files_of_one_stem_share_nothing(studio, tmp_path):
+    shutil.copy(SPONGE, tmp_path / "run.txt")
+    studio.look("run.csv")
+    studio.look("run.txt")
+    studio.change("run.csv", {"selection": {"test_cycles": 2}})
+    assert studio.look("run.txt")["selection"].get("test_cycles") != 2
+    assert {file.name for file in tmp_path.glob("*.toml")} == {"run.toml", "run.txt.toml"}
+    assert studio.place("run.txt") != studio.place("run.csv")
+
+
 def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(studio, tmp_path):
     look = studio.look("run.csv")
     config = tmp_path / "run.toml"
