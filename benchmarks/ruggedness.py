@@ -6,6 +6,7 @@ python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
+fields (every entry of a fit.json and of runtime files left out or of another kind),
 guided (bytes of tables, runtime files, fits and configurations that atheris makes, guided by coverage),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
 units, moved far off, made again), interpreters (outputs and fits with two threads, and by another Python),
@@ -270,6 +271,14 @@ def documents(count: int, first: int) -> list[Row]:
     return rows
 
 
+def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row]]:
+    def inside(quick: bool) -> list[Row]:
+        with elsewhere():
+            return part(quick)
+
+    return inside
+
+
 def kills(quick: bool) -> list[Row]:
     """A hundred kills of commands."""
     if quick:
@@ -317,6 +326,7 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "folders": folders,
     "readings": readings,
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
+    "fields": _in_a_folder(_documents.fields),
     "headers": lambda quick: _written.headers(17 if quick else 1),
     "numbers": numbers,
     "load": much,

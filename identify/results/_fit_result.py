@@ -366,7 +366,8 @@ def _row(p: Parameter) -> tuple[str, ...]:
     """A parameter as cells: name, value and error, unit, 90 % interval, status."""
     error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
     if p.repeatability is not None:
-        error = f" +- {p.repeatability:.2g} from cycle to cycle ({p.stderr:.2g} with the misfit)"
+        misfit = "" if p.stderr is None else f" ({p.stderr:.2g} with the misfit)"
+        error = f" +- {p.repeatability:.2g} from cycle to cycle{misfit}"
     word = "open:" if p.status == "inseparable" else "90 %:"
     interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
     return (
