@@ -12,7 +12,12 @@ from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Parameter
 from ..results._metrics import Metrics
 
-Errors = dict[str, Metrics | None]
+
+class Errors(TypedDict):
+    """Errors on both records."""
+
+    train: Metrics | None
+    test: Metrics | None
 
 
 class ReasonWords(TypedDict):
@@ -120,8 +125,10 @@ class MotionWords(TypedDict):
     """The motions that a band was learnt from."""
 
     inputs: list[float]
-    turns: list[Any]
+    turns: list[list[list[float]]]
     speeds: list[float]
+    ends: list[float]
+    growth: list[float]
 
 
 class BandWords(TypedDict):
@@ -133,6 +140,8 @@ class BandWords(TypedDict):
     width: float
     coverage: float
     coverage_before: float
+    share: NotRequired[float]
+    lasts: NotRequired[float]
     motions: MotionWords | None
 
 
