@@ -11,7 +11,17 @@ from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from types import UnionType
-from typing import Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints, is_typeddict
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    is_typeddict,
+)
 
 import equinox as eqx
 import jax
@@ -81,8 +91,8 @@ def described(
 def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
     """The inverse of `described`; also of what earlier versions wrote.
 
-    Raises `InputError` for a class that is not registered, `KeyError`, `TypeError` and `ValueError` for what
-    `described` does not write.
+    Raises `InputError` for a class that is not registered, `KeyError`, `TypeError` and `ValueError` for
+    what `described` does not write.
     """
     if isinstance(words, list):
         return [rebuilt(part, arrays) for part in words]

@@ -117,7 +117,9 @@ def each_replaced(document: Any, put: Sequence[Any] = PUT) -> Iterator[tuple[str
 
 
 def _places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    for key in node if isinstance(node, dict) else range(len(node[:2]) if isinstance(node, list) else 0):
+    for key in (
+        node if isinstance(node, dict) else range(len(node[:2]) if isinstance(node, list) else 0)
+    ):
         yield (*at, key)
         yield from _places(node[key], (*at, key))
 
@@ -131,15 +133,18 @@ def fields(quick: bool) -> list[Row]:
     """Every entry of a fit.json and of runtime files, in turn taken away or of another kind."""
     put = PUT[2:3] if quick else PUT
     rows, every = [], 16 if quick else 4
-    for what, tried in (("fit.json", _fit_fields(put)), ("runtime files", _runtime_fields(put, every))):
-        wrong, count, begin = [], 0, time.process_time()
-        for count, said in enumerate(tried, 1):
-            wrong += [said] if said else []
+    for what, tried in (
+        ("fit.json", _fit_fields(put)),
+        ("runtime files", _runtime_fields(put, every)),
+    ):
+        begin = time.process_time()
+        ended = list(tried)
+        wrong = [said for said in ended if said]
         for said in wrong[:20]:
             print(f"{what}: {said}", file=sys.stderr)
         took = time.process_time() - begin
         rows += [
-            judged(f"{count:,} entries of {what} left out or changed: tracebacks, silently used", len(wrong), 0),
+            judged(f"{len(ended):,} changes of {what}: tracebacks, silently used", len(wrong), 0),
             noted("    seconds of processor time", took),
         ]  # fmt: skip
     return rows
@@ -162,7 +167,10 @@ def _fit_fields(put: Sequence[Any]) -> Iterator[str]:
         except Exception as error:
             yield f"{place}: {type(error).__name__} {error}"
             continue
-        said = place.split(".")[-2:-1] in (["reasons"], ["history"])  # in earlier versions a sentence
+        said = place.split(".")[-2:-1] in (
+            ["reasons"],
+            ["history"],
+        )  # in earlier versions a sentence
         yield f"{place}: used" if used and other and not said else ""
 
 

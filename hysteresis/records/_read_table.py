@@ -96,9 +96,9 @@ def read_table(
         problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
     ways = separator, decimal, units_row, dialects, table
-    if most is None and (large := streamed(path)):
-        if found := _by_its_head(path, large, len(large), ways, tuple(na_values)):
-            return found
+    large = streamed(path) if most is None else None
+    if large and (found := _by_its_head(path, large, len(large), ways, tuple(na_values))):
+        return found
     data, size = file_bytes(path, most)
     if (sheet := binary(path, data, table)) is None:
         if found := _by_its_head(path, data, size, ways, tuple(na_values)):
@@ -284,7 +284,12 @@ def _feet(body: list[list[str]], width: int) -> list[list[str]]:
 
 
 def _table(
-    path: Path, data: bytes | Streamed, size: int, sheet: Sheet, decimal: str, na_values: tuple[str, ...]
+    path: Path,
+    data: bytes | Streamed,
+    size: int,
+    sheet: Sheet,
+    decimal: str,
+    na_values: tuple[str, ...],
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     check_room(path, sheet.columns, sheet.line)

@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._abstract_record import AbstractRecord
-from ._cells import floats, missing, parsed
+from ._cells import LARGEST, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 from ._dialect import headless
 
@@ -68,8 +68,7 @@ class Table:
                 text = text[rows]
                 x = parsed(text, self.decimal, self.na_values)
         if x.dtype.kind == "f":
-            # 1e150 is no measurement, and its square, summed over rows, overflows.
-            bad = np.flatnonzero((x > 1e150) | (x < -1e150))
+            bad = np.flatnonzero((x > LARGEST) | (x < -LARGEST))
             if not bad.size:
                 return x
             text = self.text[name] if rows is None else self.text[name][rows]

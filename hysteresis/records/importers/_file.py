@@ -41,7 +41,9 @@ class Streamed:
         begin, end, _ = place.indices(len(self))
         now = self._now()
         if (now.st_size, now.st_mtime_ns) != (self._state.st_size, self._state.st_mtime_ns):
-            raise fault("unreadable-file", self._path, "it was changed while it was read.", "try again.")
+            raise fault(
+                "unreadable-file", self._path, "it was changed while it was read.", "try again."
+            )
         with self._path.open("rb") as file:
             file.seek(begin)
             return file.read(end - begin)

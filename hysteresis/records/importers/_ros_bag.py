@@ -48,7 +48,10 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         most = left = most_unpacked(len(data))
         for part in path.glob("*.db3"):
             _check_plain_tables(part)
-        with _unpacking_at_most(ALWAYS_UNPACKED), AnyReader([path], default_typestore=known) as reader:
+        with (
+            _unpacking_at_most(ALWAYS_UNPACKED),
+            AnyReader([path], default_typestore=known) as reader,
+        ):
             for connection, stamp, raw in reader.messages():
                 if (left := left - len(raw) - _MESSAGE) < 0:
                     raise ValueError(f"its messages have more than {most:,} bytes")
@@ -101,8 +104,12 @@ def _check_plain_tables(file: Path) -> None:
     """Raise `ValueError` for a database that computes what is read from it, which may have no end."""
     if file.is_symlink():
         raise ValueError(f"{file.name} is a link to another place")
-    with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as base:
-        for kind, name, said in base.execute("select type, name, sql from sqlite_master").fetchall():
+    with closing(
+        sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    ) as base:
+        for kind, name, said in base.execute(
+            "select type, name, sql from sqlite_master"
+        ).fetchall():
             columns = base.execute("select hidden from pragma_table_xinfo(?)", (name,)).fetchall()
             virtual = (said or "").lstrip().lower().startswith("create virtual")
             if kind not in ("table", "index") or virtual or any(hidden for (hidden,) in columns):

@@ -11,8 +11,11 @@ from ._binary_workbook import Extent, extents_of_binary, extents_of_old, shared_
 MOST_EMPTY = 5_000_000
 """Cells that the sheets of a workbook may span, beyond twice those that are written in them."""
 
-_ITEM, _SHARED = re.compile(rb"<(?:\w+:)?si(?=[\s>]).*?</(?:\w+:)?si>", re.DOTALL), re.compile(
-    rb"""<(?:\w+:)?c\s[^<>]*\bt\s*=\s*["']s["'][^<>]*>\s*<(?:\w+:)?v>\s*([0-9]{1,9})\s*<"""
+_ITEM, _SHARED = (
+    re.compile(rb"<(?:\w+:)?si(?=[\s>]).*?</(?:\w+:)?si>", re.DOTALL),
+    re.compile(
+        rb"""<(?:\w+:)?c\s[^<>]*\bt\s*=\s*["']s["'][^<>]*>\s*<(?:\w+:)?v>\s*([0-9]{1,9})\s*<"""
+    ),
 )
 
 _PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Za-z]*)([0-9]+)["']""")
