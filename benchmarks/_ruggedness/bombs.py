@@ -303,11 +303,6 @@ def uff_declared() -> bytes:
     return (head + "a\n" * 11).encode() + bytes(2000) + b"\n    -1\n"
 
 
-def words_csv() -> bytes:
-    """A million cells of text, each another one."""
-    return b"a,b\n" + b"".join(b"%x,%x\n" % (k, k * k) for k in range(1_000_000))
-
-
 def json_wide() -> bytes:
     """Objects that have no key in common."""
     return b"".join(b'{"k%d": 1}\n' % k for k in range(200_000))
@@ -413,7 +408,7 @@ _ACCIDENTS = (_flipped, _cut, _repeated, _lines, _lengths, _numbers)
 FILES: dict[str, Callable[[], bytes]] = {
     "numbers.ods": ods_numbers, "empty.ods": ods_empty, "words.ods": ods_words, "words.xlsx": xlsx_words,
     "words.parquet": parquet_words, "rows.parquet": parquet_rows, "packed.bag": bag_packed,
-    "endless.lvm": lvm_endless, "declared.uff": uff_declared, "words.csv": words_csv,
+    "endless.lvm": lvm_endless, "declared.uff": uff_declared,
     "wide.json": json_wide,
 }  # fmt: skip
 FOLDERS: dict[str, Callable[[Path], Path]] = {

@@ -279,10 +279,10 @@ def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
     worst = max(_apart(compensator.step(dt, y, c).value, value) for y, dt, c, value in rows)
     # Where lists are too short, readings find out that the golden ones do not reach.
     low, high = compensator.limits
-    ends = compensator.condition and (compensator.condition["low"], compensator.condition["high"])
+    known = compensator.condition
     for k in range(SWEPT):
         share = k % 11 / 10
-        c = None if ends is None else ends[k % 2]
+        c = None if known is None else known[("low", "high")[k % 2]]
         compensator.step(golden["dt"][-1], low + (high - low) * share, c)
     return compensator, worst
 

@@ -124,7 +124,9 @@ def _unpacking_at_most(most: int) -> Iterator[None]:
     from rosbags.rosbag2 import reader as second
     from rosbags.rosbag2 import storage_mcap
 
-    zstd = second.zstd
+    own_module: Any = second
+    zstd = own_module.zstd
+    tables: tuple[Any, ...] = (first.decompressors, storage_mcap.DECOMPRESSORS)
 
     def limited(begin: Callable[[], Any]) -> Callable[..., bytes]:
         def unpack(packed: bytes, *_: int) -> bytes:
@@ -144,9 +146,9 @@ def _unpacking_at_most(most: int) -> Iterator[None]:
         decompress=ways["zstd"], open=lambda file, _: io.BytesIO(ways["zstd"](file.read()))
     )
     with ExitStack() as after:
-        for table in (first.decompressors, storage_mcap.DECOMPRESSORS):
+        for table in tables:
             after.callback(table.update, dict(table))
             table.update({name: way for name, way in ways.items() if name in table})
-        after.callback(setattr, second, "zstd", zstd)
-        second.zstd = own  # type: ignore[assignment]
+        after.callback(setattr, own_module, "zstd", zstd)
+        own_module.zstd = own
         yield
