@@ -172,7 +172,8 @@ class Record(AbstractRecord):
         y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
         more = *(channels or ()), *(conditions or ())
         kept |= {name: numbers(name, kept[name]) for name in more}
-        u: np.ndarray = np.zeros(n := y.size) if input is None else numbers("input", input)
+        n = y.size
+        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
         t = None if time is None else seconds(time)
         group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
@@ -180,17 +181,15 @@ class Record(AbstractRecord):
         same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
         same_length(output=y, **{name: kept[name] for name in more})
         if segments not in (None, "auto"):
-            raise InputError(
-                "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
-            )
+            mend = "--segments auto, or none."
+            raise InputError("bad-option", f"segments={segments!r}.", fix=mend)
         label, member = np.array(["all"]), group
         if groups is not None:
             unique, first, member = np.unique(group, return_index=True, return_inverse=True)
             member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
             order = np.argsort(member, kind="stable")
             if np.any(np.diff(order) < 0):
-                said = "Gathered the rows of each group: they were interleaved."
-                done.append(Note("gathered", said))
+                done.append(Note("gathered", "Gathered the interleaved rows of each group."))
             u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
             t = None if t is None else t[order]
             kept = {name: np.asarray(column)[order] for name, column in kept.items()}
