@@ -53,6 +53,14 @@ class Band(TypedDict):
     gain: NotRequired[float]
 
 
+class Operations(TypedDict):
+    """How many operations a step takes, and over how many readings that was counted."""
+
+    mean: float
+    most: float
+    readings: float
+
+
 class Golden(TypedDict):
     """Readings and the estimates they give; null where there is none."""
 
@@ -83,6 +91,7 @@ class Document(TypedDict):
     coverage: NotRequired[float | None]
     lasting: NotRequired[Lasting | None]
     band: NotRequired[Band | None]
+    operations: NotRequired[Operations | None]
     golden: Golden
 
 
