@@ -6,6 +6,8 @@ python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
+bombs (small files that unpack, repeat or declare much), makers (files of makers, damaged at random),
+fields (every entry of a fit.json and of runtime files left out or of another kind),
 guided (bytes of tables, runtime files, fits and configurations that atheris makes, guided by coverage),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
 units, moved far off, made again), zeros (tares, jumps, drifts and losses of the zero put into good
@@ -36,6 +38,7 @@ from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
 from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
+from ._ruggedness import bombs as _bombs
 from ._ruggedness import coverage_guided as _coverage_guided
 from ._ruggedness import documents as _documents
 from ._ruggedness import http as _http
@@ -273,6 +276,14 @@ def documents(count: int, first: int) -> list[Row]:
     return rows
 
 
+def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row]]:
+    def inside(quick: bool) -> list[Row]:
+        with elsewhere():
+            return part(quick)
+
+    return inside
+
+
 def kills(quick: bool) -> list[Row]:
     """A hundred kills of commands."""
     if quick:
@@ -326,6 +337,9 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "folders": folders,
     "readings": readings,
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
+    "bombs": _in_a_folder(_bombs.bombs),
+    "makers": _in_a_folder(_bombs.mutated),
+    "fields": _in_a_folder(_documents.fields),
     "headers": lambda quick: _written.headers(17 if quick else 1),
     "http": http,
     "numbers": numbers,

@@ -13,6 +13,7 @@ from .._errors import InputError
 from .._format import duration, quantity
 from .._note import Note
 from ._arrays import same_length
+from ._cells import LARGEST, LEAST_RANGE
 from ._cycles import branches, cycles
 
 
@@ -72,6 +73,15 @@ class AbstractRecord:
         for role, name, x, where in wanted:
             if (bad := np.isinf(x)).any():
                 raise self._fault("not-finite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+            if (bad := (x > LARGEST) | (x < -LARGEST)).any():
+                said = f"{bad.sum()} beyond {LARGEST:g} in {role} {name!r}"
+                raise self._fault("too-large", said, bad)
+            known = x[~np.isnan(x)]
+            if known.size and 0 < np.ptp(known) < LEAST_RANGE:
+                raise self._fault(
+                    "too-small", f"the range of {role} {name!r} is {np.ptp(known):.3g}", ~np.isnan(x),
+                    fix="use a smaller unit.",
+                )  # fmt: skip
             if not (bad := np.isnan(x) & where).any():
                 continue
             fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'

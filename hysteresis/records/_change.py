@@ -124,7 +124,10 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
     numbers = np.flatnonzero(share > 0.5)
     if len(numbers) < FEWEST:
         return None
-    inside = [counted & (cycle == number) for number in numbers]
+    # The places of each cycle: masks would take rows times cycles.
+    at = np.flatnonzero(counted & np.isin(cycle, numbers))
+    at = at[np.argsort(cycle[at], kind="stable")]
+    inside = np.split(at, np.flatnonzero(np.diff(cycle[at])) + 1)
     ends = np.array([(u[own].min(), u[own].max()) for own in inside])
     middle = np.median(ends, axis=0)
     alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
@@ -136,7 +139,7 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
     read = np.full((len(numbers), 2, LEVELS), np.nan)
     for out, own in zip(read, inside, strict=True):
         for side, sign in zip(out, (1, -1), strict=True):
-            leg = np.flatnonzero(own & (rising == sign))
+            leg = own[rising[own] == sign]
             if len(leg) > 1:
                 leg = leg[np.argsort(u[leg], kind="stable")]
                 side[:] = np.interp(level, u[leg], y[leg])

@@ -123,15 +123,16 @@ def read_csv(
             problem = f"No row of the file is on line {line}."
             lines = f"The rows are on lines {table.line.min()} to {table.line.max()} (--rezero LINE:SIZE)."
             raise InputError("no-match", problem, place=table.path, fix=lines)
+    chosen = slice(None) if rows.all() else rows  # a view, where a mask makes a copy
     names = [group] if isinstance(group, str) else list(group or ())
     for name in (*names, *keep):
         column_of(table, name)
     groups = None
     if names:
-        parts = [table.text[name][rows] for name in names]
+        parts = [table.text[name][chosen] for name in names]
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
-    t = None if time is None else table.number(time, rows)
-    moved = {name: table.number(name, rows) for name in (*inputs, *condition)}
+    t = None if time is None else table.number(time, chosen)
+    moved = {name: table.number(name, chosen) for name in (*inputs, *condition)}
     if input_time is not None:
         if t is None:
             problem = f"The input's clock is {input_time!r}, and the output's is not given."
@@ -141,19 +142,20 @@ def read_csv(
         notes.append(note)
         if (ended := np.isnan(t) & np.isnan(table.number(output, rows))).any():  # before the input
             rows[np.flatnonzero(rows)[ended]] = False
+            chosen = rows
             moved, t = {name: x[~ended] for name, x in moved.items()}, t[~ended]
             groups = None if groups is None else groups[~ended]
     record = Record.from_arrays(
         moved[inputs[0]] if named else None,
-        table.number(output, rows),
+        table.number(output, chosen),
         t,
         groups,
         dt=dt,
-        line=table.line[rows],
+        line=table.line[chosen],
         segments=segments,
         nan=nan,
         history=(Note("read", f"Read {rows.sum()} rows: {said} -> {output!r}."), *notes),
-        columns={name: table.columns[name][rows] for name in keep}
+        columns={name: table.columns[name][chosen] for name in keep}
         | {name: moved[name] for name in (*channels, *condition)},
         channels=channels,
         conditions={name: units["condition", name] for name in condition},

@@ -49,7 +49,7 @@ class Parameter(NamedTuple):
         error = "" if self.stderr is None else f" +- {self.stderr:.2g}"
         if self.repeatability is not None:
             error = f" +- {self.repeatability:.2g} from cycle to cycle"
-            error += f" ({self.stderr:.2g} with the misfit)"
+            error += "" if self.stderr is None else f" ({self.stderr:.2g} with the misfit)"
         word = "open:" if self.status == "inseparable" else "90 %:"
         interval = (
             ""
