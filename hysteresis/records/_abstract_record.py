@@ -79,7 +79,7 @@ class AbstractRecord:
             known = x[~np.isnan(x)]
             if known.size and 0 < np.ptp(known) < LEAST_RANGE:
                 raise self._fault(
-                    "too-small", f"the range of {role} {name!r} is {np.ptp(known):.3g}", ~np.isnan(x),
+                    "zero-range", f"the range of {role} {name!r} is {np.ptp(known):.3g}", ~np.isnan(x),
                     fix="use a smaller unit.",
                 )  # fmt: skip
             if not (bad := np.isnan(x) & where).any():
