@@ -6,6 +6,9 @@ python -m benchmarks.reading [--quick] [--json] [--only TEXT]
 the languages, encodings, separators, units and layouts that their programs have, are written with made-up
 numbers, and `hysid init` has to tell columns, units, clock and roles.
 
+`cases`, `sure`: small files in `../shared/cases` by the judge beside them; and how many roles and clocks
+`init` says it is sure of and has wrong, over these, the variants, makers' own files and measured sets.
+
 `large`: a table of three columns, a gigabyte, with `--quick` a fortieth. It is read in a process of its
 own, once by the compiled parser and, a million rows of it, by the careful reader alone. Seconds are those
 of the processor. `hysid init` is the whole command, from the start of Python on.
@@ -23,7 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from ._measure import Row, judged, noted, run_parts
+from ._trust.cases import cases_right
 from ._vendor_files._judge import judge, variants
+from ._vendor_files._sure import sure_and_wrong
 
 GIGABYTE = 10**9
 PIECE = 1_000_000
@@ -42,7 +47,12 @@ print(rows, time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts, and print."""
-    parts = {"variants": lambda _: judge(variants()), "large": _large}
+    parts = {
+        "variants": lambda _: judge(variants()),
+        "cases": lambda quick: cases_right(quick, ("init",), "small cases of `init` right"),
+        "sure": sure_and_wrong,
+        "large": _large,
+    }
     run_parts("benchmarks.reading", __doc__, parts, arguments)
 
 

@@ -6,11 +6,14 @@ python -m benchmarks.ruggedness [--quick] [--json] [--only TEXT] [--count N] [--
 Parts: files (the table of bad inputs), damage (a good file, damaged at random), folders (a fit's files,
 damaged at random), readings (compensators fed with what a broken sensor gives), tables (structured fuzzing
 of text tables, TDMS, workbooks and MAT-files), documents (the same of saved results and configurations),
+bombs (small files that unpack, repeat or declare much), makers (files of makers, damaged at random),
+fields (every entry of a fit.json and of runtime files left out or of another kind),
 guided (bytes of tables, runtime files, fits and configurations that atheris makes, guided by coverage),
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
-units, moved far off, made again), interpreters (outputs and fits with two threads, and by another Python),
+units, moved far off, made again), zeros (tares, jumps, drifts and losses of the zero put into good
+records), interpreters (outputs and fits with two threads, and by another Python),
 load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments),
-chains (of killed samplers, resumed).
+chains (of killed samplers, resumed), http (the studio: wrong requests, many at once, other ports).
 
 `--count`: of cases of `tables`, `documents` and `guided`, 10,000 each by default; `--seed`: other cases, so
 that 200,000 are tried by several processes. `--python`: the other Python, of an environment that has hysid,
@@ -35,14 +38,17 @@ from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
 
 from ._identification.sampling import kill_rows
 from ._measure import Row, judged, noted, run_parts
+from ._ruggedness import bombs as _bombs
 from ._ruggedness import coverage_guided as _coverage_guided
 from ._ruggedness import documents as _documents
+from ._ruggedness import http as _http
 from ._ruggedness import interpreters as _interpreters
 from ._ruggedness import kills as _kills
 from ._ruggedness import load as _load
 from ._ruggedness import numbers as _numbers
 from ._ruggedness import tables as _tables
 from ._ruggedness import written as _written
+from ._ruggedness import zeros as _zeros
 from ._ruggedness.fuzzing import elsewhere, fuzz, one_line
 
 FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--out", "out")
@@ -270,6 +276,14 @@ def documents(count: int, first: int) -> list[Row]:
     return rows
 
 
+def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row]]:
+    def inside(quick: bool) -> list[Row]:
+        with elsewhere():
+            return part(quick)
+
+    return inside
+
+
 def kills(quick: bool) -> list[Row]:
     """A hundred kills of commands."""
     if quick:
@@ -289,6 +303,12 @@ def disk(quick: bool) -> list[Row]:
     """Commands on a full disk; the same for `quick`."""
     with elsewhere():
         return _kills.full_disk()
+
+
+def http(quick: bool) -> list[Row]:
+    """The server of the studio."""
+    with elsewhere():
+        return _http.rows(200 if quick else 3000, 0)
 
 
 def numbers(quick: bool) -> list[Row]:
@@ -317,8 +337,13 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
     "folders": folders,
     "readings": readings,
     "names": lambda quick: _written.hostile_names(100 if quick else 500),
+    "bombs": _in_a_folder(_bombs.bombs),
+    "makers": _in_a_folder(_bombs.mutated),
+    "fields": _in_a_folder(_documents.fields),
     "headers": lambda quick: _written.headers(17 if quick else 1),
+    "http": http,
     "numbers": numbers,
+    "zeros": _zeros.rows,
     "load": much,
     "disk": disk,
     "kills": kills,

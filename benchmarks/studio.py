@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Serve the page, choose the file, move about, and print."""
     chosen = options("benchmarks.studio", __doc__, arguments)
     rows = PIECE // 10 if chosen.quick else PIECE
-    if _browser() is None:
+    if chromium() is None:
         why = "there is no Chromium or no Playwright"
         report([noted(f"first plot of {rows:,} rows: seconds", math.nan, reason=why)], chosen.json)
         return
@@ -117,7 +117,7 @@ def _page(address: str) -> Iterator[Any]:
     from playwright.sync_api import sync_playwright  # with the tests alone
 
     with sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=_browser(), args=["--no-sandbox"])
+        browser = started.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(PATIENCE)
         page.goto(address)
@@ -126,7 +126,7 @@ def _page(address: str) -> Iterator[Any]:
         browser.close()
 
 
-def _browser() -> str | None:
+def chromium() -> str | None:
     """The browser that is driven, None where it or what drives it is not installed."""
     there = importlib.util.find_spec("playwright") is not None
     return (os.environ.get("CHROMIUM") or shutil.which("chromium")) if there else None

@@ -5,6 +5,7 @@
 
 # hysid:own-package, which hysid/_packages.py looks for
 
+import inspect
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +81,13 @@ __all__ = sorted([*_MODULE, "Status"])
 def __getattr__(name: str) -> Any:
     if name not in _MODULE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULE[name]}", __name__), name)
+    found = getattr(import_module(f".{_MODULE[name]}", __name__), name)
+    if inspect.isfunction(found):
+        # late: it loads JAX, and the runtime of this package does without
+        from hysteresis._precision import in_own_precision
+
+        found = in_own_precision(found)
+    return globals().setdefault(name, found)
 
 
 def __dir__() -> list[str]:

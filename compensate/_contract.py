@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import Record, Units, html_of, plot_of
+from hysteresis._precision import keep_precision
 from hysteresis._quantities import as_units
 from hysteresis._show import one_line, table
 from hysteresis._type_variables import PyTree, State
@@ -48,6 +49,10 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
     """
 
     units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        keep_precision(cls, ("init", "step", "simulate"))
 
     @abc.abstractmethod
     def init(self) -> State:

@@ -7,6 +7,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
+from hysteresis._precision import in_double
 from hysteresis.records._turned import turned
 
 from ._compile_cache import keep_compiled_by_python
@@ -18,6 +19,7 @@ _OF_RECORDS = (
 )  # fmt: skip
 
 
+@in_double
 def fit(
     data: Any,
     other: Any = None,
@@ -50,6 +52,8 @@ def fit(
       either way of the output is.
 
     **Returns:** the `FitResult`.
+
+    The fit is made in double precision, in which its results compute too. JAX's own precision stays.
 
     Compiled programs are kept in the user's cache folder, as the command line keeps them, so that the first
     fit of the next process does not wait for them. A folder given to JAX is taken instead, and

@@ -20,10 +20,12 @@ from compensate.guards._guarded import longest_step
 from compensate.uncertainty._band_words import in_words, of_words
 from compensate.uncertainty._calibrated import checked
 from hysteresis import AbstractModel, Record
+from hysteresis._precision import in_own_precision
 from hysteresis._serialisation import described
 from identify import FitResult
 
 
+@in_own_precision
 def invert(
     fit_or_model: FitResult | AbstractModel, *arguments: Any, **options: Any
 ) -> AbstractCompensator:

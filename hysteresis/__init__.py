@@ -7,6 +7,7 @@ from ._drawing import html_of as html_of
 from ._drawing import plot_of as plot_of
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
+from ._model import AbstractSteppedModel as AbstractSteppedModel
 from ._note import Note as Note
 from ._parameter import ParameterInfo as ParameterInfo
 from ._parameter import Scalar as Scalar
@@ -19,7 +20,6 @@ from ._quantities import conversion as conversion
 from ._quantities import with_units as with_units
 from ._registry import model_names as model_names
 from ._registry import register as register
-from ._stepped_model import AbstractSteppedModel as AbstractSteppedModel
 from .dynamics._coupled import CoupledOscillators as CoupledOscillators
 from .dynamics._coupled import CoupledState as CoupledState
 from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays

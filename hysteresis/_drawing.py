@@ -4,8 +4,10 @@ from importlib import import_module
 from typing import Any
 
 from ._errors import InputError
+from ._precision import in_own_precision
 
 
+@in_own_precision
 def html_of(thing: Any) -> str | None:
     """The HTML by which a notebook shows one of our objects; None without hysid, and then it shows text.
 
@@ -24,6 +26,7 @@ def html_of(thing: Any) -> str | None:
     return None if drawing is None else drawing.html(thing)
 
 
+@in_own_precision
 def plot_of(thing: Any, **options: Any) -> Any:
     """The matplotlib `Figure` that `thing.plot()` gives back.
 

@@ -66,7 +66,11 @@ def parse_json(raw: str | bytes) -> Any:
     text = raw.decode("utf-8") if isinstance(raw, bytes) else raw
     if text.count("[") + text.count("{") > DEEPEST:
         _check_depth(_MARKS.findall(text))
-    return json.loads(text)
+    return json.loads(text, parse_constant=_no_number)
+
+
+def _no_number(said: str) -> None:
+    raise ValueError(f"{said} is not JSON")
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""The contract every model keeps."""
+"""The contract every model keeps, and models written sample by sample, by `init` and `step` alone."""
 
 import abc
 from functools import partial
-from typing import Any, Generic, overload
+from typing import Any, Generic, NamedTuple, overload
 
 import equinox as eqx
 import jax
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._parameter import array_module
+from ._precision import in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
 from ._type_variables import Prepared, State
@@ -39,6 +40,10 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
     trained: Float[Array, "2"] | None = eqx.field(default=None, converter=as_range, kw_only=True)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        keep_precision(cls, ("init", "step", "prepare", "evaluate", "simulate", "stream"))
 
     @abc.abstractmethod
     def init(self, t0: Any = None, u0: Any = None) -> State:
@@ -77,6 +82,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def evaluate(self, prepared: Prepared) -> Float[Array, " samples"]:
         """The output at every sample: parallel in time, differentiable in every parameter."""
 
+    @in_own_precision
     def simulate(
         self,
         t: Series | None,
@@ -111,6 +117,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def __repr__(self) -> str:
         return one_line(self)
 
+    @in_own_precision
     def stream(
         self, t: Series | None, u: Series, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
@@ -169,3 +176,49 @@ def before_each(
 def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
     """1 where an independent sequence begins, else 0."""
     return jnp.zeros(samples).at[jnp.asarray(starts)].set(1)
+
+
+class SteppedInput(NamedTuple):
+    """Times or None, inputs, where sequences start, and the state they start in."""
+
+    t: Array | None
+    u: Array
+    start: Array
+    state: Any
+
+
+class AbstractSteppedModel(AbstractModel[State, SteppedInput]):
+    """A model that is written as `init` and `step`; `prepare` and `evaluate` follow from them.
+
+    The state that `init` returns is a pytree of floating arrays or numbers, and `step` returns one of the
+    same shape. `evaluate` runs `step` in one compiled loop over the samples, and begins again in the
+    prepared state wherever a sequence starts. Without times (`t=None`), `step` is called with None: a model
+    that depends on the rate must raise `InputError` then.
+    """
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> SteppedInput:
+        before: Any = jax.tree.map(jnp.asarray, self.init() if state is None else state)
+        leaves = jax.tree.leaves(before)
+        dtype = jnp.result_type(*leaves) if leaves else float
+        u = jnp.asarray(u, dtype)
+        if t is None:
+            # Where the rate matters, a step without a time raises.
+            jax.eval_shape(self.step, before, None, jnp.zeros(u.shape[1:]))
+        else:
+            t = jnp.asarray(t, dtype)
+        return SteppedInput(t, u, is_start(len(u), starts) > 0, before)
+
+    def evaluate(self, prepared: SteppedInput) -> Float[Array, " samples"]:
+        def sample(state: State, at: tuple[Any, Array, Array]) -> tuple[State, Array]:
+            t, u, start = at
+            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
+            return self.step(before, t, u)
+
+        return jax.lax.scan(sample, prepared.state, (prepared.t, prepared.u, prepared.start))[1]

@@ -4,10 +4,24 @@ A class is written as `package:Class`. What is read back is put together field b
 run, only checks of the class itself, and only registered classes are made.
 """
 
+import inspect
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any
+from functools import cache
+from types import UnionType
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    is_typeddict,
+)
 
 import equinox as eqx
 import jax
@@ -77,8 +91,8 @@ def described(
 def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
     """The inverse of `described`; also of what earlier versions wrote.
 
-    Raises `InputError` for a class that is not registered, `KeyError` and `TypeError` for what `described`
-    does not write.
+    Raises `InputError` for a class that is not registered, `KeyError`, `TypeError` and `ValueError` for
+    what `described` does not write.
     """
     if isinstance(words, list):
         return [rebuilt(part, arrays) for part in words]
@@ -101,11 +115,64 @@ def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
     return _made(kind, {k: tuple(v) if isinstance(v, list) else v for k, v in plain.items()})
 
 
+def decoded(value: Any, kind: Any, place: str = "") -> Any:
+    """Plain data of JSON as an annotation says: objects as its named tuples, null for NaN as NaN.
+
+    Of a typed dictionary further entries are kept as they are.
+
+    Raises `ValueError` for what the annotation does not allow, with its `place`.
+    """
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any or isinstance(kind, TypeVar) or origin is ClassVar:
+        return value
+    if origin in (Union, UnionType):
+        if value is None and type(None) in inner:
+            return None
+        for one in inner[:-1]:
+            with suppress(TypeError, ValueError):
+                return decoded(value, one, place)
+        return decoded(value, inner[-1], place)
+    if kind is float and value is None:
+        return math.nan
+    if kind is float and type(value) in (int, float) and abs(value) < math.inf:
+        return float(value)
+    if origin in (list, tuple) and isinstance(value, list | tuple):
+        kinds = inner if origin is tuple and inner[-1:] != (...,) else inner[:1] * len(value)
+        if len(kinds) == len(value):
+            pairs = enumerate(zip(value, kinds, strict=True))
+            return origin(decoded(part, one, f"{place}.{k}") for k, (part, one) in pairs)
+    if origin is dict and isinstance(value, dict):
+        return {key: decoded(part, inner[1], f"{place}.{key}") for key, part in value.items()}
+    if isinstance(value, dict) and (is_typeddict(kind) or hasattr(kind, "_fields")):
+        hints = _hints(kind)
+        found = {k: decoded(v, hints.get(k, Any), f"{place}.{k}") for k, v in value.items()}
+        needed = getattr(kind, "__required_keys__", ())
+        if missing := [key for key in hints if key in needed and key not in value]:
+            raise ValueError(f"{place}.{missing[0]} is missing".lstrip("."))
+        return found if is_typeddict(kind) else _made(kind, found)
+    if origin is Literal:
+        fits = value in inner
+    elif kind is int:
+        fits = type(value) is int and abs(value) < 2**63
+    else:
+        fits = inspect.isclass(origin or kind) and isinstance(value, origin or kind)
+    if not fits:
+        raise ValueError(f"{place.lstrip('.') or 'it'} is {value!r:.40}")
+    return value
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
 def _made(kind: Any, parts: dict[str, Any]) -> Any:
     """An instance with these fields, others by default, checked as the class checks itself."""
     unknown = sorted(set(parts) - set(_fields(kind)))
     if unknown:
         raise TypeError(f"a {kind.__name__} has no field {unknown[0]!r}")
+    hints = _hints(kind)
+    parts = {name: decoded(part, hints[name], name) for name, part in parts.items()}
     if not is_dataclass(kind):
         return kind(**parts)
     new: Any = object.__new__(kind)  # type: ignore[arg-type]

@@ -7,8 +7,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
-RUNS = {"exec", "eval", "compile", "__import__", "import_module", "Popen", "CDLL"}
-"""Names of functions that run what they are given, however they are reached."""
+RUNS = {
+    "exec", "eval", "compile", "__import__", "import_module", "Popen", "CDLL", "cdll", "PyDLL",
+    "ProcessPoolExecutor", "entry_points",
+}  # fmt: skip
+"""Names of functions that run what they are given, whether they are called or handed on."""
 MODULES = {
     "subprocess",
     "pickle",
@@ -18,37 +21,42 @@ MODULES = {
     "multiprocessing",
     "dill",
     "cloudpickle",
+    "webbrowser",
+    "pty",
+    "distributed",
 }
-"""Modules whose functions do so, or read what does."""
+"""Modules whose functions do so, or read what does: who imports one is listed."""
 
 
-def calls(tree: ast.AST) -> Iterator[str]:
-    """What a file calls that executes, or keeps compiled code."""
+def executes(tree: ast.AST) -> Iterator[str]:
+    """What a file names that executes, or keeps compiled code."""
     for node in ast.walk(tree):
-        if not isinstance(node, ast.Call):
-            continue
-        function, first = node.func, node.func
-        while isinstance(first, ast.Attribute):
-            first = first.value
-        owner = first.id if isinstance(first, ast.Name) else ""
-        name = function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
-        plain = isinstance(function, ast.Name) or name not in ("compile", "eval", "exec")
-        by_os = owner == "os" and re.match("system|popen|exec|spawn|posix_spawn", name)
-        if (name in RUNS and plain) or owner in MODULES or by_os:
-            yield name
-        if name == "entry_points" or any(k.arg == "cache" for k in node.keywords if name == "njit"):
-            yield name
-        if any(k.arg == "shell" for k in node.keywords):
-            yield "shell"
-        if any(k.arg == "allow_pickle" and getattr(k.value, "value", True) for k in node.keywords):
-            yield "allow_pickle"
+        named = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield from RUNS & {one.name for one in node.names}
+            named += [one.name for one in node.names if isinstance(node, ast.Import)]
+            yield from MODULES & {name.split(".")[0] for name in named}
+        elif isinstance(node, ast.Name):
+            yield from RUNS & {node.id}
+        elif isinstance(node, ast.Attribute):
+            yield from RUNS & {node.attr} - {"compile", "eval", "exec"}  # re.compile
+            if isinstance(node.value, ast.Name) and node.value.id == "os":
+                yield from re.findall(
+                    "^(?:system|popen|exec|fork|spawn|posix_spawn|startfile).*", node.attr
+                )
+        elif isinstance(node, ast.Call):
+            words = {k.arg: getattr(k.value, "value", True) for k in node.keywords}
+            if getattr(node.func, "attr", getattr(node.func, "id", "")) == "njit":
+                yield from {"cache"} & words.keys()
+            yield from {"shell"} & words.keys()
+            yield from {name for name in ("allow_pickle",) if words.get(name)}
 
 
 def test_places_that_execute_are_listed():
     found: dict[str, set[str]] = {}
     for package in PACKAGES:
         for file in (ROOT / package).rglob("*.py"):
-            if run := set(calls(ast.parse(file.read_text("utf-8")))):
+            if run := set(executes(ast.parse(file.read_text("utf-8")))):
                 found[str(file.relative_to(ROOT))] = run
     assert not {"shell", "allow_pickle"} & set().union(*found.values())
     section = (ROOT / "SECURITY.md").read_text("utf-8").partition("## Every place that executes")[2]
@@ -60,13 +68,25 @@ def test_places_that_execute_are_listed():
     assert set(listed) == {*found, "hysid/_compile_cache.py"}, found
 
 
-def test_calls_that_execute_are_found():
+def test_what_executes_is_found():
     for said in (
         "exec(x)",
+        "map(eval, x)",
         "os.system(x)",
-        "subprocess.run(x)",
+        "Thread(target=os.execv)",
+        "import subprocess as s",
+        "from webbrowser import open as show",
+        "import webbrowser",
+        "from multiprocessing import get_context",
+        "import multiprocessing.pool",
+        "from concurrent.futures import ProcessPoolExecutor as Pool",
+        "concurrent.futures.ProcessPoolExecutor()",
         "f(x, shell=True)",
-        "pickle.load(f)",
+        "np.load(f, allow_pickle=x)",
+        "njit(cache=True)",
+        "import pickle",
     ):
-        assert list(calls(ast.parse(said)))
-    assert not list(calls(ast.parse("jnp.eval(x); re.compile(y); np.load(f, allow_pickle=False)")))
+        assert list(executes(ast.parse(said))), said
+    fine = "jnp.eval(x); re.compile(y); np.load(f, allow_pickle=False); import os"
+    assert not list(executes(ast.parse(fine)))
+    assert not list(executes(ast.parse("from concurrent.futures import ThreadPoolExecutor")))

@@ -3,7 +3,9 @@
 import copy
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +22,11 @@ from hysid.soft_sensor._sensor import Quantity, SoftSensor
 from hysid.soft_sensor._sensor_file import ARRAYS, WORDS, load_sensor, save_sensor
 from hysteresis import InputError
 from hysteresis._limits import parse_toml
-from identify.internal import sealed
+from identify.internal import sealed, to_json
 from tests.test_compensate.test_runtime import EXPORTED
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
+from .._measure import Row, judged, noted
 from .fuzzing import told
 from .tables import broken
 
@@ -90,11 +93,111 @@ def changed(document: Any, case: Edits) -> Any:
     return document
 
 
-def exported() -> list[Any]:
+PUT: tuple[Any, ...] = (None, True, "x", -1, 10**400, float("nan"), [], {}, [1, 2])
+"""What is put in the place of every entry."""
+
+
+def each_replaced(document: Any, put: Sequence[Any] = PUT) -> Iterator[tuple[str, bool, Any]]:
+    """A document without each of its entries, or with something else there, in turn: where, whether that is
+    of another kind than what was there, and the document. Of a list the first two entries."""
+    for place in _places(document):
+        for value in (PUT, *put):
+            made = copy.deepcopy(document)
+            at = made
+            for key in place[:-1]:
+                at = at[key]
+            old = at[place[-1]]
+            if value is PUT:
+                del at[place[-1]]
+            else:
+                at[place[-1]] = value
+            null = value is None or value != value or old is None  # NaN is written as null
+            other = value is not PUT and not null and _kind(old) is not _kind(value)
+            yield ".".join(map(str, place)), other, made
+
+
+def _places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    for key in (
+        node if isinstance(node, dict) else range(len(node[:2]) if isinstance(node, list) else 0)
+    ):
+        yield (*at, key)
+        yield from _places(node[key], (*at, key))
+
+
+def _kind(value: Any) -> type:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float if number and abs(value) < float("inf") else type(value)
+
+
+def fields(quick: bool) -> list[Row]:
+    """Every entry of a fit.json and of runtime files, in turn taken away or of another kind."""
+    put = PUT[2:3] if quick else PUT
+    rows, every = [], 16 if quick else 4
+    for what, tried in (
+        ("fit.json", _fit_fields(put)),
+        ("runtime files", _runtime_fields(put, every)),
+    ):
+        begin = time.process_time()
+        ended = list(tried)
+        wrong = [said for said in ended if said]
+        for said in wrong[:20]:
+            print(f"{what}: {said}", file=sys.stderr)
+        took = time.process_time() - begin
+        rows += [
+            judged(f"{len(ended):,} changes of {what}: tracebacks, silently used", len(wrong), 0),
+            noted("    seconds of processor time", took),
+        ]  # fmt: skip
+    return rows
+
+
+def _fit_fields(put: Sequence[Any]) -> Iterator[str]:
+    folder = small_fit()
+    whole = json.loads((folder / "fit.json").read_text())
+    same = to_json(identify.load(folder))
+    for place, other, made in each_replaced(whole, put):
+        if place.partition(".")[0] in ("checksums", "files") or ".values" in place:
+            continue  # which are no figures, and free
+        (folder / "fit.json").write_text(json.dumps(sealed(made)))
+        try:
+            fit = identify.load(folder)
+            used = to_json(fit) != same
+            str(fit)
+        except InputError:
+            used = False
+        except Exception as error:
+            yield f"{place}: {type(error).__name__} {error}"
+            continue
+        said = place.split(".")[-2:-1] in (
+            ["reasons"],
+            ["history"],
+        )  # in earlier versions a sentence
+        yield f"{place}: used" if used and other and not said else ""
+
+
+def _runtime_fields(put: Sequence[Any], every: int) -> Iterator[str]:
+    file = Path("it.json")
+    for whole in exported(8, every):
+        for place, other, made in each_replaced(whole, put):
+            if place == "checksum":
+                continue
+            file.write_text(json.dumps(made | {"checksum": checksum(made)}))
+            try:
+                it = load(file)
+                it.step(0.01, 0.5, 0.5)
+                it.restore(it.state())
+            except FileError:
+                other = False
+            except Exception as error:
+                yield f"{whole['title']}, {place}: {type(error).__name__} {error}"
+                continue
+            yield f"{whole['title']}, {place}: used" if other else ""
+
+
+def exported(readings: int = 40, every: int = 4) -> list[Any]:
     """Files of compensators of a quarter of the exportable models, as documents."""
     documents, file = [], Path("it.json")
-    for problem in EXPORTED[::4]:
-        t = np.linspace(0, 1, 40)
+    for problem in EXPORTED[::every]:
+        t = np.linspace(0, 1, readings)
         u = problem.low + (problem.high - problem.low) * np.abs(np.sin(7 * t))
         y = np.asarray(problem.model().simulate(t, u))
         export_runtime(problem.model(), file, y, times=t)

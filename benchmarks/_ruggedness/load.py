@@ -25,6 +25,12 @@ STEPS, SANITIZED = 100_000_000, 10_000_000
 """Steps in C, over all models together."""
 FIT = ("--input", F, "--output", X, "--time", T, "--model", "LinearSponge", "--out", "out")
 
+PEAK = """
+import resource, subprocess, sys
+subprocess.run([sys.executable, "-m", "hysid", *sys.argv[1:]], check=True, capture_output=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
 LOOP = """\
 #include <stdio.h>
 #include "it.h"
@@ -78,7 +84,18 @@ def large_files() -> list[Row]:
     what = (
         f"tables of {COLUMNS} columns, {GROUPS:,} groups, {ROWS:,} rows: commands that failed, of 3"
     )
-    return [judged(what, len(failed), 0)]
+    held = _peak("check", "long.csv", *FIT[:6]) / Path("long.csv").stat().st_size
+    return [
+        judged(what, len(failed), 0),
+        judged("memory that check takes at most, over the size of a long text", held, 2.0),
+    ]
+
+
+def _peak(*command: object) -> float:
+    """Bytes of memory of a command in a process of its own, at most."""
+    words = [sys.executable, "-c", PEAK, *map(str, command)]
+    done = subprocess.run(words, check=True, capture_output=True, text=True)
+    return 1e3 * float(done.stdout.split()[-1])
 
 
 def many_steps() -> list[Row]:

@@ -28,6 +28,7 @@ SHIPPED = {
     "sponge-50mm-minor-loops": ("force (N)", "displacement (mm)"),
     "sponge-50mm-mixed-cycles": ("force (N)", "displacement (mm)"),
     "skin-one-place": ("force (N)", "layer 1 (V)"),
+    "skin-two-places": ("force B (N)", "layer 1 (V)"),
 }
 """Input and output of files of `datasets/`."""
 

@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._file import LONGEST, READING_MISSING, FileError, number, replayed
+from ._shape import Document, check
 from ._status import Status
 from ._tree import Tree, begun, error_of, guard_of, node_of
 
 KIND = "hysid compensator"
+SWEPT = 33
+"""Readings over all that are known, with which a file is tried."""
 
 _STATUSES = tuple(Status)
 _KEPT = ("_value", "_waited", "_deviation", "_factor", "_missed")
@@ -57,6 +60,7 @@ class Compensator:
     """
 
     def __init__(self, document: dict[str, Any]):
+        check(document, Document)
         self.title: str = document["title"]
         self.reading: dict[str, str] = document["reading"]
         self.estimate: dict[str, str] = document["estimate"]
@@ -272,9 +276,15 @@ def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
     compensator, golden = Compensator(document), document["golden"]
     held = golden.get("condition") or [None] * len(golden["dt"])
     rows = zip(golden["reading"], golden["dt"], held, golden["value"], strict=True)
-    return compensator, max(
-        _apart(compensator.step(dt, y, c).value, value) for y, dt, c, value in rows
-    )
+    worst = max(_apart(compensator.step(dt, y, c).value, value) for y, dt, c, value in rows)
+    # Where lists are too short, readings find out that the golden ones do not reach.
+    low, high = compensator.limits
+    known = compensator.condition
+    for k in range(SWEPT):
+        share = k % 11 / 10
+        c = None if known is None else known[("low", "high")[k % 2]]
+        compensator.step(golden["dt"][-1], low + (high - low) * share, c)
+    return compensator, worst
 
 
 def _apart(found: float, wanted: float | None) -> float:

@@ -4,10 +4,11 @@ import inspect
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import nan
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from ._elements import module_of
 from ._elements._codes import OK
+from ._shape import check_fields
 
 Function = Callable[[float, float], float]
 Tree = dict[str, Any]
@@ -112,9 +113,11 @@ def parts_of(tree: Tree) -> list[Tree]:
 
 
 def _made(kind: type, values: dict[str, Any]) -> Any:
-    made = kind()
     if "most" in kind.__annotations__:
-        made.most = FOR_EVER  # files lack it that were written before drifts stopped
+        values = {"most": FOR_EVER} | values  # files lack it from before drifts stopped
+    hints = get_type_hints(kind)
+    check_fields(values, hints, kind.__name__.lower(), hints)
+    made = kind()
     vars(made).update({k: list(v) if isinstance(v, list) else v for k, v in values.items()})
     return made
 

@@ -9,7 +9,6 @@ the README shows them. Everything in them is computed from a shipped data set, a
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
@@ -102,7 +101,7 @@ def draw(shown: Shown, theme: str, file: Path) -> None:
 
 
 if __name__ == "__main__":
-    jax.config.update("jax_enable_x64", True)
+    hysid.enable_x64()
     found = computed()
     for chosen, written in FILES.items():
         draw(found, chosen, written)

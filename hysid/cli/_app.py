@@ -32,7 +32,11 @@ from ._studio import studio
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 
 app = typer.Typer(
-    help="Fit hysteresis models to test-rig data and run them backwards as compensators.",
+    help="Fit hysteresis models to test-rig data and run them backwards as compensators.\n\n"
+    "Begin with a file of your rig that has an input, an output and the time:\n\n\b\n"
+    "  hysid fit run.csv             the best model, and whether it can be trusted\n"
+    "  hysid report run              the same as a page with pictures\n"
+    "  hysid export run --c run.h    its compensator for a controller",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 import typer
 from typer.core import TyperCommand
 
-from ..intake._selection_options import FIELDS
-from ._console import log
+from ..intake._selection_options import FIELDS, HELD_OUT
+from ._console import log, start_jax
+from ._selection import as_fields, values_of
 
 if TYPE_CHECKING:
     from typer import Context
@@ -26,6 +27,16 @@ SELECTION = tuple(FIELDS)
 
 NOT_HERE = ("file", "out", "config", "overwrite", "as_json")
 """Options that only the command line has."""
+
+INSTEAD = (HELD_OUT, ("time", "dt"))
+"""Options of which one, given on the command line, replaces all of its group in a configuration."""
+REPLACED = "hysid.replaced"
+
+MOST_USED = (
+    "file", "input", "output", "time", "config", "test_cycles", "test_tail", "model", "purpose",
+    "parameter", "noise", "seed", "out",
+)  # fmt: skip
+"""What stands first in its group of a command's help."""
 
 WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 JOINED = (*(name for name, one in FIELDS.items() if one.metadata.get("joined")), "model")
@@ -61,6 +72,8 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
     }
     found: dict[str, Any] = {}
     for table, values in document.items():
+        if table == "file":  # what the configuration was written for
+            continue
         if table not in (*tables, "parameters"):
             raise _unknown(file, f"[{table}]", table, [*tables, "parameters"], tables)
         if not isinstance(values, Mapping):
@@ -165,7 +178,10 @@ def _configure(context: Context, file: Any) -> Path | None:
     if file is None:
         return None
     file = Path(file)  # some typers give the text
-    context.default_map = {**(context.default_map or {}), **read_config(file, context.command)}
+    found = read_config(file, context.command)
+    for name in context.meta.get(REPLACED, ()):
+        found.pop(name, None)
+    context.default_map = {**(context.default_map or {}), **found}
     return file
 
 
@@ -181,17 +197,73 @@ Config = Annotated[
 
 
 class FindsConfig(TyperCommand):
-    """A command on FILE that takes the options of FILE's .toml where no column and no --config is given."""
+    """A command on FILE that takes the options of FILE's .toml where no column and no --config is given.
+
+    `hysid fit` writes that .toml, as `hysid init` does, where it is not there and every role is sure.
+    """
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Help in groups, in the order of a fit, what is used most first; without groups that are empty."""
+        rows: dict[str, list[Any]] = {"Data": [], "Split": [], "Model": [], "Output": []}
+        first = {name: place for place, name in enumerate(MOST_USED)}
+        for one in sorted(self.get_params(ctx), key=lambda p: first.get(p.name or "", len(first))):
+            name = one.name or ""
+            group = "Output" if name in ("out", "overwrite", "as_json", "help") else "Model"
+            group = "Data" if name in (*SELECTION, "file", "config") else group
+            group = "Split" if name in (*HELD_OUT, "exclude_lines") else group
+            if (record := one.get_help_record(ctx)) is not None:
+                rows[group].append((record[0], record[1].replace("  [required]", "")))
+        for group, records in rows.items():
+            if records:
+                with formatter.section(group):
+                    formatter.write_dl(records)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
-        file = given.get("file")
-        if isinstance(file, str) and not {"config", "input", "output", "step"} & set(given):
-            config = Path(file).with_suffix(".toml") if Path(file).name else Path(file)
-            if config.is_file() and config != Path(file):
-                log(f"Options of {config}.")
+        looked_at = not (given.get("help") or ctx.resilient_parsing)
+        if looked_at and isinstance(file := given.get("file"), str):
+            ctx.meta[REPLACED] = [n for group in INSTEAD if {*group} & {*given} for n in group]
+            if (config := self._own_config(ctx, Path(file), given)) is not None:
                 args = ["--config", str(config), *args]
         return super().parse_args(ctx, args)
+
+    def _own_config(self, ctx: Any, file: Path, given: Mapping[str, Any]) -> Path | None:
+        """The configuration to add; looks at the file first, and says where it is not the one meant."""
+        chosen = given.get("config")
+        if chosen is None and {"input", "output", "step"} & {*given}:
+            return None
+        start_jax()
+        from ..intake._own_config import check_there, compared, config_of  # after JAX is set up
+
+        if chosen is not None:
+            if file.exists() and (note := compared(Path(chosen), file, chosen=True)):
+                log(f"Note: {note}")
+            return None
+        check_there(file)
+        config = config_of(file)
+        if config == file or not config.is_file():
+            return self._begun(ctx, file, given)
+        log(f"Options of {config}.")
+        if note := compared(config, file, chosen=False):
+            log(f"Note: {note}")
+        return config
+
+    def _begun(self, ctx: Any, file: Path, given: Mapping[str, Any]) -> Path | None:
+        from hysteresis._escape import shell_word  # after JAX is set up
+
+        from ..operations._init import begun
+
+        if self.name != "fit":
+            raise _error(
+                "cannot-decide",
+                "No column is chosen, and the file has no configuration.",
+                place=str(file),
+                fix=f"Run hysid init {shell_word(str(file))}, or name them (--input COL --output COL).",
+            )
+        by_name = {one.name: one for one in self.params}
+        said = {n: by_name[n].process_value(ctx, given[n]) for n in SELECTION if n in given}
+        fields = as_fields(said)
+        return begun(file, fields | {"input": list(values_of(fields.get("input")))}, log)
 
 
 def options_of(file: Path, command: Any) -> dict[str, Any]:
@@ -206,7 +278,8 @@ def options_of(file: Path, command: Any) -> dict[str, Any]:
             place=str(file),
             fix='Name its column: output = "displacement (mm)".',
         )
-    context = command.make_context(command.name, ["FILE", "--out", "DIR", "--config", str(file)])
+    context = command.context_class(command, info_name=command.name)
+    TyperCommand.parse_args(command, context, ["FILE", "--out", "DIR", "--config", str(file)])
     options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
     said = parameters_said(file, options.pop("parameter"))
     return options | ({"parameters": said} if said else {})

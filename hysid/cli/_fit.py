@@ -120,16 +120,18 @@ def fit(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit models to a record and write the best one to a folder.
+    """Fit models to a record, judge the best one, and write it to a folder.
 
-    Models are ranked by their errors on rows that were held out from the fit. Without columns, and without
-    --config, the options are those of FILE's .toml, as hysid init writes it.
+    FILE alone is enough where its columns are plain: hysid chooses them, says why, and keeps its choice in
+    FILE's .toml, whose options it takes from then on. Models are ranked by their errors on rows that were
+    held out from the fit.
     """
     start_jax(double=not allow_float32)
-    from ..intake._selection import Selection  # after JAX is set up
+    from ..intake._own_config import folder_of  # after JAX is set up
+    from ..intake._selection import Selection
     from ..operations import _fit
 
-    out = out or (file.with_suffix("") if file.suffix else file.with_name(f"{file.name}-fit"))
+    out = out or folder_of(file)
     document = _fit.fit(
         file, Selection(**selection), out, overwrite=overwrite, say=log, model=model, initial=initial,
         conditioning=conditioning, clocks=clocks, drift=drift, noise=noise, starts=starts,

@@ -6,7 +6,7 @@ from typing import Any
 
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")
 _ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
-_COMMAND = re.compile(r"hysid [a-z]+[^;,.)]*")
+_COMMAND = re.compile(r"hysid [a-z]+(?:[^;,.)]|\.\w)*")
 
 
 def options_here(error: Exception, root: Any, arguments: Sequence[str]) -> Exception:

@@ -31,8 +31,8 @@ def studio(
 ) -> None:
     """Show a page in the browser to look at measurements, fit them and export compensators.
 
-    The page is on this machine alone, and its address holds a token. It works on one folder, on the same
-    files as the other commands; nothing is uploaded anywhere.
+    The page is on this machine alone, and its address opens it once; opening it again prints another. It
+    works on one folder, on the same files as the other commands; nothing is uploaded anywhere.
     """
     if missing := [name for name in EXTRA if importlib.util.find_spec(name) is None]:
         from hysteresis import InputError  # late: it loads JAX

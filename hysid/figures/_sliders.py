@@ -16,7 +16,8 @@ NEAR = 1e-3
 
 
 class Slider(NamedTuple):
-    """A parameter with its value, and the ends of its slider: `logarithmic` where it is positive."""
+    """A parameter with its value and its meaning, and the ends of its slider: `logarithmic` where it is
+    positive."""
 
     name: str
     value: float
@@ -24,6 +25,7 @@ class Slider(NamedTuple):
     low: float
     high: float
     logarithmic: bool
+    meaning: str = ""
 
 
 def sliders_of(model: AbstractModel, units: Mapping[str, str]) -> list[Slider]:
@@ -33,7 +35,7 @@ def sliders_of(model: AbstractModel, units: Mapping[str, str]) -> list[Slider]:
     parameter's bounds.
     """
     return [
-        Slider(name, value, info.in_units(dict(units)), *_ends(info, value))
+        Slider(name, value, info.in_units(dict(units)), *_ends(info, value), info.meaning)
         for name, info, value in _scalars(model)
     ][:MOST]
 

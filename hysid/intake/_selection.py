@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from inspect import signature
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -76,13 +77,8 @@ class Selection(SelectionOptions):
         options: dict[str, Any] = {
             k: tuple(v) if isinstance(v, list) else v for k, v in given.items()
         }
-        hints = {k: hint for k, hint in get_type_hints(cls).items() if k in FIELDS}
-        odd = [k for k, v in options.items() if k not in hints or not _is_of_kind(v, hints[k])]
+        odd = [k for k, v in options.items() if k not in FIELDS or not fits_option(k, v)]
         odd += [k for k in ("input", "output") if k not in options]
-        for name in FIELDS:
-            choices = FIELDS[name].metadata.get("choices")
-            if choices and options.get(name) not in (None, *choices):
-                odd.append(name)
         if odd:
             raise InputError(
                 "damaged-file",
@@ -235,6 +231,18 @@ def _equality(condition: str) -> tuple[str, list[str]]:
     parse_condition(condition)  # raises where it is none
     name, _, values = condition.partition("=")
     return name.strip(), [value.strip() for value in values.split(",")]
+
+
+def fits_option(name: str, value: Any) -> bool:
+    """Whether a selecting option can have a value: it is of its kind, and one of its words."""
+    given = tuple(value) if isinstance(value, list) else value
+    choices = FIELDS[name].metadata.get("choices")
+    return _is_of_kind(given, _hints()[name]) and (not choices or given in (None, *choices))
+
+
+@cache
+def _hints() -> dict[str, Any]:
+    return get_type_hints(SelectionOptions)
 
 
 def _is_of_kind(value: Any, hint: Any) -> bool:

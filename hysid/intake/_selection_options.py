@@ -65,6 +65,13 @@ class SelectionOptions:
         joined=True,
         metavar="COL[,COL]",
     )
+    rezero: tuple[str, ...] = _option(
+        "Take jumps of the output's zero out: subtract SIZE from the output, from this line of the file to"
+        " the end of its sequence. check finds line and size.",
+        (),
+        joined=True,
+        metavar="LINE:SIZE[,LINE:SIZE]",
+    )
     each: str | None = _option("Fit one model for each value of this column.", None, metavar="COL")
     where: tuple[str, ...] = _option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"

@@ -54,7 +54,7 @@ def for_new_file(
             f"The file has no column {', '.join(lost)}, so its sequences are not separated by it."
         )
     selection = replace(
-        selection, where=where, group=group, exclude_lines=(), branch=None, range=(),
+        selection, where=where, group=group, exclude_lines=(), rezero=(), branch=None, range=(),
         turn=tuple(column for column in selection.turn if column in columns),
     )  # fmt: skip
     if selection.is_step:

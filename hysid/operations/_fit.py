@@ -12,6 +12,7 @@ from hysteresis import InputError, Record
 from .._compensator import with_compensator
 from ..intake._creep_fits import step_options
 from ..intake._folders import check_writable, folder_names
+from ..intake._own_config import check_there
 from ..intake._selection import Selection, all_of
 from ._compensated import fitted_to_compensate
 from ._several_fits import together
@@ -31,6 +32,7 @@ def fit(
     New fits of several values replace the old ones all at once, at the end; where there are none, each is
     there as soon as it is made.
     """
+    check_there(file)
     selection.check_columns()
     records, faults = selection.records(selection.read(file))
     folders = folder_names(records)
@@ -39,7 +41,11 @@ def fit(
     check_writable(out)
     found: dict[str, dict[str, Any]] = {}
     written: dict[str, Any] = {}
-    extra = {"selection": _as_read(selection, [train for train, _ in records.values()]).as_json()}
+    asked = {name: value for name, value in options.items() if isinstance(value, str | int)}
+    extra = {
+        "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
+        "options": asked,
+    }
     run = partial(fitted_to_compensate, **options)
     if selection.is_step:
         if options.get("purpose") == "compensate":

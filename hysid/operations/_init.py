@@ -1,7 +1,7 @@
 """What `hysid init` writes and says of a guess."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,14 @@ from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, toml_comment, toml_string
 
+from ..intake._own_config import check_there, config_of, facts_of, folder_of
 from ..intake._selection import selection_of
 from ..intake._selection_options import FIELDS
-from ..intake.guess._guess import Guess, guess
+from ..intake.guess._guess import GUESS, LIKELY, SURE, Guess, guess
+
+ROLES = ("input", "output", "time", "input_time", "condition", "step", "hold", "each")
+"""What has to be sure before a file is fitted that nobody has looked at; all else changes no column."""
+WORDS = {LIKELY: "only likely", GUESS: "only a guess"}
 
 
 def init(
@@ -22,7 +27,8 @@ def init(
 
     Raises `InputError` `exists` where a configuration is there already, and as `guess` does.
     """
-    config = out or file.with_suffix(".toml")
+    check_there(file)
+    config = out or config_of(file)
     if config.exists() and not overwrite:
         raise InputError(
             "would-overwrite",
@@ -33,9 +39,9 @@ def init(
     found = guess(file, given)
     if found.no_roles:
         return _without_roles(file, found)
+    folder = config.with_suffix("") if out else folder_of(file)
     config.parent.mkdir(parents=True, exist_ok=True)
     write_whole(config, toml(file, found))
-    folder = config.with_suffix("")
     if folder.exists() and folder.samefile(file):  # a file without a suffix
         folder = folder.with_name(f"{folder.name}-fit")
     said = [shell_word(str(p)) for p in (file, config, folder)]
@@ -58,11 +64,33 @@ def init(
     return document | {"lines": _lines(file, config, found, command, again)}
 
 
+def begun(file: Path, given: Mapping[str, Any], say: Callable[[str], None]) -> Path:
+    """Write the configuration of a file that has none, where every role is sure, and say what was seen.
+
+    Raises `InputError` `cannot-decide` where a role is not sure or there is none, and as `guess` does.
+    """
+    config, found = config_of(file), guess(file, given)
+    doubts = [f for f in found.found if f.what in {*ROLES} & {*found.selection} and f.sure != SURE]
+    if found.no_roles or doubts:
+        said = [f"{f.what} {f.value!r} is {WORDS[f.sure]} ({f.why})" for f in doubts]
+        raise InputError(
+            "cannot-decide",
+            f"hysid is not sure of the columns: {found.no_roles or '; '.join(said)}.",
+            place=str(file),
+            fix=f"Run hysid init {shell_word(str(file))}, which shows what it found and what else it"
+            " could be.",
+        )
+    for line in [*_seen(file, found), *(f"Warning: {w}" for w in found.warnings)]:
+        say(line)
+    write_whole(config, toml(file, found))
+    say(f"Wrote {config}. Change what is wrong in it, and fit again (--overwrite).")
+    return config
+
+
 def _without_roles(file: Path, found: Guess) -> dict[str, Any]:
     """What is said of a table in which no column drives another; no configuration is written."""
     lines = [f"{file}: {found.rows} rows, and no input or output: {found.no_roles}.", ""]
-    for f in found.found:
-        lines.append(f"  {f.what}  {f.value} ({f.sure}{f': {f.why}' if f.why else ''})")
+    lines += _findings(found)
     lines += [
         "",
         "No configuration was written. The file that is needed has what drives beside what answers; if one"
@@ -83,6 +111,10 @@ def toml(file: Path, found: Guess) -> str:
     lines = [
         f"# What hysid init made of {toml_comment(file.name)}. Change what is wrong; hysid fit reads"
         " it with --config.",
+        "",
+        "# The file it was written for: hysid fit says so where another one is there.",
+        "[file]",
+        *(f"{key} = {_value(value)}" for key, value in facts_of(file).items()),
         "",
         "[selection]",
     ]
@@ -132,15 +164,24 @@ def _value(value: Any) -> str:
 
 
 def _lines(file: Path, config: Path, found: Guess, command: str, again: str) -> list[str]:
-    selection = selection_of(found.selection)
-    lines = [f"{file}: {selection.input_words} -> {selection.output}", ""]
-    width = max(len(f.what) for f in found.found)
-    for f in found.found:
-        why = f": {f.why}" if f.why else ""
-        lines.append(f"  {f.what:{width}}  {f.value} ({f.sure}{why})")
+    lines = _seen(file, found)
     lines += ["", *(f"  {line}" for line in found.text.split("\n"))]
     if found.alternatives:
         lines += ["", "It could also be:"]
         lines += [f"  {again} {a}" for a in found.alternatives]
     lines += ["", *(f"Warning: {w}" for w in found.warnings)] if found.warnings else []
     return [*lines, "", f"Wrote {config}: look at it, then", f"  {command}"]
+
+
+def _seen(file: Path, found: Guess) -> list[str]:
+    """The roles, and all that was seen, with how sure it is and why."""
+    selection = selection_of(found.selection)
+    return [f"{file}: {selection.input_words} -> {selection.output}", "", *_findings(found)]
+
+
+def _findings(found: Guess) -> list[str]:
+    width = max((len(f.what) for f in found.found), default=0)
+    return [
+        f"  {f.what:{width}}  {f.value} ({f.sure}{f': {f.why}' if f.why else ''})"
+        for f in found.found
+    ]

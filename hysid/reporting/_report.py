@@ -4,11 +4,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import identify
+from hysteresis._precision import in_own_precision
 
 from ._case import TARGET
 from ._fit_page import write_report
 
 
+@in_own_precision
 def report(
     fit: identify.FitResult,
     path: str | Path = TARGET,

@@ -1,28 +1,38 @@
 """The configuration of a measurement, FILE.toml: read, and changed without touching what its user wrote."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import tomlkit
-from tomlkit.exceptions import TOMLKitError
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis._limits import parse_toml
 
-from ..intake._selection import Selection, selection_of
+from ..intake._selection import Selection, fits_option, selection_of
 from ..intake._selection_options import FIELDS
 
 TABLES = ("selection", "fit", "parameters")
+MOST = 1000
+"""Entries of a list, and characters of a text, that a page may set."""
 
 
 def read(config: Path) -> dict[str, Any]:
-    """The tables of a configuration as plain data. Raises `InputError` `bad-config`."""
+    """The tables of a configuration as plain data.
+
+    Raises `InputError` `bad-config`, and `outside-folder` where it names a file that is not in its folder.
+    """
     document = _document(config).unwrap()
-    odd = [name for name, table in document.items() if not isinstance(table, Mapping)]
-    if odd:
-        raise InputError("bad-config", f"{odd[0]!r} is not a table.", place=str(config))
-    return {name: dict(document.get(name, {})) for name in TABLES}
+    found = {name: dict(document.get(name, {})) for name in TABLES}
+    other, folder = found["selection"].get("dialects"), config.parent.resolve()
+    if isinstance(other, str) and not (folder / other).resolve().is_relative_to(folder):
+        raise InputError(
+            "outside-folder", "The file of dialects is not in this folder.", place=str(config),
+            fix="Copy it beside the measurement.",
+        )  # fmt: skip
+    return found
 
 
 def selection(config: Path) -> Selection:
@@ -33,10 +43,7 @@ def selection(config: Path) -> Selection:
             raise InputError(
                 "unknown-key", f"The configuration has an unknown entry: {key}.", place=str(config)
             )
-        joined = FIELDS[key].metadata.get("joined")
-        options[key] = (
-            [p for p in value.split(",") if p] if joined and isinstance(value, str) else value
-        )
+        options[key] = _as_option(key, value)
     if isinstance(several := options.get("input"), list) and len(several) == 1:
         options["input"] = several[0]
     if "output" not in options:
@@ -44,18 +51,19 @@ def selection(config: Path) -> Selection:
             "bad-config", "No output column is chosen.", place=str(config),
             fix="Choose the column that answers to the input.",
         )  # fmt: skip
-    try:
-        return selection_of(options)
-    except TypeError as error:
-        raise InputError(
-            "bad-config", f"The selection cannot be read: {error}.", place=str(config)
-        ) from None
+    return selection_of(options)
+
+
+def _as_option(key: str, value: Any) -> Any:
+    """A value of [selection], as a list where a configuration may put commas between its words."""
+    joined = FIELDS[key].metadata.get("joined")
+    return [p for p in value.split(",") if p] if joined and isinstance(value, str) else value
 
 
 def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
     """Set keys of the tables, or remove those whose value is None; all else stays as it is.
 
-    Raises `InputError` `bad-config`, `unknown-key`.
+    Raises `InputError` `bad-config`, `unknown-key`, `bad-option` for a value that the key cannot have.
     """
     document = _document(config)
     for name, keys in changes.items():
@@ -68,7 +76,15 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
         table: Any = document[name]
         for key, value in keys.items():
             if name == "selection" and key not in FIELDS:
-                raise InputError("unknown-key", f"There is no option {key}.", place=str(config))
+                raise InputError("unknown-key", f"There is no option {key!r}.", place=str(config))
+            if not (_is_plain(key) and _is_plain(value)) or (
+                name == "selection"
+                and value is not None
+                and not fits_option(key, _as_option(key, value))
+            ):
+                raise InputError(
+                    "bad-option", f"{key!r} cannot be {value!r:.80}.", place=str(config)
+                )
             if value is None:
                 table.pop(key, None)
             else:
@@ -76,14 +92,31 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
     write_whole(config, tomlkit.dumps(document))
 
 
+def _is_plain(value: Any) -> bool:
+    """Whether TOML can hold a value as it is, and a list of such."""
+    if isinstance(value, list):
+        return len(value) <= MOST and all(_is_plain(v) and not isinstance(v, list) for v in value)
+    if isinstance(value, str):
+        return len(value) <= MOST and not any("\ud800" <= c <= "\udfff" for c in value)
+    if isinstance(value, dict):
+        return False
+    return value is None or abs(value) < (2**63 if isinstance(value, int) else math.inf)
+
+
 def _document(config: Path) -> Any:
+    """The document, within the limits of `parse_toml`; its entries are tables."""
     try:
-        return tomlkit.parse(config.read_text("utf-8"))
+        text = config.read_text("utf-8")
+        odd = [key for key, one in parse_toml(text).items() if not isinstance(one, dict)]
+        document = tomlkit.parse(text)
     except FileNotFoundError:
         return tomlkit.document()
-    except (TOMLKitError, UnicodeDecodeError) as error:
+    except ValueError as error:  # TOML's and UTF-8's errors are both
         raise InputError(
             "bad-config", f"This file is not TOML: {error}.", place=str(config),
             cause="Text without quotation marks, or a table that is not closed.",
             fix="Correct it in an editor, or delete it: hysid then guesses again.",
         ) from None  # fmt: skip
+    if odd:
+        raise InputError("bad-config", f"{odd[0]!r} is not a table.", place=str(config))
+    return document

@@ -8,6 +8,7 @@ from typing import Any
 from hysteresis._escape import shell_word
 
 from ..intake._creep_fits import step_options
+from ..intake._own_config import config_of, folder_of
 from ..intake._selection import Selection
 from ..intake._selection_options import FIELDS, OF_READING
 
@@ -19,6 +20,7 @@ OPTIONS = (
     "condition",
     "nan",
     "segments",
+    "rezero",
     "input_unit",
     "output_unit",
 )
@@ -38,9 +40,9 @@ def equivalents(
     `value`: the folder within `folder` of the fit that is shown, where a fit was made of each value.
     """
     name, place = shell_word(file.name), shell_word(folder.name)
-    own = "" if folder.name == Path(file.stem).name else f" --out {place}"
+    own = "" if folder.name == folder_of(file).name else f" --out {place}"
     own += " --overwrite" if folder.exists() else ""
-    begun = file.with_suffix(".toml").exists()
+    begun = config_of(file).exists()
     commands = {
         "data": f"{'# ' if begun else ''}hysid init {name}\nhysid check {name}",
         "fit": f"hysid fit {name}{own}",

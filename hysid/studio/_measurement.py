@@ -1,5 +1,6 @@
 """A measurement as the page shows it: what was guessed, what is configured, its rows, and what to mind."""
 
+import contextlib
 import threading
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -10,13 +11,17 @@ import numpy as np
 
 from hysteresis import InputError, Record, Table, check_identifiable, read_table
 from hysteresis.records._data_warnings import clipped
+from hysteresis.records._units import written_unit
 
+from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
 from ..intake._creep_fits import check_step
 from ..intake._lines import as_ranges, on_lines
+from ..intake._own_config import config_of
 from ..intake._selection import Pair, Selection
-from ..intake._selection_options import HELD_OUT, OF_READING
-from ..intake.guess._guess import guess
+from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
+from ..intake.guess._column_pairs import columns_of
+from ..intake.guess._guess import Guess, guess, table_of
 from ..operations._init import init
 from . import _configuration
 from ._views import EXCLUDED, GAP, USED, Series
@@ -35,7 +40,6 @@ class Measurement:
 
     def __init__(self, file: Path):
         self.file = file
-        self.config = file.with_suffix(".toml")
         self._lock = threading.RLock()
         self._tables: dict[Any, Table] = {}
         self._reading: Any = None
@@ -44,6 +48,11 @@ class Measurement:
         self._series: tuple[Any, Series] | None = None
         self._faults: dict[Any, Exception] = {}
 
+    @property
+    def config(self) -> Path:
+        """Its configuration, which another file of the same stem may have taken since."""
+        return config_of(self.file)
+
     def configured(self) -> None:
         """Write the configuration that `hysid init` writes, where there is none.
 
@@ -51,32 +60,45 @@ class Measurement:
         """
         with self._lock:
             if not self.config.exists():
-                found = init(self.file, None, {})
-                self._guess = (self._guess_key(), _of_guess(found))
+                self._write_guess({})
+
+    def change(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Change the configuration; one that lacked columns is completed, as `hysid init` would with them.
+
+        Raises `InputError` `bad-config`, `unknown-key`.
+        """
+        with self._lock:
+            tables = _configuration.read(self.config)
+            begun = bool(tables["fit"]) or _has_roles(tables["selection"])
+            if not self.config.exists():
+                known = self._guessed()["selection"]
+                changes = {**changes, "selection": known | dict(changes.get("selection", {}))}
+            _configuration.change(self.config, changes)
+            with contextlib.suppress(InputError):  # `look` tells it
+                given = _configuration.read(self.config)["selection"]
+                if not begun and (_has_roles(given) or not {"input", "output"} & given.keys()):
+                    self._write_guess(given)
 
     def look(self) -> dict[str, Any]:
         """Columns, roles, findings, warnings and held-out rows, as plain data.
 
-        What cannot be read or used is told as `fault`, beside what could be found out.
+        What cannot be read or used is told as `fault`, beside what could be found out. Where no input and
+        output was guessed, `asks` is true and `selection` is what is known.
         """
-        found: dict[str, Any] = {"name": self.file.name, "fault": None} | _of_guess({})
-        try:
+        found: dict[str, Any] = {"name": self.file.name, "fault": None, "asks": False, "fit": {}}
+        found |= _of_guess({})
+        with contextlib.suppress(InputError):
             self.configured()
-            found |= self._guessed()
-        except InputError as error:
-            found["fault"] = as_document(error)
-        found["configured"] = self.config.exists()
         try:
             tables = _configuration.read(self.config)
-            found |= {"selection": tables["selection"], "fit": tables["fit"]}
-            found["parameters"] = bool(tables["parameters"])
-            selection = _configuration.selection(self.config)
-            selection.check_columns()
-            found["held_out"] = [
-                name for name in HELD_OUT if getattr(selection, name) not in (None, ())
-            ]
+            found |= self._guessed()
+            found |= {"selection": tables["selection"] or found["selection"], "fit": tables["fit"]}
+            found["asks"] = not _has_roles(found["selection"])
+            if not found["asks"]:
+                found["fault"] = None
+                _configuration.selection(self.config).check_columns()
         except InputError as error:
-            found["fault"] = found["fault"] or as_document(error)
+            found["fault"] = as_document(error)
         return found
 
     def judged(self) -> dict[str, Any]:
@@ -133,7 +155,7 @@ class Measurement:
         selection = _configuration.selection(self.config)
         selection.check_columns()
         key = self._key(selection)
-        names, stamp = _names(selection), (key, selection)
+        stamp = (key, selection)
         if key in self._faults:
             raise self._faults[key]
         if key not in self._tables and self.file.stat().st_size > LARGE:
@@ -144,12 +166,23 @@ class Measurement:
                     self._excerpt = (stamp, _series(excerpt, selection, None))
             self._read_later(key, selection)
             if self._excerpt is not None and self._excerpt[0] == stamp:
-                return self._excerpt[1], False, names
+                return self._excerpt[1], False, self._axes(selection)
         with self._lock:
             if self._series is None or self._series[0] != stamp:
                 table = self.table(selection)
                 self._series = (stamp, _series(table, selection, selection.records(table)[0]))
-            return self._series[1], True, names
+            return self._series[1], True, self._axes(selection)
+
+    def _axes(self, selection: Selection) -> dict[str, str]:
+        """Names of clock, input and output with their units, first those that were typed by hand."""
+        units = {one["name"]: one["unit"] for one in self._guessed()["columns"]}
+        typed = {"u": selection.input_unit, "y": selection.output_unit}
+        found = _names(selection)
+        for axis, unit in typed.items():
+            if unit:
+                plain = plain_name(found[axis], units.get(found[axis], ""))
+                found[axis] = f"{plain} ({pretty(unit) or 'no unit'})"
+        return found
 
     def brush(
         self, action: str, low: float | None, high: float | None, box: list[float] | None
@@ -192,20 +225,46 @@ class Measurement:
             changes |= {name: None for name in HELD_OUT if name != "test_lines"}
         return changes
 
+    def _write_guess(self, given: Mapping[str, Any]) -> None:
+        asked = {name: _as_given(name, value) for name, value in given.items()}
+        found = init(self.file, None, asked, overwrite=True)
+        self._guess = (self._guess_key(), _of_guess(found))
+
     def _guessed(self) -> dict[str, Any]:
-        """The guess from the file alone: what each column is, and why."""
+        """The guess from the file: what each column is, and why; without one the columns, and a `fault`."""
         with self._lock:
             key = self._guess_key()
             if self._guess is None or self._guess[0] != key:
-                found = guess(self.file, dict(key[1]))
-                document = asdict(found) | {"found": [asdict(one) for one in found.found]}
-                self._guess = (key, _of_guess(document))
+                given = {name: _as_given(name, value) for name, value in key[1]}
+                try:
+                    found = _of_guess(asdict(guess(self.file, given)))
+                except InputError as error:
+                    found = _of_guess(self._columns(given)) | {"fault": as_document(error)}
+                self._guess = (key, found)
             return self._guess[1]
+
+    def _columns(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Of a file that is not understood: how it is read, and its columns, those that change first.
+
+        Raises `InputError` where it cannot be read.
+        """
+        found = Guess()
+        table = table_of(self.file, found, given)
+        moves = {n for n, c in columns_of(table).items() if np.nanmax(c.x) > np.nanmin(c.x)}
+        found.rows = int(len(table.line) / table.share)
+        found.columns = [
+            {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
+            for name in sorted(table.columns, key=lambda name: name not in moves)
+        ]
+        return asdict(found)
 
     def _guess_key(self) -> Any:
         selection = _configuration.read(self.config)["selection"]
-        reading = ((name, selection[name]) for name in OF_READING if name in selection)
-        return _stamp(self.file), tuple(reading)
+        names = OF_READING if _has_roles(selection) else FIELDS
+        given = ((name, selection[name]) for name in names if name in selection)
+        return _stamp(self.file), tuple(
+            (k, tuple(v) if isinstance(v, list) else v) for k, v in given
+        )
 
     def _key(self, selection: Selection) -> Any:
         return (_stamp(self.file), *(getattr(selection, name) for name in OF_READING))
@@ -233,9 +292,20 @@ def _of_guess(found: Mapping[str, Any]) -> dict[str, Any]:
         "rows": found.get("rows", 0),
         "columns": found.get("columns", []),
         "findings": found.get("found", []),
-        "alternatives": found.get("alternatives", []),
+        "selection": found.get("selection", {}),
         "no_roles": found.get("no_roles", ""),
     }
+
+
+def _has_roles(selection: Mapping[str, Any]) -> bool:
+    """Whether both sides are chosen."""
+    return bool(selection.get("output")) and bool({"input", "step"} & selection.keys())
+
+
+def _as_given(name: str, value: Any) -> Any:
+    """An option as `init` takes it: columns that may be several as a tuple."""
+    several = {"repeated", "joined"} & FIELDS[name].metadata.keys()
+    return value if not several or isinstance(value, tuple | list) else (value,)
 
 
 def as_document(error: InputError) -> dict[str, str]:

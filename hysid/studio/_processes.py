@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,8 @@ SOURCES = Path(__file__).resolve().parents[2]
 class Job:
     """A command, how far it is, and what came of it.
 
-    - `subject`: the measurement or fit it is about; `kind`: the command's name.
+    - `subject`: the measurement or fit it is about; `kind`: the command's name; `options`: what the page
+      asked for, such as the file that a compensator is tried on.
     - `state`: running, done, failed or cancelled.
     - `result`: the JSON object that the command printed; `error`: why it failed, as the command says it.
     """
@@ -39,6 +40,7 @@ class Job:
     kind: str
     subject: str
     words: list[str]
+    options: dict[str, Any] = field(default_factory=dict)
     process: subprocess.Popen[str] | None = None
     begin: float = field(default_factory=time.monotonic)
     end: float | None = None
@@ -66,6 +68,7 @@ class Job:
             "number": self.number,
             "kind": self.kind,
             "subject": self.subject,
+            "options": self.options,
             "command": " ".join(["hysid", *map(shell_word, self.words)]),
             "state": self.state,
             "said": self.said[-8:],
@@ -111,7 +114,13 @@ class Jobs:
         self._jobs: list[Job] = []
         self.version = 0
 
-    def start(self, kind: str, subject: str, words: Sequence[str]) -> Job:
+    def start(
+        self,
+        kind: str,
+        subject: str,
+        words: Sequence[str],
+        options: Mapping[str, Any] | None = None,
+    ) -> Job:
         """Run `hysid WORDS --json` in the folder.
 
         Raises `InputError` `would-overwrite` while another command about the same subject runs.
@@ -127,7 +136,8 @@ class Jobs:
                     fix="Wait until it ends, or cancel it.",
                 )  # fmt: skip
             number = 1 + max((job.number for job in self._jobs), default=0)
-            job = Job(number, kind, subject, list(words), self._process(words))
+            options = {key: str(value) for key, value in (options or {}).items()}
+            job = Job(number, kind, subject, list(words), options, self._process(words))
             self._jobs = [*self._jobs, job][-KEPT:]
             self.version += 1
         threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()

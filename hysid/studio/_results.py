@@ -1,6 +1,8 @@
 """A fit as the page shows it: verdict, candidates, curves, residuals, sliders, posterior."""
 
 import csv
+import hashlib
+import inspect
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,12 +15,14 @@ import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 
-from ..figures._sliders import moved, sliders_of
+from ..figures._plot import axes_of
+from ..figures._sliders import Slider, moved, sliders_of
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
 from ..operations._columns import selection_of_fit
 from ..reporting._fit_page import HEADLINES
 from ._equivalents import target_name
+from ._shapes import handles_of, judged, reshaped
 from ._views import ALL, GAP, clock_of, peaks
 
 BINS = 24
@@ -38,8 +42,17 @@ class Fits:
         self._lock = threading.Lock()
         self._kept: dict[Path, tuple[Any, identify.FitResult]] = {}
 
-    def summary(self, folder: Path, selection: Selection | None, value: str = "") -> dict[str, Any]:
+    def summary(
+        self,
+        folder: Path,
+        selection: Selection | None,
+        options: Mapping[str, Any],
+        value: str = "",
+        file: Path | None = None,
+    ) -> dict[str, Any]:
         """What the page says of the fit in a folder; of several fits (`each`), of the one of a value.
+
+        `stale`: the fit is not one of this selection, these options and this file.
 
         Raises `InputError` where there is none.
         """
@@ -50,6 +63,7 @@ class Fits:
             whole if "" in places else identify.internal.read_document(folder / places[value])
         )
         asked = selection_of_fit(whole)
+        written = (folder / "fit.json").stat().st_mtime
         level, listed = document["verdict"]["level"], document["parameters"]
         determined = document.get("determined", [one["name"] for one in listed])
         posterior = folder / places[value] / "posterior.json"
@@ -86,13 +100,13 @@ class Fits:
             "notes": document["notes"],
             "seconds": document["seconds"],
             "data": document["data"],
-            # A fit that was saved from Python says nothing of the rows that it was made from.
-            "stale": selection is not None and "selection" in whole and _differs(selection, asked),
+            "stale": _stale(whole, document, selection, options, file, written),
             "invertible": not asked.is_step and not isinstance(asked.input, tuple),
             "posterior": _posterior(posterior),
             "report": f"{folder.name}/{at}report.html" if "report.html" in there else None,
             "exports": [f"{folder.name}/{at}{n}" for n in sorted(made) if (own / n).exists()],
             "folder": places[value],
+            "made": str(written),
         }  # fmt: skip
 
     def curves(self, folder: Path) -> dict[str, Any]:
@@ -109,32 +123,33 @@ class Fits:
             if fit.test is not None:
                 found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
             record = fit.train
-            units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-            try:
-                sliders = sliders_of(fit.model, units)
-            except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
-                sliders = []
-            found["sliders"] = [one._asdict() for one in sliders]
+            found["shapes"] = handles_of(fit)
+            found["sliders"] = [one._asdict() for one in _sliders(fit)]
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
+            u, y = axes_of(record)
             found["axes"] = {
-                "x": f"time ({record.time_unit})" if record.time is not None else "row",
-                "u": record.input_name, "y": record.output_name,
+                "x": f"time ({record.time_unit})" if record.time is not None else "row", "u": u, "y": y,
                 "u_unit": record.input_unit, "y_unit": record.output_unit,
             }  # fmt: skip
             return found
 
-    def redrawn(self, folder: Path, values: Mapping[str, float]) -> dict[str, Any]:
-        """The model's output with parameters at other values, and its error; nothing is written.
+    def redrawn(
+        self, folder: Path, values: Mapping[str, float], factors: Mapping[str, float]
+    ) -> dict[str, Any]:
+        """The model's output with parameters at other values, or figures of its loop that are so many times
+        as large, and its error; nothing is written.
 
-        Raises `InputError` as the model does where a value is out of its bounds.
+        Raises `InputError` `unknown-parameter` where there is no such slider.
         """
         with self._lock:
             fit = self._loaded(folder)
-            model = moved(fit.model, values)
-            record = fit.train if fit.test is None else fit.test
-            return _curve("moved", record, replace(fit, model=model).predict(record))
+            if unknown := values.keys() - {one.name for one in _sliders(fit)}:
+                raise InputError("unknown-parameter", f"There is no slider {min(unknown)!r:.60}.")
+            fit = replace(fit, model=moved(fit.model, values))
+            record = judged(fit)
+            return _curve("moved", record, reshaped(fit, record, factors))
 
     def _loaded(self, folder: Path) -> identify.FitResult:
         about = (folder / "fit.json").stat()
@@ -193,8 +208,18 @@ def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
     }  # fmt: skip
     return {
         "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
-        **series,
+        "flagged_rows": int(flagged.sum()), **series,
     }  # fmt: skip
+
+
+def _sliders(fit: identify.FitResult) -> list[Slider]:
+    record = fit.train
+    units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    try:
+        # Numbers of a composition's parts mean little one by one.
+        return [one for one in sliders_of(fit.model, units) if "." not in one.name]
+    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+        return []
 
 
 def _loops(
@@ -215,6 +240,36 @@ def _number(cell: str) -> float:
         return float(cell)
     except ValueError:
         return float("nan")
+
+
+def _stale(
+    whole: dict[str, Any],
+    document: Mapping[str, Any],
+    selection: Selection | None,
+    options: Mapping[str, Any],
+    file: Path | None,
+    made: float,
+) -> bool:
+    """Whether other rows, columns or options are chosen than those of a fit, or the file is another one.
+
+    A fit that was saved from Python says nothing of its rows and options.
+    """
+    if (
+        selection is not None
+        and "selection" in whole
+        and _differs(selection, selection_of_fit(whole))
+    ):
+        return True
+    usual = inspect.signature(identify.fit).parameters
+    for name, then in whole.get("options", {}).items():
+        now = options.get(name, usual[name].default if name in usual else then)
+        if _listed(now) != _listed(then):
+            return True
+    then = document["data"].get("sha256")
+    if not file or not then or file.stat().st_mtime <= made:
+        return False
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest() != then
 
 
 def _differs(selection: Selection, asked: Selection) -> bool:

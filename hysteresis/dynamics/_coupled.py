@@ -11,10 +11,9 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import AbstractModel
+from .._model import AbstractModel, AbstractSteppedModel
 from .._parameter import is_concrete, parameter
 from .._registry import register
-from .._stepped_model import AbstractSteppedModel
 from ..models._compose import Sum
 from ._rate_form import AbstractRateForm
 from ._runge_kutta import runge_kutta

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
+from .._precision import in_own_precision
 from ._oscillator import Oscillator
 from ._rate_form import AbstractRateForm
 from ._recorder import continued, interpolated
@@ -27,6 +28,7 @@ class InputForce(NamedTuple):
     sigma: float
 
 
+@in_own_precision
 def input_force(
     model: Oscillator,
     t: ArrayLike,

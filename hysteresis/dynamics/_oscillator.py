@@ -10,10 +10,9 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import AbstractModel
+from .._model import AbstractModel, AbstractSteppedModel
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from .._stepped_model import AbstractSteppedModel
 from ..models._compose import Sum
 from ._fast_path import Compiled
 from ._rate_form import AbstractRateForm

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._model import AbstractSteppedModel
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
-from .._stepped_model import AbstractSteppedModel
 
 NODES = 40
 NEWTON_STEPS = 8

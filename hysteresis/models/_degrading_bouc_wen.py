@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._model import AbstractSteppedModel
 from .._parameter import Scalar, parameter
 from .._registry import register
-from .._stepped_model import AbstractSteppedModel
 from ._bouc_wen import BoucWen, check_bounds
 
 SUBSTEPS = 16

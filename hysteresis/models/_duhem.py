@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._model import AbstractSteppedModel
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from .._stepped_model import AbstractSteppedModel
 
 Slopes = Float[Array, " knots"] | Any
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .._model import AbstractModel
+from .._precision import in_own_precision
 from .._quantities import with_units
 from ..preisach import GridDensity, Preisach
 from ..preisach._initial import staircase
@@ -14,6 +15,7 @@ from ._conditioned import Conditioned
 from ._curves import AbstractCurve
 
 
+@in_own_precision
 def extended(model: Any, low: float, high: float) -> Any:
     """The model with its grids of relays widened to hold inputs from `low` to `high`.
 

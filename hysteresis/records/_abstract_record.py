@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._format import duration
+from .._format import duration, quantity
 from .._note import Note
 from ._arrays import same_length
+from ._cells import LARGEST, LEAST_RANGE
 from ._cycles import branches, cycles
 
 
@@ -72,6 +73,15 @@ class AbstractRecord:
         for role, name, x, where in wanted:
             if (bad := np.isinf(x)).any():
                 raise self._fault("not-finite", f"{bad.sum()} infinite in {role} {name!r}", bad)
+            if (bad := (x > LARGEST) | (x < -LARGEST)).any():
+                said = f"{bad.sum()} beyond {LARGEST:g} in {role} {name!r}"
+                raise self._fault("too-large", said, bad)
+            known = x[~np.isnan(x)]
+            if known.size and 0 < np.ptp(known) < LEAST_RANGE:
+                raise self._fault(
+                    "zero-range", f"the range of {role} {name!r} is {np.ptp(known):.3g}", ~np.isnan(x),
+                    fix="use a smaller unit.",
+                )  # fmt: skip
             if not (bad := np.isnan(x) & where).any():
                 continue
             fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
@@ -115,6 +125,11 @@ class AbstractRecord:
         """The lines of the first and the last of these rows, in words."""
         word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
         return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
+
+    def place(self, row: int) -> str:
+        """A row's line in words, and its time where there is a clock."""
+        at = self.lines(np.array([row]))
+        return at if self.time is None else f"{at} ({quantity(self.time[row], self.time_unit, 6)})"
 
     def _fault(self, code: str, what: str, bad: np.ndarray, fix: str = "mask or mend them."):
         rows = np.flatnonzero(bad)

@@ -12,6 +12,9 @@ from .._errors import InputError
 LONG_CELL, MOST_TEXT = 256, 256_000_000
 """Characters of a cell that never matter, and bytes of a column of text with longer ones."""
 
+LARGEST, LEAST_RANGE = 1e150, 1e-150
+"""Beyond these no number is a measurement, and squares summed over rows overflow, or are 0."""
+
 _FORTRAN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)D[+-]?\d+")
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 """Words for a value that is not there, in small letters."""

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._zero import zero_drift
 
 FEWEST = 4
 """Cycles of one kind: two of them to see a rate, and two to see how well it is known."""
@@ -23,6 +24,9 @@ SURE = 3.0
 
 MOVED = 0.15
 """Of the output's range: a zero that moves so far is as grave as an error that is too large to use."""
+
+DRIFTS = 0.05
+"""Of the output's range: a steady drift so far is an error in the next run with which no fit passes."""
 
 
 class Change(NamedTuple):
@@ -82,19 +86,24 @@ def change(record: AbstractRecord) -> Change | None:
 
 
 def change_warnings(record: AbstractRecord) -> list[Note]:
-    """A zero that moves by 15 % of the output's range, as a sentence with its fix."""
+    """A zero that moves by 15 % of the output's range or drifts surely by 5 %, and its fix."""
     y, unit = record.output, record.output_unit
     span = float(np.ptp(y[np.isfinite(y)])) if np.isfinite(y).any() else 0.0
     one = change(record)
-    if one is None or abs(one.moved) < MOVED * span:
+    if one is not None and abs(one.moved) >= MOVED * span:
+        moved, where = one.moved, f"from cycle {one.first} to cycle {one.last}"
+    elif (drift := zero_drift(record)) is not None and abs(drift.size) >= DRIFTS * span:
+        moved = drift.size
+        where = f"from {record.place(drift.first)} to {record.place(drift.last)}"
+    else:
         return []
-    percent = 100 * abs(one.moved) / span
+    percent = 100 * abs(moved) / span
     said = (
-        f"The zero of the output moves by {quantity(one.moved, unit, 3)}, {percent:.0f} % of its range,"
-        f" from cycle {one.first} to cycle {one.last} at the same inputs. A model of new runs has no such"
-        " drift: let the sensor warm up, correct its zero, or fit the later cycles alone."
+        f"The zero of the output moves by {quantity(moved, unit, 3)}, {percent:.0f} % of its range,"
+        f" {where} at the same inputs. A model of new runs has no such drift: let the sensor warm up,"
+        " correct its zero, fit the later cycles alone, or keep the drift of this run (--drift keep)."
     )
-    return [warning("zero-moves", said, {"moved": one.moved, "percent": percent})]
+    return [warning("zero-moves", said, {"moved": moved, "percent": percent})]
 
 
 class _Levels(NamedTuple):
@@ -115,7 +124,10 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
     numbers = np.flatnonzero(share > 0.5)
     if len(numbers) < FEWEST:
         return None
-    inside = [counted & (cycle == number) for number in numbers]
+    # The places of each cycle: masks would take rows times cycles.
+    at = np.flatnonzero(counted & np.isin(cycle, numbers))
+    at = at[np.argsort(cycle[at], kind="stable")]
+    inside = np.split(at, np.flatnonzero(np.diff(cycle[at])) + 1)
     ends = np.array([(u[own].min(), u[own].max()) for own in inside])
     middle = np.median(ends, axis=0)
     alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
@@ -127,7 +139,7 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
     read = np.full((len(numbers), 2, LEVELS), np.nan)
     for out, own in zip(read, inside, strict=True):
         for side, sign in zip(out, (1, -1), strict=True):
-            leg = np.flatnonzero(own & (rising == sign))
+            leg = own[rising[own] == sign]
             if len(leg) > 1:
                 leg = leg[np.argsort(u[leg], kind="stable")]
                 side[:] = np.interp(level, u[leg], y[leg])

@@ -9,13 +9,13 @@ file is.
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats, parsed
-from .importers import Layout
+from .importers import Layout, Streamed
 
 BLOCK = 2**24
 """Bytes of a block; as strings and numbers its cells take some ten times as much memory."""
@@ -37,7 +37,7 @@ class CompiledRows:
 
     def __init__(
         self,
-        data: bytes,
+        data: bytes | Streamed,
         start: int,
         first: int,
         layout: Layout,
@@ -59,14 +59,20 @@ class CompiledRows:
         end = f"\n{re.escape(layout.separator)}"
         self._missing = re.compile(rf"([{end}]) *(?:{words}) *(?=[{end}])", re.IGNORECASE)
 
-    def numbers(self, numeric: list[bool]) -> tuple[list[np.ndarray], np.ndarray]:
-        """(n,) float64 of each column, and (n,) the line of each row.
+    def numbers(
+        self, begun: Mapping[str, np.ndarray], numeric: list[bool]
+    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """The columns (n,) float64, each behind the rows that have `begun` it, and the line of each row.
 
-        `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False; the
-        arrays of such columns mean nothing.
+        `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False, and is
+        left out.
         """
-        columns: list[list[np.ndarray]] = [[] for _ in numeric]
-        lines, first = [], self._first
+        rows, lines, first = len(next(iter(begun.values()))), [], self._first
+        # One array that every block is put into: blocks that are joined in the end need it twice.
+        pieces = (self._data[place] for place in _blocks(self._data, self._start))
+        room = rows + 1 + sum(max(p.count(b"\n"), p.count(b"\r")) for p in pieces)
+        columns = [np.append(x, np.empty(room - rows)) if n else None
+                   for x, n in zip(begun.values(), numeric, strict=True)]  # fmt: skip
         for place in _blocks(self._data, self._start):
             text = _text(self._data[place])
             count = text.count("\n")
@@ -75,14 +81,19 @@ class CompiledRows:
             self._blocks.append((place, first, parts is None))
             if parts is None:
                 parts, line = self._carefully(text, first, numeric)
-            for column, part, number in zip(columns, parts, numeric, strict=True):
-                column.append(part if number else np.zeros(0))
+            if rows + len(line) > room:  # ends of lines of several kinds
+                raise OddRowsError
+            for k, (part, number) in enumerate(zip(parts, numeric, strict=True)):
+                if (column := columns[k]) is not None and number:
+                    column[rows : rows + len(line)] = part
+                else:
+                    columns[k] = None
             lines.append(line)
-            first += count
-        last = [column[-1] for column, number in zip(columns, numeric, strict=True) if number]
-        if not last or all(np.isnan(x[-1:]).all() for x in last):
+            first, rows = first + count, rows + len(line)
+        found = {name: x[:rows] for name, x in zip(begun, columns, strict=True) if x is not None}
+        if not found or all(np.isnan(x[-1]) for x in found.values()):
             raise OddRowsError  # perhaps empty rows at the end, which are no rows
-        return [np.concatenate(column) for column in columns], np.concatenate(lines)
+        return found, np.concatenate(lines)
 
     def words(self, at: int) -> np.ndarray:
         """The cells of column `at` (n,) str, without the blanks around each."""
@@ -159,7 +170,7 @@ class CompiledRows:
         return {"delimiter": self._layout.separator or None, "comments": None, "quotechar": quote}
 
 
-def _blocks(data: bytes, start: int) -> Iterator[slice]:
+def _blocks(data: bytes | Streamed, start: int) -> Iterator[slice]:
     """Pieces of whole lines."""
     while start < len(data):
         stop = len(data)

@@ -14,7 +14,7 @@ from ._cells import floats
 from ._read_table import read_table
 from ._record import Record
 from ._table import Table, column_of
-from ._turned import turned
+from ._turned import read_jump, rezeroed, turned
 from ._two_clocks import on_one_clock
 from ._units import column_unit
 
@@ -40,6 +40,7 @@ def read_csv(
     input_time: str | None = None,
     condition: Sequence[str] = (),
     turn: Sequence[str] = (),
+    rezero: Sequence[str] = (),
 ) -> Record:
     """A `Record` from a CSV file, or from a `Table` already read.
 
@@ -59,6 +60,8 @@ def read_csv(
         then `time`: the input is interpolated linearly to the output's times.
     - `condition`: columns such as a temperature or a pressure, on which the output depends too.
     - `turn`: columns whose sign is turned: a push that the rig counts as a pull.
+    - `rezero`: jumps of the output's zero that are taken out, each `LINE:SIZE`. SIZE is subtracted from the
+        output from the row on this line of the file to the end of its sequence, before a sign is turned.
     - `decimal`, `separator`, `units_row`, `na_values`: see `read_table`.
 
     **Raises:** `InputError` as `read_table` and `Record` do, and `no-column`, `no-match`,
@@ -115,15 +118,21 @@ def read_csv(
             rows[empty] = False
             without = f"Left out {len(empty)} rows that have neither {said} nor {output!r}."
             notes.append(Note("skipped", without))
+    for line, _ in map(read_jump, rezero):
+        if line not in table.line:
+            problem = f"No row of the file is on line {line}."
+            lines = f"The rows are on lines {table.line.min()} to {table.line.max()} (--rezero LINE:SIZE)."
+            raise InputError("no-match", problem, place=table.path, fix=lines)
+    chosen = slice(None) if rows.all() else rows  # a view, where a mask makes a copy
     names = [group] if isinstance(group, str) else list(group or ())
     for name in (*names, *keep):
         column_of(table, name)
     groups = None
     if names:
-        parts = [table.text[name][rows] for name in names]
+        parts = [table.text[name][chosen] for name in names]
         groups = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
-    t = None if time is None else table.number(time, rows)
-    moved = {name: table.number(name, rows) for name in (*inputs, *condition)}
+    t = None if time is None else table.number(time, chosen)
+    moved = {name: table.number(name, chosen) for name in (*inputs, *condition)}
     if input_time is not None:
         if t is None:
             problem = f"The input's clock is {input_time!r}, and the output's is not given."
@@ -133,19 +142,20 @@ def read_csv(
         notes.append(note)
         if (ended := np.isnan(t) & np.isnan(table.number(output, rows))).any():  # before the input
             rows[np.flatnonzero(rows)[ended]] = False
+            chosen = rows
             moved, t = {name: x[~ended] for name, x in moved.items()}, t[~ended]
             groups = None if groups is None else groups[~ended]
     record = Record.from_arrays(
         moved[inputs[0]] if named else None,
-        table.number(output, rows),
+        table.number(output, chosen),
         t,
         groups,
         dt=dt,
-        line=table.line[rows],
+        line=table.line[chosen],
         segments=segments,
         nan=nan,
         history=(Note("read", f"Read {rows.sum()} rows: {said} -> {output!r}."), *notes),
-        columns={name: table.columns[name][rows] for name in keep}
+        columns={name: table.columns[name][chosen] for name in keep}
         | {name: moved[name] for name in (*channels, *condition)},
         channels=channels,
         conditions={name: units["condition", name] for name in condition},
@@ -157,6 +167,7 @@ def read_csv(
         sha256=table.sha256,
         **named,
     )
+    record = rezeroed(record, rezero) if rezero else record
     return turned(record, turn) if turn else record
 
 

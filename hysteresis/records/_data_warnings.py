@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._format import duration, quantity
+from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
-from ._zero_jumps import zero_jumps
+from ._zero import lost_contact, zero_jumps
 
 WIDER = 3.0
 """Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
@@ -91,25 +91,39 @@ def suspicions(record: AbstractRecord) -> list[Note]:
             f"{others} while the {other} moves; {mend}."
         )
         found.append(warning("saturation", said))
-    return [*found, *_zero_jumps(record), *_created_energy(record)]
+    return [*found, *_zeros(record), *_created_energy(record)]
 
 
-def _zero_jumps(record: AbstractRecord) -> list[Note]:
-    """One note on the jumps of the zero, with the first of them."""
-    jumps = zero_jumps(record)
-    if not jumps:
-        return []
-    row, size = jumps[0]
-    at = record.lines(np.array([row]))
-    if record.time is not None:
-        at += f" ({duration(float(record.time[row]), record.time_unit)})"
-    more = f", and at {len(jumps) - 1} more rows" if jumps[1:] else ""
-    said = (
-        f"The zero of the output jumps by {quantity(size, record.output_unit)} at {at}{more}, while the "
-        "input moves on: with the jump taken out, the branches before and behind it lie on each other. "
-        "Fit the rows on one side of it alone (--exclude-lines FIRST-LAST), or correct the file."
-    )
-    return [warning("zero-jump", said)]
+def _zeros(record: AbstractRecord) -> list[Note]:
+    """One note on the jumps of the zero, and one on the rows without contact."""
+    found, unit = [], record.output_unit
+    lost = lost_contact(record)
+    jumps = zero_jumps(record, lost)
+    if jumps:
+        each = [f"{quantity(size, unit)} at {record.place(row)}" for row, size in jumps]
+        more = f", and {len(each) - 3} more times" if each[3:] else ""
+        option = ",".join(f"{record.line[row]}:{size:.4g}" for row, size in jumps)
+        mend = f"--rezero {option} subtracts" if record.source else "subtract"
+        said = (
+            f"The zero of the output jumps by {', by '.join(each[:3])}{more}, and the input does not jump"
+            f" there. If that is a tare, {mend} it from the rows behind; or fit one side alone"
+            " (--exclude-lines FIRST-LAST)."
+        )
+        values = [{"line": int(record.line[row]), "size": size} for row, size in jumps]
+        found.append(warning("zero-jump", said, {"jumps": values}))
+    if lost:
+        each = [record.lines(np.array([one.first, one.last])) for one in lost]
+        more = f" and {len(each) - 3} more stretches" if each[3:] else ""
+        first, last = record.line[[lost[0].first, lost[0].last]].tolist()
+        option = ",".join(f"{record.line[one.first]}-{record.line[one.last]}" for one in lost)
+        said = (
+            f"The output stays at {quantity(lost[0].zero, unit)} in {', '.join(each[:3])}{more}, from"
+            f" {record.place(lost[0].first)} on, while the input moves where it reads more elsewhere. If"
+            f" the contact was lost, leave those rows out (--exclude-lines {option})."
+        )
+        values = {"first": first, "last": last, "zero": lost[0].zero, "stretches": len(lost)}
+        found.append(warning("lost-contact", said, values))
+    return found
 
 
 def _created_energy(record: AbstractRecord) -> list[Note]:

@@ -49,8 +49,9 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         )
         found.append(warning("one-way-input", said))
     others = suspicions(record)
-    # A zero that jumps moves, too; either is told first.
-    first = [note for note in others if note.code == "zero-jump"] or change_warnings(record)
+    # A zero that jumps moves, too, and so does one that is read for a while; either is told first.
+    zeros = [note for note in others if note.code in ("zero-jump", "lost-contact")]
+    first = zeros or change_warnings(record)
     found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:

@@ -21,6 +21,7 @@ from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
     Layout,
     Sheet,
+    Streamed,
     arranged,
     binary,
     clock_in,
@@ -31,6 +32,7 @@ from .importers import (
     json_lines,
     labview,
     noted_units,
+    streamed,
     units_behind_blanks,
     without_settings,
     without_table,
@@ -93,9 +95,12 @@ def read_table(
     if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
         problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
+    ways = separator, decimal, units_row, dialects, table
+    large = streamed(path) if most is None else None
+    if large and (found := _by_its_head(path, large, len(large), ways, tuple(na_values))):
+        return found
     data, size = file_bytes(path, most)
     if (sheet := binary(path, data, table)) is None:
-        ways = separator, decimal, units_row, dialects, table
         if found := _by_its_head(path, data, size, ways, tuple(na_values)):
             return found
         sheet = _sheet(path, data, *ways)
@@ -125,7 +130,7 @@ def _timed(table: Table, sheet: Sheet) -> Table:
 
 
 def _by_its_head(
-    path: Path, data: bytes, size: int, ways: tuple, na_values: tuple[str, ...]
+    path: Path, data: bytes | Streamed, size: int, ways: tuple, na_values: tuple[str, ...]
 ) -> Table | None:
     """A large text whose rows go on as they begin; None of any other file."""
     cut, length = 0, HEAD
@@ -279,7 +284,12 @@ def _feet(body: list[list[str]], width: int) -> list[list[str]]:
 
 
 def _table(
-    path: Path, data: bytes, size: int, sheet: Sheet, decimal: str, na_values: tuple[str, ...]
+    path: Path,
+    data: bytes | Streamed,
+    size: int,
+    sheet: Sheet,
+    decimal: str,
+    na_values: tuple[str, ...],
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     check_room(path, sheet.columns, sheet.line)
@@ -288,7 +298,8 @@ def _table(
     }
     columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
+    digest = hashlib.sha256(data).hexdigest() if isinstance(data, bytes) else data.sha256()
     return Table(
-        columns, text, sheet.line, units, str(path), hashlib.sha256(data).hexdigest(),
+        columns, text, sheet.line, units, str(path), digest,
         sheet.notes, decimal, na_values, sheet.units, len(data) / size,
     )  # fmt: skip

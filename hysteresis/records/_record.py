@@ -170,37 +170,37 @@ class Record(AbstractRecord):
         if dt is not None and not (isinstance(dt, Real) and 0 < dt < np.inf):
             raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
         y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
-        more = (*(channels or ()), *(conditions or ()))
+        more = *(channels or ()), *(conditions or ())
         kept |= {name: numbers(name, kept[name]) for name in more}
         n = y.size
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
         t = None if time is None else seconds(time)
-        group = np.zeros(n, int) if groups is None else np.asarray(groups)
+        group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
         same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
         same_length(output=y, **{name: kept[name] for name in more})
         if segments not in (None, "auto"):
-            raise InputError(
-                "bad-option", f"segments={segments!r}.", fix="--segments auto, or none."
-            )
-        unique, first, member = np.unique(group, return_index=True, return_inverse=True)
-        member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
-        order = np.argsort(member, kind="stable")
-        if np.any(np.diff(order) < 0):
-            said = "Gathered the rows of each group: they were interleaved."
-            done.append(Note("gathered", said))
-        u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
-        t = None if t is None else t[order]
-        kept = {name: np.asarray(column)[order] for name, column in kept.items()}
+            mend = "--segments auto, or none."
+            raise InputError("bad-option", f"segments={segments!r}.", fix=mend)
+        label, member = np.array(["all"]), group
+        if groups is not None:
+            unique, first, member = np.unique(group, return_index=True, return_inverse=True)
+            member = np.argsort(np.argsort(first))[member]  # number sequences by their first rows
+            order = np.argsort(member, kind="stable")
+            if np.any(np.diff(order) < 0):
+                done.append(Note("gathered", "Gathered the interleaved rows of each group."))
+            u, y, used, number, member = (x[order] for x in (u, y, used, number, member))
+            t = None if t is None else t[order]
+            kept = {name: np.asarray(column)[order] for name, column in kept.items()}
+            label = unique[np.argsort(first)]
         inputs = {name: kept[name] for name in channels} if channels else {"input": u}
         cut = np.diff(member) > 0
         if segments == "auto" and t is not None and np.any(back := (np.diff(t) < 0) & ~cut):
             cut |= back
             done.append(Note("cut", f"Cut into {cut.sum() + 1} sequences: time went back."))
         starts = np.flatnonzero(np.append(True, cut))
-        label, seen = unique[np.argsort(first)] if groups is not None else ["all"], Counter()
-        labels = []
+        labels, seen = [], Counter[str]()
         for name in (str(label[k]) for k in member[starts]) if n else ("all",):
             seen[name] += 1
             labels.append(f"{name}#{seen[name]}" if seen[name] > 1 else name)

@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._abstract_record import AbstractRecord
-from ._cells import floats, missing, parsed
+from ._cells import LARGEST, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 from ._dialect import headless
 
@@ -54,8 +54,8 @@ class Table:
     written_units: Mapping[str, str] = field(default_factory=dict)
     share: float = 1.0
 
-    def number(self, name: str, rows: np.ndarray | None = None) -> np.ndarray:
-        """A column, or those `rows` (n,) of it, as float64, NaN where missing.
+    def number(self, name: str, rows: np.ndarray | slice | None = None) -> np.ndarray:
+        """A column, or those `rows` of it, as float64, NaN where missing.
 
         Only what is asked for has to be numbers. Raises `no-column`, or names the first cell that is
         none: `decimal-comma`, `thousands-separator`, `text-cell`, `not-finite`, `too-large`.
@@ -68,8 +68,7 @@ class Table:
                 text = text[rows]
                 x = parsed(text, self.decimal, self.na_values)
         if x.dtype.kind == "f":
-            # 1e150 is no measurement, and its square, summed over rows, overflows.
-            bad = np.flatnonzero(np.abs(x) > 1e150)
+            bad = np.flatnonzero((x > LARGEST) | (x < -LARGEST))
             if not bad.size:
                 return x
             text = self.text[name] if rows is None else self.text[name][rows]
@@ -142,21 +141,18 @@ def followed(begun: Table, rows: CompiledRows) -> Table:
     """A table of the rows of `begun` and of those that follow them in a text. Raises `OddRowsError`."""
     names = list(begun.columns)
     numeric = [x.dtype.kind == "f" for x in begun.columns.values()]
-    numbers, line = rows.numbers(numeric)
+    numbers, line = rows.numbers(begun.columns, numeric)
+    line = np.append(begun.line, line)
 
     def text(name: str) -> np.ndarray:
         return np.concatenate([begun.text[name], rows.words(names.index(name))])
 
-    columns = {}
-    for name, x, number in zip(names, numbers, numeric, strict=True):
-        columns[name] = np.concatenate([begun.columns[name], x]) if number else text(name)
+    columns = {name: numbers[name] if name in numbers else text(name) for name in names}
 
     def kept(name: str) -> np.ndarray:
         return text(name) if columns[name].dtype.kind == "f" else columns[name]
 
-    return replace(
-        begun, columns=columns, text=TextColumns(names, kept), line=np.append(begun.line, line)
-    )
+    return replace(begun, columns=columns, text=TextColumns(names, kept), line=line)
 
 
 def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:

@@ -1,10 +1,14 @@
-"""Columns whose sign is turned: a rig that counts a push where its record should count a pull."""
+"""What a rig counts another way than its record should: a push for a pull, or from another zero."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from .._errors import InputError
+from .._format import quantity
 from .._note import Note
 from ._record import Record
 
@@ -40,3 +44,50 @@ def turned(record: Record, names: str | Sequence[str]) -> Record:
         note = Note("turned", f"Turned the sign of {name!r}.")
         changes["history"] = (*changes.get("history", record.history), note)
     return replace(record, **changes)
+
+
+def rezeroed(record: Record, jumps: Sequence[str]) -> Record:
+    """The record with jumps of the output's zero taken out.
+
+    **Arguments:**
+
+    - `jumps`: each `LINE:SIZE`. From the row of this line to the end of its sequence the output is less by
+      SIZE, in its unit. Lines that the record does not have change nothing.
+
+    **Raises:** `InputError` `bad-option`.
+
+    **Example:**
+
+        >>> from hysteresis.records._turned import rezeroed
+        >>> tared = hysteresis.Record.from_arrays([0, 1, 2, 1], [0, 1, 7, 6])
+        >>> rezeroed(tared, ["3:5"]).output
+        array([0., 1., 2., 1.])
+    """
+    y, notes = record.output.copy(), []
+    for jump in jumps:
+        line, size = read_jump(jump)
+        for label, rows in record.sequences():
+            if not (found := np.flatnonzero(record.line[rows] == line)).size:
+                continue
+            y[rows.start + found[0] : rows.stop] -= size
+            to = "" if len(record.labels) == 1 else f" of sequence {label!r}"
+            much = quantity(size, record.output_unit)
+            told = f"Subtracted {much} from the output{to}, from line {line} on."
+            notes.append(Note("rezeroed", told))
+    return replace(record, output=y, history=(*record.history, *notes))
+
+
+def read_jump(text: str) -> tuple[int, float]:
+    """Line and size of a jump, `LINE:SIZE`. Raises `InputError` `bad-option`."""
+    match = re.fullmatch(r"\s*(\d{1,18})\s*:\s*(\S+)\s*", text)
+    try:
+        size = float(match[2]) if match else np.nan
+    except ValueError:
+        size = np.nan
+    if match is None or not np.isfinite(size):
+        raise InputError(
+            "bad-option",
+            f"{text!r} is not a line and the size of a jump.",
+            fix="Write the line of the first row behind it and the size: --rezero 232:-13.7.",
+        )
+    return int(match[1]), size

@@ -15,13 +15,13 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError, Record
 from hysteresis._note import ProgressNote
+from hysteresis._precision import in_this_precision, is_double
 from hysteresis._serialisation import described
 
 from ..fitting._candidate import Candidate
 from ..fitting._candidates import Asked, candidates
 from ..fitting._fit import fit
 from ..fitting._verdict import USABLE
-from ..parameters._precision import require_double
 from ..parameters._settings import numbers_of, with_settings
 from ..results._fit_result import FitResult
 from ._executor import MakesExecutor, Unit, done_by
@@ -43,7 +43,7 @@ from ._side_by_side import (
     structure,
     unfit,
 )
-from ._worker import HOME, Fault, fit_alone, fit_together, is_double, packed, with_templates
+from ._worker import HOME, Fault, fit_alone, fit_together, packed, with_templates
 
 Item = Record | tuple[Record, Record | None]
 """A record to fit, or a pair of it and the record to test the fit on."""
@@ -106,7 +106,7 @@ def fit_many(
     - `extra`: added to batch.json and to every fit.json.
     - all others: as in `fit`.
 
-    Raises `InputError` if double precision is off, or `out` holds a batch with other settings.
+    Raises `InputError` if `out` holds a batch with other settings.
 
     **Example:**
 
@@ -114,7 +114,7 @@ def fit_many(
         >>> [(row["name"], round(row["K"], 2)) for row in batch.table()]
         [('new', 1.32), ('worn', 1.32)]
     """
-    require_double(bool(options.get("allow_float32", False)))
+    function = getattr(function, "inner", function)
     if function is fit:
         own = {"conditioning": conditioning, "clocks": clocks, "noise": noise}
         options |= own | {"starts": starts, "seed": seed, "model": model}
@@ -342,7 +342,8 @@ class _Chunk:
 
     def kept(self, k: int) -> Kept:
         return Kept(
-            lambda: self.row(k), lambda: result(self.problems[k], self.solved, k, self.seed)
+            in_this_precision(lambda: self.row(k)),
+            in_this_precision(lambda: result(self.problems[k], self.solved, k, self.seed)),
         )
 
     @cached_property

@@ -9,12 +9,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis._format import plain
+from hysteresis._precision import in_this_precision
 
 from ..files._fit_folder import load, rewrite_fit, save, summary, to_json, write_fit
 from ..results._fit_result import FitResult
@@ -157,7 +159,7 @@ class Folder:
             check_free(folder, overwrite=False)
         if document["batch"] != {"digest": digest}:
             return None
-        return Kept(_compact(row_of(document)), lambda: load(folder))
+        return Kept(_compact(row_of(document)), in_this_precision(partial(load, folder)))
 
     def put(self, name: str, fit: FitResult | Mapping[str, bytes], digest: str) -> Kept:
         """Write a fit, or the files of one, to its folder."""
@@ -166,7 +168,7 @@ class Folder:
             document = write_fit(fit, folder, to_json(fit), overwrite=True, extra=extra)
         else:
             document = rewrite_fit(folder, fit, extra)
-        return Kept(_compact(row_of(document)), lambda: load(folder))
+        return Kept(_compact(row_of(document)), in_this_precision(partial(load, folder)))
 
     def write(self, batch: Batch, seconds: float, finished: bool, at_once: bool = False) -> None:
         """batch.json and batch.csv, now and then on the way, and `at_once` at the end."""
@@ -212,11 +214,11 @@ def write_files(files: Mapping[str, bytes], folder: Path) -> None:
 def held_in_memory(fit: FitResult | Mapping[str, bytes]) -> Kept:
     """A fit that is kept in memory, without a folder."""
     if isinstance(fit, FitResult):
-        return Kept(lambda: row_of(plain(summary(fit))), lambda: fit)
+        return Kept(in_this_precision(lambda: row_of(plain(summary(fit)))), lambda: fit)
 
     def opened() -> FitResult:
         with tempfile.TemporaryDirectory() as folder:
             write_files(fit, Path(folder))
             return load(folder)
 
-    return Kept(lambda: row_of(json.loads(fit["fit.json"])), opened)
+    return Kept(lambda: row_of(json.loads(fit["fit.json"])), in_this_precision(opened))

@@ -39,17 +39,17 @@ def fit_alone(
     double: bool,
 ) -> FitResult | dict[str, bytes] | Fault:
     """Fit one record; in another process, return the files of the fit."""
-    use_precision(double)
     try:
-        if home != HOME and function is fit:
-            for one in candidates(options["model"]):
-                described(one.template)  # raises where the files of its fit could not be loaded
-        watched = {"progress": _interrupts} if function is fit else {}
-        found = function(train, test=test, **watched, **unpacked(options))
+        with jax.enable_x64(double):
+            if home != HOME and function is fit:
+                for one in candidates(options["model"]):
+                    described(one.template)  # raises where the files of its fit could not be loaded
+            watched = {"progress": _interrupts} if function is fit else {}
+            found = function(train, test=test, **watched, **unpacked(options))
+            return found if home == HOME else files_of(found)
     except InputError as error:
         words = {"place": error.place, "cause": error.cause, "fix": error.fix}
         return Fault(error.code, error.problem, words)
-    return found if home == HOME else files_of(found)
 
 
 def _interrupts(line: str) -> None:
@@ -59,18 +59,8 @@ def _interrupts(line: str) -> None:
 
 
 def fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:
-    use_precision(double)
-    return fit_alike(with_templates(problems, unpacked), starts, seed)
-
-
-def is_double() -> bool:
-    return bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-
-
-def use_precision(double: bool) -> None:
-    """Use the floating-point precision of the calling process."""
-    if is_double() != double:
-        jax.config.update("jax_enable_x64", double)
+    with jax.enable_x64(double):
+        return fit_alike(with_templates(problems, unpacked), starts, seed)
 
 
 def with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> list[Problem]:

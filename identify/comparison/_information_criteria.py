@@ -1,7 +1,7 @@
 """How probable a fitted model makes the rows it was fitted to: criteria, evidence, leave-one-out."""
 
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,21 +18,12 @@ from ..posterior._mode import top_of
 from ..posterior._posterior import Posterior
 from ..records._run_model import prepare
 from ..results._fit_result import FitResult
+from ..results._likelihood import COLOURED, Criteria
 from ._psis_loo import Loo, loo
-
-COLOURED = 2.0
-"""Correlation time of residuals from which on rows are not exchangeable."""
 
 DRAWS = 1000
 """Draws of a posterior that leave-one-out takes, at most, and as many TERMS of all its rows together."""
 TERMS = 20_000_000
-
-
-class Criteria(NamedTuple):
-    """Akaike's and Schwarz's criterion; less is better, differences alone mean something."""
-
-    aic: float
-    bic: float
 
 
 def criteria(rmse: float, numbers: int, rows: float) -> Criteria:

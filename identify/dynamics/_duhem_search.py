@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
+from hysteresis._precision import in_this_precision
 from hysteresis.dynamics._layout import Layout
 
 from ._linear_approximation import LinearApproximation
@@ -104,9 +105,8 @@ def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, lis
     # The compiled loop lets other threads run: two starts side by side take hardly longer than one.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         for k in range(0, len(points), SIDE_BY_SIDE):
-            fits = pool.map(
-                lambda q: levenberg_marquardt(setting, family, q), points[k : k + SIDE_BY_SIDE]
-            )
+            one = in_this_precision(lambda q: levenberg_marquardt(setting, family, q))
+            fits = pool.map(one, points[k : k + SIDE_BY_SIDE])
             for found in fits:
                 tried.append(found.chi)
                 if best is None or found.chi < best.chi:

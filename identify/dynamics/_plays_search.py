@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import interpolated
+from hysteresis._precision import in_this_precision
 from hysteresis.dynamics._fast_path import plays_along
 from hysteresis.dynamics._layout import Layout
 
@@ -165,7 +166,7 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
 
     # FFTs and products of matrices let other threads run.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        return sorted(pool.map(best_of, KNOTS), key=lambda one: one.bic)
+        return sorted(pool.map(in_this_precision(best_of), KNOTS), key=lambda one: one.bic)
 
 
 def fitted(setting: Setting, start: Equation) -> Optimum:

@@ -7,7 +7,6 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 
 import hashlib
 import json
-import math
 import time
 import zipfile
 from collections.abc import Callable, Mapping
@@ -26,41 +25,21 @@ from hysteresis._verdict import Verdict
 
 from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
-from ..noise._residual_statistics import Noise
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
 from ..results._baseline import Baseline
 from ..results._detail import detail_of
-from ..results._extrapolation import Extrapolation
-from ..results._fit_result import Candidate, FitResult, Parameter, Starts
-from ..results._metrics import Metrics
+from ..results._fit_result import Candidate, FitResult, Starts
 from ..storage._file_set import check_unedited, document_in, whole_files, write_set
 from ..storage._json import check_free, read_json
 from ..storage._provenance import versions
+from ._fit_document import checked
 
 SCHEMA = 1
 ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
 """How often a folder is looked at that another process may be writing, and for which faults."""
 MOST_RESIDUALS = 4_000_000
 """Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
-_KINDS: dict[str, type] = {
-    **dict.fromkeys(
-        (
-            "each",
-            "failed",
-            "folders",
-            "files",
-            "records",
-            "metrics",
-            "data",
-            "verdict",
-            "compensator",
-        ),
-        dict,
-    ),
-    **dict.fromkeys(("parameters", "candidates", "baselines", "notes"), list),
-}
-"""Entries of fit.json that readers look into, and what they are."""
 OF_EARLIER = (
     "posterior.json", "posterior.nc", "posterior_models.npz", "chains.h5", "chains.previous.h5",
     "report.html",
@@ -197,7 +176,7 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
             fix=f"name one of them: {', '.join(several[:5])}.",
         )
     with damage_told("fit.json, or one of its arrays,", folder, "fit again."):
-        return _load(document, files), document
+        return _load(checked(document), files), document
 
 
 def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
@@ -222,11 +201,11 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
             for candidate in document["candidates"]
         ),
         baselines=tuple(map(Baseline.of, document.get("baselines", ()))),
-        extrapolation=Extrapolation.of(document.get("extrapolation")),
+        extrapolation=document.get("extrapolation"),
         compensator=document.get("compensator"),
         purpose=document.get("purpose", "predict"),
         skipped=document["skipped"],
-        clocks=Clocks(**document.get("clocks", {})),
+        clocks=document.get("clocks", Clocks()),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
         seed=document["seed"],
     )
@@ -236,16 +215,16 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
     """The inverse of `summary`: the fields that `FitResult` and `Candidate` share."""
     return {
         "name": saved["model"],
-        "parameters": _parameters(saved["parameters"]),
-        "metrics": _metrics(saved["metrics"]),
+        "parameters": saved["parameters"],
+        "metrics": saved["metrics"],
         "success": saved["success"],
-        "score": math.nan if (score := saved["score_percent"]) is None else score,
-        "noise": Noise(**saved["noise"]),
+        "score": saved["score_percent"],
+        "noise": saved["noise"],
         "blocks": _blocks(saved.get("blocks")),
         "test_blocks": _blocks(saved.get("test_blocks")),
         "noise_model": _noise_model(saved.get("noise_model")),
         "noise_evidence": saved.get("noise_evidence", {}),
-        "notes": tuple(saved["notes"]),
+        "notes": saved["notes"],
         "verdict": Verdict.of(saved["verdict"]),
         "seconds": saved["seconds"],
     }
@@ -253,7 +232,8 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
 
 def read_document(folder: str | Path) -> dict[str, Any]:
     """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
-    file = document_in(Path(folder), "fit.json")
+    folder = Path(folder)
+    file = document_in(folder, "fit.json")
     if not file.is_file():
         raise InputError(
             "file-not-found",
@@ -270,16 +250,9 @@ def read_document(folder: str | Path) -> dict[str, Any]:
             place=str(folder),
             fix="update hysid, or fit again.",
         )
-    check_unedited(Path(folder), "fit.json", document)
-    for key, kind in _KINDS.items():
-        if key in document and not isinstance(document[key], kind):
-            raise InputError(
-                "damaged-file",
-                f"the entry {key} of fit.json cannot be read.",
-                place=str(folder),
-                cause="it was edited.",
-                fix="fit again.",
-            )
+    check_unedited(folder, "fit.json", document)
+    with damage_told("fit.json", folder, "fit again."):
+        checked(document)
     return document
 
 
@@ -411,8 +384,7 @@ def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Re
     arrays: Any = {name: data.get(f"{part}_{name}") for name in _RECORD_ARRAYS}
     conditions = enumerate(words.get("conditions", {}))
     columns = {name: data[f"{part}_condition_{k}"] for k, name in conditions}
-    changed = {"labels": tuple(words["labels"]), "history": _notes(words["history"])}
-    return Record(**arrays, **words | changed, columns=columns)
+    return Record(**arrays, **words | {"history": _notes(words["history"])}, columns=columns)
 
 
 def _notes(said: list[Any]) -> tuple[Note, ...]:
@@ -436,15 +408,5 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
     return load_arrays(file)
 
 
-def _parameters(listed: list[dict[str, Any]]) -> tuple[Parameter, ...]:
-    # JSON knows no infinity: a threshold of -inf was written as null.
-    read = [Parameter(**p) for p in listed]
-    return tuple(p if p.value is not None else p._replace(value=float("nan")) for p in read)
-
-
 def _blocks(saved: list[float] | None) -> np.ndarray | None:
     return None if saved is None else np.array(saved)
-
-
-def _metrics(saved: dict[str, Any]) -> dict[str, Metrics | None]:
-    return {k: None if m is None else Metrics(**m) for k, m in saved.items()}

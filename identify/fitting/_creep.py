@@ -12,7 +12,6 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from ..diagnostics._rows_beyond import extrapolation
 from ..noise._residual_statistics import estimate_noise
-from ..parameters._precision import require_double
 from ..records._folds import block_errors, parts
 from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
@@ -155,14 +154,14 @@ def fit_step(
     - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
     - `seed`: kept with the result; nothing here is random.
     - `purpose`: "predict" or "constants", see `fit`.
-    - `allow_float32`: fit although JAX's double precision is off.
+    - `allow_float32`: fit in the precision that JAX has, also where it is single.
     - `progress`: called with a line of text now and then.
 
     The result's candidates are the orders tried, best first; their `score` is the relative error in per
     cent, raised by what the evidence charges for parameters. `detail.spectrum` is the `Spectrum`
     of output / input, whose `predict` has the range that the record leaves open.
 
-    Raises `InputError` where the record is no answer to a step, or double precision is off.
+    Raises `InputError` where the record is no answer to a step.
 
     **Example:**
 
@@ -173,7 +172,6 @@ def fit_step(
     """
     begin = time.perf_counter()
     say = progress or (lambda _: None)
-    require_double(allow_float32)
     check_purpose(purpose)
     if test is not None and test_tail is not None:
         raise InputError("conflicting-options", "Give one of test and test_tail.")

@@ -12,7 +12,6 @@ from hysteresis._note import ProgressNote
 from hysteresis.numerics._compiled import forget_compiled
 
 from ..noise._reml import kinds
-from ..parameters._precision import require_double
 from ..records._folds import as_good
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
@@ -96,12 +95,12 @@ def fit(
       for every parameter.
     - `period`, `oversampling`: of an oscillator: rows in a period of the force (None looks for one, 0 means
       that it does not repeat), and steps of integration to a sample.
-    - `allow_float32`: fit although JAX's double precision is off.
+    - `allow_float32`: fit in the precision that JAX has, also where it is single.
     - `progress`: called with a line of text now and then.
 
     Ctrl-C ends the search: the best candidate so far is the result, and `skipped` names the others.
 
-    Raises `InputError` where the record cannot identify anything, or double precision is off.
+    Raises `InputError` where the record cannot identify anything.
 
     **Example:**
 
@@ -111,7 +110,6 @@ def fit(
     """
     begin = time.perf_counter()
     say = progress or (lambda _: None)
-    require_double(allow_float32)
     forget_compiled()
     if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
         raise InputError("conflicting-options", "Give one of test, test_cycles and test_tail.")

@@ -75,15 +75,8 @@ class ConditionedUnknowns(NamedTuple):
         return len(self.knots) * self.base.count
 
     def words(self) -> dict[str, Any]:
-        """Plain data, as `rebuilt` takes it."""
+        """Plain data."""
         return self._asdict() | {"base": self.base._asdict()}
-
-    @classmethod
-    def rebuilt(cls, words: dict[str, Any]) -> "ConditionedUnknowns":
-        """The inverse of `words`, also when lists stand for tuples."""
-        plain = _hashable(words)
-        plain["base"] = CompositionUnknowns(**_hashable(words["base"]))
-        return cls(**plain)
 
     def minimum(
         self,
@@ -114,10 +107,6 @@ class ConditionedUnknowns(NamedTuple):
     def totals(self) -> Float[np.ndarray, "sums unknowns"]:
         """The sums as rows, at every knot."""
         return np.kron(np.eye(len(self.knots)), self.base.totals)
-
-
-def _hashable(words: dict[str, Any]) -> dict[str, Any]:
-    return {key: tuple(x) if isinstance(x, list) else x for key, x in words.items()}
 
 
 def shares_of(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record, Scaled
-from hysteresis.preisach import GridDensity, Preisach
+from hysteresis.preisach import GridDensity, Initial, Preisach
 from hysteresis.preisach._density import as_nodes
 
 from ..records._run_model import located
@@ -35,6 +35,20 @@ as the memoryless part does, so a record leaves open how a sum is shared out amo
 
 NEAR = 2
 """Cells beside the diagonal, in which relays count as nearly equal thresholds."""
+
+
+class GridWords(TypedDict):
+    """`GridUnknowns` as plain data, without the blocks."""
+
+    cells: int
+    low: float
+    high: float
+    leading: bool
+    initial: Initial
+    scale: float
+    dead_band: NotRequired[float]
+    centre: NotRequired[float]
+    nodes: NotRequired[list[float] | None]
 
 
 class GridUnknowns:

@@ -11,6 +11,5 @@ def require_double(allow_float32: bool) -> None:
         raise InputError(
             "single-precision",
             "JAX runs in single precision, in which fits stop early and errors come out wrong.",
-            fix="Call hysid.enable_x64() before any array is made, or give allow_float32=True"
-            " (--allow-float32).",
+            fix="hysid.enable_x64()",
         )

@@ -3,7 +3,7 @@
 import difflib
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypedDict, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -32,6 +32,15 @@ class Setting(NamedTuple):
 
 
 Settings = dict[str, Setting]
+
+
+class SettingWords(TypedDict):
+    """A setting as plain data."""
+
+    bounds: list[float | None] | None
+    prior: str | None
+    fixed: bool
+    tied: str | None
 
 
 def with_settings(model: Model, said: Mapping[str, Mapping[str, Any]]) -> tuple[Model, Settings]:

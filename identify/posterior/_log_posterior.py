@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, InputError
+from hysteresis._precision import in_own_precision
 
 from ..noise._arithmetic import Rows
 from ..noise._model import NoiseModel, rows_of
@@ -57,11 +58,13 @@ class Target(eqx.Module):
         """Of the numbers in z: the model's, then the noise's."""
         return (*self.bounds.names, *self.noise_bounds.names)
 
+    @in_own_precision
     def model(self, point: Float[Array, " parameters"]) -> AbstractModel:
         """The model at a point."""
         z = point[: len(self.bounds.names)]
         return self.bounds.insert(self.template, self.bounds.to_values(z))
 
+    @in_own_precision
     def noise(self, point: Float[Array, " parameters"]) -> NoiseModel:
         """The noise at a point."""
         z = point[len(self.bounds.names) :]
@@ -73,25 +76,30 @@ class Target(eqx.Module):
         z, noise = xp.split(points, [len(self.bounds.names)], -1)
         return xp.concatenate([self.bounds.to_values(z), self.noise_bounds.to_values(noise)], -1)
 
+    @in_own_precision
     def residuals(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
         """predicted - measured; 0 where a row does not count."""
         return self._compared(point)[0]
 
+    @in_own_precision
     def pointwise(self, point: Float[Array, " parameters"]) -> Float[Array, " rows"]:
         """log p(y_i | those before it), without a misfit's part; 0 where a row does not count."""
         residuals, rows = self._compared(point)
         return jnp.asarray(self.noise(point).pointwise(residuals, rows))
 
+    @in_own_precision
     def log_likelihood(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
         """log p(data | point), times the weight."""
         residuals, rows = self._compared(point)
         return jnp.asarray(self.weight * self.noise(point).log_likelihood(residuals, rows))
 
+    @in_own_precision
     def log_prior(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
         """log of the priors' density in the free space."""
         z, noise = jnp.split(point, [len(self.bounds.names)])
         return self.bounds.log_prior(z) + self.noise_bounds.log_prior(noise)
 
+    @in_own_precision
     def log_probability(self, point: Float[Array, " parameters"]) -> Float[Array, ""]:
         """log of the posterior up to a constant; -inf where it is not a number."""
         found = self.log_likelihood(point) + self.log_prior(point)

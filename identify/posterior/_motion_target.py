@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from hysteresis import AbstractModel, BoucWenForce, InputError, Oscillator
+from hysteresis._precision import in_this_precision
 
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family, unknowns_of_bouc_wen
@@ -82,7 +83,8 @@ class MotionTarget:
     ) -> Float[np.ndarray, " points"]:
         """Of many points at once; -inf where a motion has no end."""
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-            found = np.fromiter(pool.map(self._log_likelihood, points), float, len(points))
+            values = pool.map(in_this_precision(self._log_likelihood), points)
+            found = np.fromiter(values, float, len(points))
         whole = found + np.asarray(self.log_priors(points))
         return np.where(np.isfinite(whole), whole, -np.inf)
 

@@ -56,16 +56,13 @@ class Baseline(NamedTuple):
 
     @classmethod
     def of(cls, document: dict[str, Any]) -> "Baseline":
-        """The inverse of `document`."""
+        """The inverse of `document`, decoded."""
         test_blocks = document["test_blocks"]
-        score = document["score_percent"]
         return cls(
-            document["name"],
-            np.nan if score is None else score,
-            {k: None if m is None else Metrics(**m) for k, m in document["metrics"].items()},
+            document["name"], document["score_percent"], document["metrics"],
             np.array(document["blocks"], float),
             None if test_blocks is None else np.array(test_blocks, float),
-        )
+        )  # fmt: skip
 
 
 def best_baseline(baselines: Iterable[Baseline]) -> Baseline | None:

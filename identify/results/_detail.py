@@ -12,12 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import AbstractModel, Record
+from hysteresis._serialisation import decoded
 from hysteresis.curves import PolynomialCurve
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
 from ..linear._linear_fit import LinearFit
-from ..linear._preisach_unknowns import GridUnknowns
+from ..linear._preisach_unknowns import GridUnknowns, GridWords
 from ..noise._residual_statistics import Noise
 from ..spectra._extrapolation import Allowed
 from ..spectra._prony_series import Way
@@ -88,7 +89,8 @@ class GridWeights:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "GridWeights":
         """The inverse of `words` and `arrays`."""
-        return cls(_linear_fit(GridUnknowns(**words, block=np.asarray(arrays["block"])), arrays))
+        own = decoded(words, GridWords, cls.key)
+        return cls(_linear_fit(GridUnknowns(**own, block=np.asarray(arrays["block"])), arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +125,8 @@ class Composition:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "Composition":
         """The inverse of `words` and `arrays`."""
-        if "knots" in words:
-            return cls(_linear_fit(ConditionedUnknowns.rebuilt(words), arrays))
-        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
-        return cls(_linear_fit(CompositionUnknowns(**words), arrays))
+        kind = ConditionedUnknowns if "knots" in words else CompositionUnknowns
+        return cls(_linear_fit(decoded(words, kind), arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ class ReversalCurves:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "ReversalCurves":
         """The inverse of `words` and `arrays`."""
-        return cls(int(words))
+        return cls(decoded(words, int, cls.key))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +194,7 @@ class FoldedState:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "FoldedState":
         """The inverse of `words` and `arrays`."""
-        words = words | {k: tuple(v) for k, v in words.items() if isinstance(v, list)}
-        return cls(_linear_fit(CompositionUnknowns(**words), arrays), model.parts[-1])
+        return cls(_linear_fit(decoded(words, CompositionUnknowns), arrays), model.parts[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +241,8 @@ class DiscreteSpectrum:
         """The inverse of `words` and `arrays`; the answers of other orders are not kept."""
         changed = {
             "model": model,
-            "table": tuple(Order(**row) for row in words["table"]),
-            "noise": Noise(**words["noise"]),
+            "table": decoded(words["table"], tuple[Order, ...], "table"),
+            "noise": decoded(words["noise"], Noise, "noise"),
             "allowed": Allowed(*(arrays[f"spectrum_{name}"] for name in Allowed._fields)),
             "notes": tuple(words["notes"]),
             "way": Way(*arrays["spectrum_way"]) if "spectrum_way" in arrays else None,

@@ -40,10 +40,3 @@ class Extrapolation(NamedTuple):
     def document(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {name: part._asdict() for name, part in self._asdict().items()}
-
-    @classmethod
-    def of(cls, document: dict[str, Any] | None) -> "Extrapolation | None":
-        """The inverse of `document`; None of nothing."""
-        if document is None:
-            return None
-        return cls(**{name: RowsBeyond(**part) for name, part in document.items()})

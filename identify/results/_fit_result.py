@@ -1,11 +1,13 @@
 """What a fit gives back."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
 
 from hysteresis import (
     AbstractModel,
@@ -19,6 +21,7 @@ from hysteresis import (
     with_units,
 )
 from hysteresis._format import quantity
+from hysteresis._precision import in_own_precision
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
 
@@ -27,45 +30,25 @@ from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
+from ..records._new_record import new_record
 from ..records._run_model import predict
 from ._baseline import Baseline
 from ._characteristics import Characteristic, characteristics
 from ._detail import Composition, Detail, Parametric
 from ._extrapolation import Extrapolation
+from ._likelihood import Criteria, criteria_of
 from ._metrics import Metrics
 from ._motion_detail import Motion
+from ._parameters import Parameter as Parameter
+from ._parameters import Status as Status
+from ._parameters import correlated, named
 from ._trained_condition import TrainedCondition, trained_condition
 
 SEAM = 0.01
 """Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
 
-Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
-
 PURPOSES = ("predict", "compensate", "constants")
 """What a fit may be for, and its verdict with it."""
-
-
-class Parameter(NamedTuple):
-    """A fitted parameter: value, unit, standard error, status.
-
-    - `stderr`: None for a parameter that is fixed, at a bound, unidentified or inseparable.
-    - `low`, `high`: its 90 % interval. Skewed like the posterior under the user's prior if one was given,
-      otherwise under a flat prior on the unconstrained scale; clipped at the bounds. Of one that is
-      "inseparable" from others, the ends between which the data leave it open; None where there is none.
-    - `repeatability`: standard error of the best value from what differs between cycles, three or more, of
-      the fitted rows. It says how well the best parameters are known; `stderr` takes what the model misses
-      for noise, and says how far it is from the material. Where no noise explains the residuals, `low` and
-      `high` are by this one, with Student's quantile: 90 % of such tests give a line in there.
-    """
-
-    name: str
-    value: float
-    unit: str
-    stderr: float | None
-    status: Status
-    low: float | None = None
-    high: float | None = None
-    repeatability: float | None = None
 
 
 class Starts(NamedTuple):
@@ -195,20 +178,110 @@ class FitResult:
             return None
         return sum(p.status in ("free", "at bound", "unidentified") for p in self.parameters)
 
-    def predict(self, record: Record) -> Float[np.ndarray, " samples"]:
-        """The model's output on a record, every sequence from the virgin state; also on `train` and `test`.
+    def __getitem__(self, name: str) -> Parameter:
+        """The parameter of this name, whatever its case: its `value`, `unit` and `stderr`.
+
+        **Raises:** `InputError` `unknown-parameter`, which lists the names that are near.
+
+        **Example:**
+
+            >>> round(fit["K"].value, 2), fit["K"].unit
+            (1.32, 'N / mm')
+        """
+        return named(self.parameters, name)
+
+    @property
+    def correlations(self) -> dict[str, dict[str, float]]:
+        r"""Correlations of the parameters that have a standard error, by their names:
+
+        ```math
+        r_{ij} = C_{ij} / \sqrt{C_{ii} C_{jj}}
+        ```
+
+        C being the `covariance`. Near 1 or -1 the data tell one of the two only with the other.
+
+        **Example:**
+
+            >>> round(fit.correlations["K"]["b"], 2)
+            -0.89
+        """
+        return correlated(self.parameters, self.covariance)
+
+    @property
+    def criteria(self) -> Criteria:
+        r"""AIC and BIC of the likelihood that the fit maximised, for other models of the same rows:
+
+        ```math
+        AIC = 2 k - 2 \log L, \qquad BIC = k \log n - 2 \log L
+        ```
+
+        k counts the fitted parameters, those of the noise too, n the rows that were fitted.
+
+        **Raises:** `InputError` `not-comparable` where they mean nothing: no noise model, or weights or
+        parameters that a prior holds.
+
+        **Example:**
+
+            >>> line = hysid.fit([0, 1, 2, 3] * 9, [0.1, 1, 2, 3.2, 0, 1.1, 2, 3, 0] * 4, "LinearSponge",
+            ...                  noise="gaussian", starts=2)
+            >>> line.criteria.aic < line.criteria.bic
+            True
+        """
+        return criteria_of(self)
+
+    @in_own_precision
+    def predict(
+        self,
+        record: Record | ArrayLike,
+        time: ArrayLike | None = None,
+        condition: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    ) -> Float[np.ndarray, " samples"]:
+        """The model's output on new inputs, every sequence from the virgin state, as `hysid predict` gives
+        it; also on `train` and `test`.
 
         Every error, table and picture of a fit is of this prediction. Beyond the inputs of the fit, relays
         continue as play operators, see `extended`; `beyond` marks those rows.
 
-        Raises `InputError` `wrong-unit` where the record's input has another unit than the fit's.
+        **Arguments:**
+
+        - `record`: a `Record`; or the inputs (n,) of one sequence, (n, channels) of a fit of several
+          channels, in the units of the fit.
+        - `time`: the times (n,) of inputs, which a model that depends on the rate needs.
+        - `condition`: of inputs, what the output depends on too: (n,), one number, or those by their names.
+
+        **Returns:** the outputs (n,), in the unit of the fit's output.
+
+        **Raises:** `InputError` `wrong-unit` where the record's input has another unit than the fit's;
+        `no-time` and `no-condition` where the model needs what is not given; `bad-option`,
+        `length-mismatch`.
+
+        **Example:**
+
+            >>> fit.predict([0.0, 10.0, 20.0]).shape
+            (3,)
         """
+        if not isinstance(record, Record):
+            record = new_record(self.train, self.channels, record, time, condition)
+        elif time is not None or condition is not None:
+            raise InputError(
+                "bad-option",
+                "A record has its time and its conditions already.",
+                fix="Leave out time= and condition=.",
+            )
+        if self.clocks.lag and record.time is None:
+            raise InputError(
+                "no-time",
+                f"The output lags the input by {self.clocks.lag:.3g} {self.train.time_unit} in this fit.",
+                fix="Give the times (time=).",
+            )
         if not record.channels:
             check_unit(record.input_name, record.input_unit, self.train.input_unit)
         for name, unit in record.conditions.items():
             check_unit(name, unit, self.train.conditions.get(name, "1"))
         record = self.clocks.applied(self.combined(record))
-        if (outputs := self.detail.outputs(record)) is not None:
+        # Without times the model itself runs, which knows whether it needs them.
+        clocked = record.time is not None or self.train.time is None
+        if clocked and (outputs := self.detail.outputs(record)) is not None:
             return outputs
         low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
         return predict(extended(self.model, low, high), record)
@@ -244,7 +317,7 @@ class FitResult:
         """
         if not self.detail.is_linear:
             return self.parameters
-        return tuple(p for p in self.parameters if _is_determined(p))
+        return tuple(p for p in self.parameters if p.is_determined)
 
     def combined(self, record: Record) -> Record:
         """The record with its channels combined as in the fit; as it is where it has one input.
@@ -307,7 +380,7 @@ class FitResult:
             for part, m in self.metrics.items() if m is not None
         ]  # fmt: skip
         told = [_told(one) for one in self.characteristics if one.value is not None]
-        rows = [_row(p) for p in self.determined]
+        rows = [p.cells for p in self.determined]
         hidden = len(self.parameters) - len(rows)
         kind = "Composition" if isinstance(self.detail, Composition) else self.name
         ranked = [f"{fit.name} {fit.score:.3g} %" for fit in self.candidates]
@@ -345,11 +418,6 @@ class FitResult:
         return html_of(self)
 
 
-def _is_determined(p: Parameter) -> bool:
-    """Whether the data tell a sum from nothing, or the range that they leave it."""
-    return p.status != "unidentified" and (p.stderr is None or p.stderr < abs(p.value))
-
-
 def _told(one: Characteristic) -> tuple[str, ...]:
     """A characteristic as cells."""
     assert one.value is not None
@@ -359,22 +427,6 @@ def _told(one: Characteristic) -> tuple[str, ...]:
         f"{one.value:.4g}{error}",
         "" if one.unit == "1" else one.unit,
         one.basis,
-    )
-
-
-def _row(p: Parameter) -> tuple[str, ...]:
-    """A parameter as cells: name, value and error, unit, 90 % interval, status."""
-    error = "" if p.stderr is None else f" +- {p.stderr:.2g}"
-    if p.repeatability is not None:
-        error = f" +- {p.repeatability:.2g} from cycle to cycle ({p.stderr:.2g} with the misfit)"
-    word = "open:" if p.status == "inseparable" else "90 %:"
-    interval = "" if p.low is None or p.high is None else f"{word} {p.low:.4g} to {p.high:.4g}"
-    return (
-        f"  {p.name}",
-        f"{p.value:.5g}{error}",
-        "" if p.unit == "1" else p.unit,
-        interval,
-        p.status,
     )
 
 

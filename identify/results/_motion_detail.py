@@ -3,11 +3,12 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
 from hysteresis import Record
+from hysteresis._serialisation import decoded
 
 from ..dynamics._linear_approximation import LinearApproximation
 from ..dynamics._recorded_motion import RecordedMotion
@@ -97,20 +98,44 @@ class Motion:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Mapping[str, np.ndarray], model: Any) -> "Motion":
         """The inverse of `words` and `arrays`."""
+        said = decoded(words, _Words, cls.key)
         recorded = RecordedMotion(
-            model, words["dt"], words["oversampling"], tuple(words["decimation"]), words["period"],
-            tuple(words["initial"]), arrays["motion_force"],
+            model, said["dt"], said["oversampling"], said["decimation"], said["period"],
+            said["initial"], arrays["motion_force"],
         )  # fmt: skip
         real, imaginary = arrays["motion_response"]
+        found = said["linear"]
         linear = LinearApproximation(
-            words["linear"]["mass"], words["linear"]["damping"], words["linear"]["stiffness"],
-            arrays["motion_frequencies"], real + 1j * imaginary, arrays["motion_noise"],
-            arrays["motion_distortion"],
+            found["mass"], found["damping"], found["stiffness"], arrays["motion_frequencies"],
+            real + 1j * imaginary, arrays["motion_noise"], arrays["motion_distortion"],
         )  # fmt: skip
         return cls(
-            recorded, words["chi2"], words["sigma"], tuple(words["classes"]), linear,
-            tuple(words["records"]), words["few"], tuple(words["starts"]),
+            recorded, said["chi2"], said["sigma"], said["classes"], linear, said["records"],
+            said["few"], said["starts"],
         )  # fmt: skip
+
+
+class _Line(TypedDict):
+    mass: float
+    damping: float
+    stiffness: float
+
+
+class _Words(TypedDict):
+    """What fit.json says of a motion."""
+
+    dt: float
+    oversampling: int
+    decimation: tuple[int, ...]
+    period: int
+    initial: tuple[float, float, float]
+    chi2: float
+    sigma: float
+    classes: tuple[dict[str, Any], ...]
+    linear: _Line
+    records: tuple[str, str]
+    few: bool
+    starts: tuple[float, ...]
 
 
 def digest_of(record: Record | None) -> str:

@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -132,8 +131,8 @@ def spectrum(
     - `relative`: weigh errors by 1 / y, as a unit step's answer that spans decades needs; such rows
       with y <= 0 are left out. With an `input`, and where False, all rows weigh the same.
 
-    Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ,
-    an unknown kind; for an `input` without JAX's double precision.
+    Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ
+    and for an unknown kind.
 
     **Example:**
 
@@ -265,11 +264,5 @@ def _checked(t: np.ndarray, y: np.ndarray, u: np.ndarray | None, kind: str) -> K
             "time-backwards",
             f"t begins at {t[0]:g}.",
             fix="count time from where the step was made.",
-        )
-    if u is not None and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-        raise InputError(
-            "single-precision",
-            "JAX's double precision is off.",
-            fix='jax.config.update("jax_enable_x64", True) before anything else.',
         )
     return kind

@@ -8,8 +8,6 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError, Kernel
 
-from ..parameters._precision import require_double
-
 MOST_ROWS = 600
 """Rows used to choose the scales. The cost grows with their cube, and more rows change little."""
 
@@ -33,11 +31,11 @@ def fit_kernel(
     - `x`: features, each scaled to about standard deviation 1.
     - `y`: values with their mean subtracted, in any unit.
     - `seed`: draws 600 rows if there are more.
-    - `allow_float32`: fit although JAX's double precision is off.
+    - `allow_float32`: fit in the precision that JAX has, also where it is single.
 
     Returns the kernel: its size and noise in the unit of `y`, one length for each feature.
 
-    Raises `InputError` `too-few-rows` for fewer than ten rows, `not-finite`, and without double precision.
+    Raises `InputError` `too-few-rows` for fewer than ten rows, and `not-finite`.
 
     Source: Rasmussen and Williams, Gaussian processes for machine learning (2006), equation 5.8.
 
@@ -48,7 +46,6 @@ def fit_kernel(
         >>> kernel.length.shape, float(kernel.noise) < 1e-3
         ((1,), True)
     """
-    require_double(allow_float32)
     if len(x) < 10 or len(x) != len(y):
         raise InputError(
             "too-few-rows",

@@ -332,6 +332,39 @@ def test_a_file_that_replays_otherwise_is_refused(tmp_path: Path):
         load(path)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.pop("limits"), "limits is missing"),
+        (lambda d: d.update(rates="no"), "rates is 'no'"),
+        (lambda d: d["reading"].update(unit=1), "reading.unit is 1"),
+        (lambda d: d["golden"].update(dt="x"), "golden.dt is 'x'"),
+        (lambda d: next(iter(_nodes(d)))["parameters"].popitem(), "is missing"),
+        (lambda d: next(iter(_nodes(d)))["state"].update(status=[]), "state.status is "),
+    ],
+)
+def test_an_entry_of_another_type_is_named(change: Any, words: str, tmp_path: Path):
+    from compensate.runtime._file import checksum
+
+    model, y = relays()
+    path = tmp_path / "it.json"
+    export_runtime(model, path, y, depth=DEPTH * 4)
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document | {"checksum": checksum(document)}))
+    with pytest.raises(FileError, match=words):
+        load(path)
+
+
+def _nodes(document: Any) -> Any:
+    trees = [document["tree"]]
+    while trees:
+        one = trees.pop()
+        if "parameters" in one:
+            yield one
+        trees += one.get("parts", [])
+
+
 def refused(code: str):
     return pytest.raises(InputError, match=rf"\[{code}\]")
 

@@ -3,14 +3,19 @@
 import inspect
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import compensate
 import hysid
 import hysteresis
+import identify
 from hysteresis import AbstractModel, InputError, LinearSponge, Record, Series, Sum
 
 U = np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)] * 3)
@@ -103,17 +108,77 @@ def test_a_report_is_one_file(tmp_path: Path):
     assert [x.name for x in tmp_path.iterdir()] == ["out.html"]
 
 
-def test_double_precision_is_met_once():
+def test_the_first_call_works_and_leaves_the_precision_of_jax():
     code = (
-        "import hysid\n"
+        "import hysid, jax.numpy\n"
         "u = [0.0, 1.0, 2.0, 3.0] * 20\n"
-        "try:\n"
-        "    hysid.fit(u, [2 * x for x in u], model='LinearSponge')\n"
-        "except hysid.InputError as error:\n"
-        "    assert 'hysid.enable_x64()' in error.fix, error\n"
+        "fit = hysid.fit(u, [2 * x for x in u], 'LinearSponge', noise='gaussian', starts=2)\n"
+        "assert abs(fit['K'].value - 2) < 1e-12 and abs(fit.predict([1.5])[0] - 3) < 1e-12, fit\n"
+        "assert jax.numpy.zeros(1).dtype == 'float32'\n"
         "hysid.enable_x64()\n"
-        "import jax.numpy\n"
         "assert jax.numpy.zeros(1).dtype == 'float64'\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def _used(folder: Path, name: str) -> dict[str, Any]:
+    """What comes of a fit in JAX's present precision."""
+    record = Record.from_arrays(U, Y, np.arange(len(U)), **UNITS)
+    fit = hysid.fit(record, name, noise="gaussian", starts=2)
+    saved = folder / f"{name}-{jnp.zeros(1).dtype}"
+    hysid.save(fit, saved)
+    state, stepped = fit.model.init(), []
+    for t, u in zip(range(9), U[:9], strict=True):
+        state, y = fit.model.step(state, t, u)
+        stepped.append(y)
+    compensator = hysid.invert(fit)
+    _, first = compensator.step(compensator.init(), 0.0, Y[5])
+    made = hysid.invert(hysid.load(saved))
+    with ThreadPoolExecutor(2) as threads:
+        many = hysid.fit_many({"one": record}, name, clocks="auto", executor=threads)
+    compensate.export_runtime(
+        fit.model, saved / "it.json", Y, trained=fit.trained, times=record.time
+    )
+    assert fit.plot().axes
+    return {
+        "parameters": [p.value for p in fit.parameters], "covariance": fit.covariance,
+        "predicted": fit.predict(record), "model": fit.model.simulate(record.time, U),
+        "stream": fit.model.stream(record.time, U)[1], "stepped": np.array(stepped),
+        "inverse": compensator.simulate(record.time, Y), "first": first,
+        "loaded": made.simulate(record.time, Y), "many": many.fits["one"].predict(record),
+    }  # fmt: skip
+
+
+def test_what_is_made_of_a_fit_is_the_same_in_single_precision(tmp_path: Path):
+    double = _used(tmp_path, "Preisach")
+    with jax.enable_x64(False):
+        single = _used(tmp_path, "Preisach")
+        assert jnp.zeros(1).dtype == jnp.float32
+    for a, b in zip(jax.tree.leaves(double), jax.tree.leaves(single), strict=True):
+        assert np.asarray(b).dtype == np.asarray(a).dtype
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_program_in_single_precision_is_told_the_cure(tmp_path: Path):
+    with jax.enable_x64(False):
+        fit = hysid.fit(U, Y, **UNITS, **HOW)
+        for program in (
+            lambda u: fit.model.simulate(None, u),
+            lambda u: fit.model.step(fit.model.init(), 0.0, u[0])[1],
+            lambda u: hysid.invert(fit.model).simulate(None, u).value,
+        ):
+            for run in (jax.jit, jax.vmap):
+                with pytest.raises(InputError) as caught:
+                    run(program)(jnp.ones((3, 3)))
+                assert (caught.value.code, caught.value.fix) == (
+                    "single-precision", "hysid.enable_x64()",
+                )  # fmt: skip
+        own = LinearSponge(K=2.0, b=1.0)  # the user's own model stays what it is
+        assert jax.jit(lambda u: own.simulate(None, u))(U).dtype == jnp.float32
+        with pytest.raises(InputError, match="enable_x64"):
+            identify.train(own, lambda *_: jnp.zeros(()), (U,), epochs=1)
+        rough = identify.fit(fit.train, "LinearSponge", allow_float32=True, starts=2)
+        loaded = hysid.load(hysid.save(fit, tmp_path / "it"))
+        kinds = [jax.tree.leaves(one.model)[0].dtype for one in (rough, loaded)]
+        assert kinds == [jnp.float32, jnp.float64]

@@ -38,6 +38,12 @@ def test_nesting_has_an_end(bomb: str):
         parse_json(bomb)
 
 
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
+def test_what_json_does_not_have_is_refused(number: str):
+    with pytest.raises(ValueError, match=number):
+        parse_json(f'{{"a": [{number}]}}')
+
+
 def test_brackets_in_text_are_no_nesting():
     assert parse_json(json.dumps(["[" * 1000])) == ["[" * 1000]
     assert parse_toml(f'a = "{"[" * 1000}" # {"[" * 1000}\n')["a"] == "[" * 1000

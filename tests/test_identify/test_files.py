@@ -1,14 +1,15 @@
 """Fits on disk: what `load` gives back of the models that a fit tried."""
 
+import json
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from hysid import plots
-from hysteresis import LinearSponge, Record
+from hysteresis import InputError, LinearSponge, Record
 from identify import Candidate, FitResult, compare_candidates, fit, load, save
-from identify.internal import residuals_of_all, to_json
+from identify.internal import residuals_of_all, sealed, to_json
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +79,27 @@ def test_the_figure_of_candidates_has_content_after_load(both: FitResult, tmp_pa
         candidate.name for candidate in both.candidates
     ]
     assert [bar.get_width() for bar in axes.patches] == [c.score for c in both.candidates]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d["verdict"].update(level="GOOD"), "verdict.level is 'GOOD'"),
+        (lambda d: d["parameters"][0].update(value="much"), "parameters.0.value is 'much'"),
+        (lambda d: d["candidates"][0]["metrics"]["train"].update(rmse=[]), "train"),
+        (lambda d: d["noise"].update(samples=10**400), "noise.samples is 1000"),
+        (lambda d: d["noise"].pop("sigma"), "sigma"),
+        (lambda d: d.pop("seconds"), "seconds is missing"),
+        (lambda d: d.update(blocks={}), "blocks"),
+        (lambda d: d["records"]["train"].update(labels="all"), "records.train.labels is 'all'"),
+    ],
+)  # fmt: skip
+def test_an_entry_of_another_type_is_named(both: FitResult, tmp_path, change, words: str) -> None:
+    file = save(both, tmp_path / "fit") / "fit.json"
+    document = json.loads(file.read_text())
+    change(document)
+    file.write_text(json.dumps(sealed(document)))
+    with pytest.raises(InputError) as caught:
+        load(file.parent)
+    assert caught.value.code == "damaged-file"
+    assert words in str(caught.value)

@@ -10,6 +10,7 @@ RUNTIME = Path(_file.__file__).parent
 MODULES = (
     "_compensator.py",
     "_file.py",
+    "_shape.py",
     "_status.py",
     "_tree.py",
     "_elements/*.py",

@@ -1,11 +1,11 @@
 """The laws that every model of hysid keeps."""
 
-import jax
 from hysid_duhem import Duhem
 
+import hysid
 from hysteresis.testing import check_model
 
-jax.config.update("jax_enable_x64", True)
+hysid.enable_x64()
 
 
 def test_laws():

@@ -43,6 +43,8 @@ SPECTRUM = (
     "each row is the result of an oscillation, with its storage and loss modulus (a spectrum over frequency"
     " or temperature), and no sample over time"
 )
+DEFORMED = ("displacement", "strain", "angle")
+"""Kinds of columns that answer a load, and by which a rig moves as well."""
 USUAL, SURELY = 1.0, 4.0
 """Bits for the usual way of a pair, and for a column that a rig commanded."""
 LEAST, EXPLAINED = 1e-3, 0.01
@@ -127,6 +129,8 @@ def choose(
     )
     best = _reading(table, best, found, asked_out)
     choice = _directed(table, best, options, asked_in, asked_out, time)
+    if sure == "sure":
+        sure = choice.sure
     more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
     return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
 
@@ -225,7 +229,11 @@ def _directed(
         why["input"] = for_a.said
     if loop_direction(record) and record.n_cycles:
         why["output"] += f"; loop {turn_in_words(record)}"
-    return Choice(a, b, "", why, {}, [_said(b.name, a.name)])
+    kinds = pair.output.kind.name, pair.input.kind.name
+    either = kinds[0] in DEFORMED or kinds in PAIRS
+    shown = abs(total - USUAL) >= SURELY - USUAL or {asked_in, asked_out} & {a.name, b.name}
+    sure = "sure" if shown or not either else "likely"
+    return Choice(a, b, sure, why, {}, [_said(b.name, a.name)])
 
 
 class _Vote(NamedTuple):
@@ -251,7 +259,7 @@ def _votes(
     for sign, one, rest in ((1, b, a), (-1, a, b)):
         if how := _driven(table, one, rest, time):
             return [_Vote(sign * SURELY, f"{one.name!r} {how}, so the rig commanded it")]
-    if b.kind.name not in ("displacement", "strain", "angle"):
+    if b.kind.name not in DEFORMED:
         return []
     found = []
     turns = [np.ptp(r.branch) > 0 for r in (record, other)]

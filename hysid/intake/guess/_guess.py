@@ -108,7 +108,7 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
 def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     """The guess for one table of a file."""
     out = Guess()
-    table = _read(file, out, given)
+    table = table_of(file, out, given)
     columns = columns_of(table)
     out.rows = int(len(table.line) / table.share)
     out.columns = [
@@ -154,7 +154,8 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     return out
 
 
-def _read(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
+def table_of(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
+    """The table of a file by the way of reading that it seems to ask for, which is said in `out`."""
     try:
         asked = {key: given[key] for key in OF_READING if given.get(key)}
         table = read_table(file, **asked, most=HEAD)

@@ -18,7 +18,7 @@ def by_shape(
 ) -> list[Column]:
     """The two columns that follow each other most, beside those `asked` for.
 
-    Copies in another unit and rates of other columns are left out.
+    Copies in another unit, also one that stood still for a while, and rates of other columns are left out.
 
     Raises `InputError` `no-header` where nothing follows anything.
     """
@@ -27,10 +27,14 @@ def by_shape(
             table.path, f"{len(table.line)} rows are too few to tell them by their shape."
         )
     kept: list[Column] = []
-    for c in reversed(columns):  # values that a logger has scaled stand behind those it has read
-        twin = any(is_scaled(c.x, other.x) for other in kept)
+    # Of copies the one that never stands; values that a logger has scaled follow those it has read.
+    stands = [float(np.mean(np.diff(c.x) == 0)) for c in columns]
+    for k in sorted(range(len(columns)), key=lambda k: (stands[k], -k)):
+        c = columns[k]
+        twin = any(_scaled_where_both_move(c.x, other.x) for other in kept)
         if c.name in asked or not twin:
-            kept.insert(0, c)
+            kept.append(c)
+    kept = [c for c in columns if c in kept]
     if time is not None:
         t = table.columns[time]
         slopes: list[np.ndarray] = []
@@ -54,6 +58,12 @@ def by_shape(
     if best < FOLLOWS:
         raise no_header(table.path, "No two columns follow each other.")
     return [a, b]
+
+
+def _scaled_where_both_move(x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether one is a straight line of the other in the rows between which both move, if most rows are."""
+    moves = (np.diff(x, prepend=np.nan) != 0) & (np.diff(y, prepend=np.nan) != 0)
+    return bool(moves.mean() > 0.5) and is_scaled(x[moves], y[moves])
 
 
 def no_header(place: str, problem: str) -> InputError:

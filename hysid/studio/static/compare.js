@@ -1,78 +1,62 @@
-// Fits of several measurements side by side: loops overlaid, errors, parameters, and the page that compares them.
-import { faultBox, fill, getJson, h, number, post, quantity, say, table, word } from "./page.js";
+// Fits of several measurements side by side: loops on the same axes, figures and parameters in columns.
+import { Deed, faultOf, fileLink, fill, getJson, h, number, quantity, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
-const COLOURS = ["--measured", "--model", "--held", "--moved", "--input", "--excluded"];
+const MOST = 6;
 
-export async function comparison(main, names, jobs, poll) {
-  const chosen = new Set(names.slice(0, COLOURS.length)), cache = {};
-  const loopsAt = h("div"), tableAt = h("div"), parametersAt = h("div"), written = h("div"), keyAt = h("ul", { class: "key" });
+/** Fill an element with the comparison of fits; returns the button's deed. */
+export function comparison(main, names, studio) {
+  const chosen = new Set(names.slice(0, MOST)), cache = {}, shown = () => names.filter((name) => chosen.has(name));
+  const loopsAt = h("div", { class: "specimens" }), tablesAt = h("div");
   const boxes = h("div", { class: "row", role: "group", "aria-label": "Measurements to compare" }, names.map((name) =>
     h("label", { class: "field" }, h("input", { type: "checkbox", checked: chosen.has(name), onchange: (event) => {
       if (event.target.checked) chosen.add(name);
       else chosen.delete(name);
       draw();
     } }), name)));
-  const write = h("button", { type: "button", onclick: async () => {
-    fill(written);
-    try {
-      const { number: mine } = await post("api/compare", { names: [...chosen] });
-      write.disabled = true;
-      let job = null;
-      while (!job || job.state === "running") {
-        await poll();
-        job = jobs().find((one) => one.number === mine);
-        await new Promise((resolve) => { setTimeout(resolve, 400); });
-      }
-      const place = job.result?.file;
-      if (!place) throw Object.assign(new Error("failed"), { fault: job.error });
-      fill(written, h("p", {}, h("a", { href: `files/comparison/${encodeURIComponent(place.split(/[\\/]/).at(-1))}`, target: "_blank", rel: "noopener" }, "The comparison (opens in a new tab)")));
-      say("The comparison is written.");
-    } catch (error) {
-      fill(written, faultBox(error.fault ?? { message: String(error) }));
-    }
-    write.disabled = false;
-  } }, "Write the page that compares them");
-  fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, "Comparison"), h("p", { class: "soft" }, "Fits of several measurements of this folder."))),
-    h("section", { class: "card", "aria-labelledby": "compare-title" }, h("h2", { id: "compare-title" }, "Measurements"), boxes,
-      h("div", { class: "plots even" }, h("figure", {}, h("figcaption", {}, "Measured loops."), loopsAt, keyAt), tableAt), parametersAt,
-      h("div", { class: "row" }, write), written));
-  const plot = new LoopPlot(loopsAt, { height: 340 });
-  loopsAt.setAttribute("role", "img");
+  const write = new Deed(studio, "compare", "Write the page that compares them", {
+    options: () => ({ names: shown(), value: shown().join("\n") }),
+    answer: (job) => h("p", {}, fileLink(`comparison/${job.result.file.split(/[\\/]/).at(-1)}`, "The comparison (opens in a new tab)")),
+  });
+  fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, "Comparison"), h("p", { class: "soft" }, "Fits of several measurements of this folder, side by side."))),
+    h("section", { class: "card", "aria-labelledby": "compare-title" }, h("h2", { id: "compare-title" }, "Measurements"), boxes, loopsAt,
+      h("ul", { class: "key" }, h("li", { class: "k-under" }, "measured"), h("li", { class: "k-model" }, "model")), tablesAt, write.element));
   const draw = async () => {
-    const shown = names.filter((name) => chosen.has(name));
+    write.update();
     try {
-      for (const name of shown) {
-        cache[name] ??= { summary: await getJson("api/summary", { name }) };
-        const value = cache[name].summary.folder === "." ? "" : cache[name].summary.folder;
-        cache[name].curves ??= await getJson("api/curves", { name, value });
+      for (const name of shown()) {
+        if (cache[name]) continue;
+        const summary = await getJson("api/summary", { name });
+        cache[name] = { name, summary, curves: await getJson("api/curves", { name, value: summary.folder === "." ? "" : summary.folder }) };
       }
     } catch (error) {
-      fill(tableAt, faultBox(error.fault ?? { message: String(error) }));
+      fill(tablesAt, faultOf(error));
       return;
     }
-    if (!tableAt.isConnected) return;
-    const all = shown.map((name) => ({ name, ...cache[name] }));
-    const rows = all.map(({ name, summary }) => {
-      const judged = summary.metrics.test ?? summary.metrics.train;
-      return { cells: [name, summary.model, `${number(judged.nrmse_percent)} %`, quantity(judged.rmse, summary.data.output.unit), word(summary.level)] };
+    if (!tablesAt.isConnected) return;
+    const all = shown().filter((name) => cache[name]).map((name) => cache[name]);
+    const curvesOf = ({ curves: { records } }) => records.flatMap(({ u, y, model, gap }) => [[y, "--under", 4], [model, "--model", 1.4]].map(([values, colour, width]) => ({ x: u, y: values, gap: gap.map(Boolean), colour, width })));
+    // One scale for those that have the same axes: what is larger looks larger.
+    const axesOf = ({ curves: { axes } }) => `${axes.u} ${axes.y}`;
+    fill(loopsAt, all.map(({ name, summary }) => h("figure", {}, h("figcaption", {}, h("strong", {}, name), " ", word(summary.level), summary.stale && " of other choices"), h("div", { role: "img", "aria-label": `Loops of ${name} and of its model` }))));
+    all.forEach((one, k) => {
+      const { axes } = one.curves, plot = new LoopPlot(loopsAt.children[k].lastElementChild, { height: 240 });
+      plot.show(curvesOf(one), axes.u, axes.y, all.filter((other) => axesOf(other) === axesOf(one)).flatMap(curvesOf));
     });
-    fill(tableAt, table("Errors on held-out rows, or on the training rows where none were", ["Measurement", "model", "of range", "rms", "verdict"], rows));
-    const colour = (k) => COLOURS[k % COLOURS.length];
-    if (all.length) {
-      const { axes } = all[0].curves;
-      plot.show(all.flatMap(({ curves }, k) => curves.records.map((record) => ({ x: record.u, y: record.y, gap: record.gap.map(Boolean), colour: colour(k), width: 1.6 }))), axes.u, axes.y);
-      loopsAt.setAttribute("aria-label", `Measured loops of ${shown.join(", ")}: ${axes.y} against ${axes.u}.`);
-    }
-    fill(keyAt, all.map(({ name }, k) => h("li", { class: `k${colour(k).slice(1)}` }, name)));
-    const models = new Set(all.map(({ summary }) => summary.model));
-    const listed = models.size === 1 ? all[0].summary.parameters.map((one) => one.name) : [];
-    fill(parametersAt, listed.length > 0 && table(`Parameters of ${[...models][0]}, with standard errors`, ["Parameter", ...shown], listed.map((name) => ({
-      cells: [name, ...all.map(({ summary }) => {
-        const one = summary.parameters.find((p) => p.name === name);
-        return one ? `${quantity(one.value, one.unit, 4)}${one.stderr === null ? "" : ` ± ${number(one.stderr, 2)}`}` : "–";
-      })],
-    }))));
+    const figures = (of) => [...new Set(all.flatMap(({ summary }) => of(summary).map((one) => one.name)))].map((name) => ({ cells: [name, ...all.map(({ summary }) => {
+      const one = of(summary).find((other) => other.name === name), error = one?.error ?? one?.stderr ?? null;
+      return !one || one.value === null ? "–" : `${quantity(one.value, one.unit, 4)}${error === null ? "" : ` ± ${number(error, 2)}`}`;
+    })] }));
+    const judged = ({ metrics }) => metrics.test ?? metrics.train;
+    const line = (name, of) => ({ cells: [name, ...all.map(({ summary }) => of(summary))] });
+    const head = ["Figure", ...all.map(({ name }) => name)], models = new Set(all.map(({ summary }) => summary.model));
+    const listed = models.size === 1 ? figures((summary) => summary.parameters) : [];
+    fill(tablesAt, all.length > 0 && [table("The fits; errors on held-out rows, or on the training rows where none were", head, [
+      line("verdict", (one) => word(one.level)), line("model", (one) => one.model), line("error of the range", (one) => `${number(judged(one).nrmse_percent)} %`),
+      line("error, rms", (one) => quantity(judged(one).rmse, one.data.output.unit))]),
+    table("The specimens, by their models over the fitted rows", head, figures((summary) => summary.characteristics)),
+    listed.length > 0 && table(`Parameters of ${[...models][0]}, with standard errors`, head, listed)]);
   };
-  await draw();
+  draw();
+  return write;
 }

@@ -1,47 +1,53 @@
 // The measurement: its columns and their roles, plots that are brushed, held-out rows, warnings.
-import { faultBox, fill, get, getJson, h, number, post, sameLines, say } from "./page.js";
+import { faultBox, faultOf, fill, get, getJson, h, number, post, sameLines, say, settingFields } from "./page.js";
 import { columnsOf, LoopPlot, loopCurves, TimePlot } from "./plots.js";
 
-const ROLES = [["", "not used"], ["input", "input"], ["output", "output"], ["time", "time"], ["group", "separates sequences"],
-  ["each", "one fit for each value"], ["condition", "condition"]];
-
 export class DataPanel {
-  constructor(name, changed) {
-    this.name = name;
-    this.changed = changed;
+  constructor(name, { roles, settings }, changed) {
+    Object.assign(this, { name, changed, settings, roles: [["", "not used"], ...Object.entries(roles)] });
     this.element = h("section", { class: "card", "aria-labelledby": "data-title" });
     this.query = { serial: 0 };
   }
 
-  /** Show what the studio found out about the measurement. */
+  /** Show what the studio found out about the measurement: its rows, or the question which columns they are. */
   show(look) {
     this.look = look;
-    const plots = this.plots ??= this.makePlots();
-    plots.hidden = Boolean(look.fault) && !this.time.u;
-    fill(this.element, 
+    const plots = this.plots ??= this.makePlots(), open = look.asks || Boolean(look.fault);
+    plots.hidden = open && !this.time.u;
+    this.refusal ??= h("div");
+    fill(this.refusal);
+    const columns = this.columns(open || !this.element.childElementCount);
+    fill(this.element,
       h("h2", { id: "data-title" }, "Measurement"),
-      look.fault && faultBox(look.fault),
-      look.no_roles && h("p", {}, `hysid found no input and output: ${look.no_roles}. Choose them below, if one column drives another.`),
+      look.asks ? this.question() : look.fault && faultBox(look.fault), open && [this.refusal, columns],
       plots,
       this.warnings ??= h("div"),
-      look.columns.length > 0 && [this.heldOut(), this.columns()],
+      !open && [this.heldOut(), this.refusal, columns],
       sameLines(look.equivalents.data),
     );
     // The plots first: what is wrong with the rows is told when all of them are read.
-    const drawn = look.fault && !this.time?.u ? Promise.resolve() : this.fetch().catch((error) => this.refused(error));
-    if (!look.fault) drawn.then(() => this.judge());
+    const drawn = plots.hidden ? Promise.resolve() : this.fetch().catch((error) => this.refused(error, this.notice));
+    if (!open) drawn.then(() => this.judge());
+    else fill(this.warnings);
   }
 
-  refused(error) {
+  question() {
+    const { fault, no_roles: why } = this.look;
+    return h("div", { class: "fault question", role: "status" }, h("p", {}, h("strong", {}, "Which column drives, and which one answers?")),
+      h("p", {}, fault ? fault.message : why ? `${why[0].toUpperCase()}${why.slice(1)}.` : "hysid could not tell."), fault?.cause && h("p", {}, `Likely cause: ${fault.cause}`),
+      h("p", {}, "Give one column the role “input” and one the role “output”, and hysid looks for the rest."), fault?.fix && h("p", { class: "soft" }, fault.fix));
+  }
+
+  refused(error, at = this.refusal) {
     if (error.name === "AbortError") return;
     this.both?.setAttribute("aria-busy", "false");
-    fill(this.notice, faultBox(error.fault ?? { message: String(error) }));
+    fill(at, faultOf(error));
   }
 
   makePlots() {
     const timeAt = h("div"), loopAt = h("div");
     this.time = new TimePlot(timeAt, {
-      ask: () => this.fetch().catch((error) => this.refused(error)),
+      ask: () => this.fetch().catch((error) => this.refused(error, this.notice)),
       brushed: (low, high) => this.choose({ low, high, box: null }),
       hovered: (at) => this.loops.point(at),
     });
@@ -89,7 +95,7 @@ export class DataPanel {
     this.time.element.setAttribute("aria-label", `${said} over ${x}. Arrow keys move the view, plus and minus zoom, 0 shows all.`);
     this.loops.element.setAttribute("role", "img");
     this.loops.element.setAttribute("aria-label", `Loops: ${about.names.y} against ${about.names.u}.`);
-    if (!about.whole) setTimeout(() => { if (this.element.isConnected) this.fetch().catch((error) => this.refused(error)); }, 700);
+    if (!about.whole) setTimeout(() => { if (this.element.isConnected) this.fetch().catch((error) => this.refused(error, this.notice)); }, 700);
   }
 
   choose(part, ask = false) {
@@ -101,7 +107,7 @@ export class DataPanel {
         this.changed(await post("api/brush", { name: this.name, action, ...part }));
         say("The configuration was changed.");
       } catch (error) {
-        this.refused(error);
+        this.refused(error, this.notice);
       }
     };
     const button = (text, does) => h("button", { type: "button", class: "small", onclick: does }, text);
@@ -147,7 +153,7 @@ export class DataPanel {
       this.time.mark(found.low, found.high);
       this.time.element.focus();
     } catch (error) {
-      this.refused(error);
+      this.refused(error, this.notice);
     }
   }
 
@@ -169,31 +175,30 @@ export class DataPanel {
         h("button", { type: "button", class: "quiet small", onclick: () => this.set({ selection: { exclude_lines: null } }) }, "Include all")));
   }
 
-  columns() {
+  columns(open) {
     const { selection = {}, columns, findings } = this.look;
-    const role = (name) => ROLES.map(([key]) => key).find((key) => key && [selection[key] ?? []].flat().includes(name)) ?? "";
+    const role = (name) => this.roles.map(([key]) => key).find((key) => key && [selection[key] ?? []].flat().includes(name)) ?? "";
     const why = Object.fromEntries(findings.map((one) => [one.what, one]));
-    const rows = columns.map(({ name, unit }) => {
+    const rows = columns.map(({ name, unit }, k) => {
       const now = role(name), finding = why[now]?.value === name ? why[now] : null;
-      const given = selection[`${now}_unit`];
-      const id = `role-${columns.findIndex((one) => one.name === name)}`;
       return h("tr", {}, h("th", { scope: "row" }, name),
-        h("td", {}, h("select", { id, "aria-label": `Role of ${name}`, onchange: (event) => this.give(name, now, event.target.value) },
-          ROLES.map(([key, text]) => h("option", { value: key, selected: key === now }, text)))),
+        h("td", {}, h("select", { id: `role-${k}`, "aria-label": `Role of ${name}`, onchange: (event) => this.give(name, now, event.target.value) },
+          this.roles.map(([key, text]) => h("option", { value: key, selected: key === now }, text)))),
         h("td", {}, now === "input" || now === "output"
-          ? h("input", { type: "text", value: given ?? unit, "aria-label": `Unit of ${name}`, onchange: (event) => this.set({ selection: { [`${now}_unit`]: event.target.value.trim() || null } }) })
+          ? h("input", { id: `unit-${k}`, type: "text", value: selection[`${now}_unit`] ?? unit, "aria-label": `Unit of ${name}`, onchange: (event) => this.set({ selection: { [`${now}_unit`]: event.target.value.trim() || null } }) })
           : h("span", { class: "soft" }, unit)),
         h("td", { class: "why" }, finding ? `${finding.sure}: ${finding.why}` : ""));
     });
-    const others = findings.filter((one) => !ROLES.some(([key]) => key === one.what) && one.what !== "file" && one.why);
-    return h("details", { open: Boolean(this.look.fault || this.look.no_roles || !this.opened) || this.columnsOpen, ontoggle: (event) => { this.columnsOpen = event.target.open; this.opened = true; } },
+    const others = findings.filter((one) => !this.roles.some(([key]) => key === one.what) && one.what !== "file" && one.why);
+    return h("details", { id: "columns", open },
       h("summary", {}, "Columns, units and directions"),
-      h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Columns" }, h("table", { class: "columns" },
+      rows.length > 0 && h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Columns" }, h("table", { class: "columns" },
         h("thead", {}, h("tr", {}, ["Column", "Role", "Unit", "Why"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
       h("div", { class: "row" },
-        typeof selection.input === "string" && h("button", { type: "button", class: "small", onclick: () => this.swap() }, "Exchange input and output"),
+        typeof selection.input === "string" && selection.output && h("button", { type: "button", class: "small", onclick: () => this.swap() }, "Exchange input and output"),
         h("button", { type: "button", class: "small", onclick: () => this.again() }, "Guess again")),
-      others.length > 0 && h("ul", { class: "why" }, others.map((one) => h("li", {}, `${one.what}: ${one.value} (${one.sure}: ${one.why})`))));
+      others.length > 0 && h("ul", { class: "why" }, others.map((one) => h("li", {}, `${one.what}: ${one.value} (${one.sure}: ${one.why})`))),
+      settingFields(this.settings, "selection", selection, (changes) => this.set({ selection: changes }), this.look.asks));
   }
 
   give(name, before, after) {
@@ -223,15 +228,19 @@ export class DataPanel {
 
   /** Change the configuration, after the changes before it. A command waits for `pending`. */
   set(changes) {
+    this.waiting = (this.waiting ?? 0) + 1;
     this.pending = (this.pending ?? Promise.resolve()).then(() => this.write(changes));
     return this.pending;
   }
 
   async write(changes) {
     try {
-      this.changed(await post("api/change", { name: this.name, ...changes }));
+      const look = await post("api/change", { name: this.name, ...changes });
+      this.waiting -= 1;
+      if (!this.waiting) this.changed(look); // what is chosen meanwhile stays
       say("The configuration was changed.");
     } catch (error) {
+      this.waiting -= 1;
       this.refused(error);
     }
   }

@@ -56,6 +56,7 @@ class Base {
   constructor(element, height) {
     this.element = element;
     this.height = height;
+    element.plot = this;
     element.classList.add("plot");
     this.watch = new ResizeObserver(() => {
       const width = element.clientWidth;
@@ -242,10 +243,11 @@ export class LoopPlot extends Base {
     this.dot.className = "dot";
   }
 
-  show(curves, x, y) {
+  /** `within`: the curves that the axes are to hold, where they are more than those shown. */
+  show(curves, x, y, within = curves) {
     const e = this.element;
     const shown = curves.filter((curve) => curve.x.length);
-    const ends = shown.map((curve) => [...extent(curve.x), ...extent(curve.y)]);
+    const ends = within.filter((curve) => curve.x.length).map((curve) => [...extent(curve.x), ...extent(curve.y)]);
     const over = (k, best) => ends.reduce((found, one) => best(found, one[k]), best === Math.min ? Infinity : -Infinity);
     this.across = padded(over(0, Math.min), over(1, Math.max));
     this.along = padded(over(2, Math.min), over(3, Math.max));

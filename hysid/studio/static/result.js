@@ -1,5 +1,5 @@
 // A fit: its verdict, candidates, loops, residuals, parameters, posterior, compensator, files.
-import { faultBox, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
+import { Deed, faultBox, faultOf, fileLink, fill, getJson, h, number, post, quantity, sameLines, sentence, table, word } from "./page.js";
 import { LoopPlot } from "./plots.js";
 
 const TARGETS = { arduino: "Arduino and PlatformIO", ros2: "ROS 2", mujoco: "MuJoCo", sklearn: "scikit-learn", onnx: "ONNX", fmu: "FMU, FMI 2.0", fmu3: "FMU, FMI 3.0" };
@@ -7,65 +7,92 @@ const OTHERS = ["--held", "--moved", "--input", "--measured"];
 const gapped = (record, y, more) => ({ x: record.u, y, gap: record.gap.map(Boolean), ...more });
 
 export class ResultPanel {
-  constructor(name, start) {
-    this.name = name;
-    this.start = start;
-    this.element = h("div");
-    this.value = "";
-    this.written = {};
+  constructor(studio, targets) {
+    Object.assign(this, { studio, name: studio.name, targets, element: h("div"), deeds: [], tried: null, target: null });
   }
 
-  async show(look, files, targets) {
+  /** Show a fit; of one that is shown already, only what was made of it since. Resolves when its loops are drawn. */
+  async show(look) {
     this.look = look;
-    this.targets = targets;
-    const found = look.result;
-    if (!found) {
-      fill(this.element, look.result_fault ? faultBox(look.result_fault) : "");
+    const found = look.result, serial = this.serial = (this.serial ?? 0) + 1;
+    const shown = JSON.stringify({ ...found, exports: 0, report: 0, posterior: 0, seen: look.seen });
+    if (found && this.shown === shown) {
+      this.filled(found);
       return;
     }
-    this.value = found.value;
-    const place = h("div");
-    fill(this.element, this.verdict(found), place);
-    const serial = this.serial = (this.serial ?? 0) + 1;
-    try {
-      const curves = await getJson("api/curves", { name: this.name, value: found.folder === "." ? "" : found.folder });
-      if (serial !== this.serial) return;
-      this.folder = found.folder === "." ? "" : found.folder;
-      place.replaceWith(this.loops(found, curves), this.parameters(found, curves), this.compensator(found, files), this.files(found));
-      this.draw(curves);
-      if (found.posterior) this.drawPosterior(found);
-    } catch (error) {
-      if (serial === this.serial) fill(place, faultBox(error.fault ?? { message: String(error) }));
+    this.shown = null;
+    this.deeds = [];
+    if (!found) {
+      fill(this.element, look.result_fault && faultBox(look.result_fault));
+      return;
     }
+    this.folder = found.folder === "." ? "" : found.folder;
+    const place = h("div"), all = [this.verdict(found), place];
+    fill(this.element, found.stale ? h("details", { class: "card" }, h("summary", {}, "A fit of other choices"),
+      h("p", {}, "It was made from other columns, rows or options than those chosen now, or from another file. Fit to judge the present ones."), all) : all);
+    try {
+      const curves = await getJson("api/curves", { name: this.name, value: this.folder });
+      if (serial !== this.serial) return;
+      this.curves = curves;
+      place.replaceWith(this.models(found), this.parameters(found), this.compensator(found), this.files(found));
+      this.filled(found);
+      this.draw(found);
+      this.shown = shown;
+    } catch (error) {
+      if (serial === this.serial) fill(place, faultOf(error));
+    }
+  }
+
+  /** What is made of a fit: posterior, exports, report. */
+  filled(found) {
+    fill(this.posteriorAt, found.posterior && this.posterior(found.posterior));
+    if (found.posterior) this.drawPosterior();
+    const link = (path) => fileLink(path, path.includes(".") ? path.split("/").at(-1) : `${path.split("/").at(-1)} (ZIP)`, { download: true });
+    fill(this.made, (found.exports.length > 0 || found.report) && h("ul", {}, found.exports.map((path) => h("li", {}, link(path))),
+      found.report && h("li", {}, fileLink(found.report, "Report (opens in a new tab)"))));
+    this.update();
+  }
+
+  update() {
+    for (const deed of this.deeds) deed.update();
+  }
+
+  deed(kind, label, more = {}) {
+    const { made } = this.look.result, value = this.folder;
+    const one = new Deed(this.studio, kind, label, { ...more, options: () => ({ value, made, ...more.options?.() }) });
+    this.deeds.push(one);
+    return one;
   }
 
   verdict(found) {
     const judged = found.metrics.test ?? found.metrics.train, unit = found.data.output.unit;
     const words = found.metrics.test ? "held-out" : "training";
     const fact = (name, value) => h("div", {}, h("dt", {}, name), h("dd", {}, value));
+    this.loopAt = h("div", { class: "loop" });
     return h("section", { class: `card verdict ${found.level}`, "aria-labelledby": "verdict-title", id: "verdict" },
       h("h2", { id: "verdict-title" }, word(found.level), found.headline),
-      found.stale && h("p", {}, h("strong", {}, "The configuration was changed since this fit. "), "Fit again to judge the present one."),
       found.values.length > 0 && h("label", { class: "field" }, `${found.values.length} fits, one for each value: `,
-        h("select", { onchange: (event) => this.pick(event.target.value) }, found.values.map((value) => h("option", { value, selected: value === found.value }, value)))),
-      found.characteristics.length > 0 && [h("dl", { class: "facts" }, found.characteristics.map((one) => fact(one.name,
-        [one.value === null ? "not told" : `${number(one.value)} ± ${quantity(one.error, one.unit === "percent" ? "%" : one.unit, 2)}`, h("small", {}, one.reason || one.basis)]))),
-      h("p", { class: "soft" }, "The specimen, by the model over the fitted rows. ± is how far the readings of the same cycles or holds are from that.")],
-      h("ul", {}, found.reasons.map((reason) => h("li", {}, sentence(reason)))),
-      h("dl", { class: "facts" }, fact(`${words} error, rms`, quantity(judged.rmse, unit)),
-        fact("of the range", quantity(judged.nrmse_percent, "%")), fact("largest", quantity(judged.max_abs, unit)), fact("purpose", found.purpose)));
+        h("select", { id: "each-value", onchange: (event) => this.pick(event.target.value) }, found.values.map((value) => h("option", { value, selected: value === found.value }, value)))),
+      h("figure", {}, h("figcaption", {}, "Loops: the thin line of the model should lie inside the broad measured one."), this.loopAt, this.key = h("ul", { class: "key" }), this.slidersAt = h("div")),
+      h("div", { class: "reasons" }, h("ul", {}, found.reasons.map((reason) => h("li", {}, sentence(reason)))),
+        h("dl", { class: "facts" }, fact(`${words} error, rms`, quantity(judged.rmse, unit)),
+          fact("of the range", quantity(judged.nrmse_percent, "%")), fact("largest", quantity(judged.max_abs, unit)), fact("purpose", found.purpose), fact("model", found.model)),
+        found.characteristics.length > 0 && [h("h3", {}, "The specimen"), h("dl", { class: "facts" }, found.characteristics.map((one) => fact(one.name,
+          [one.value === null ? "not known" : `${number(one.value)} ± ${quantity(one.error, one.unit, 2)}`, h("small", {}, one.reason || one.basis)]))),
+        h("p", { class: "soft" }, "By the model, over the fitted rows. ± is how far the readings of the same cycles or holds are from that.")]));
   }
 
   async pick(value) {
     try {
       const result = await getJson("api/summary", { name: this.name, value });
-      this.show({ ...this.look, result }, this.filesThere, this.targets);
+      await this.show({ ...this.look, result });
     } catch (error) {
-      this.element.prepend(faultBox(error.fault ?? { message: String(error) }));
+      fill(this.slidersAt, faultOf(error));
     }
   }
 
-  loops(found, curves) {
+  models(found) {
+    const { curves } = this, unit = found.data.output.unit;
     const row = (one, extra) => ({
       ...extra, cells: [one.drawn ?? one.model, number(one.score_percent), number((one.test ?? one.train)?.nrmse_percent), number((one.test ?? one.train)?.rmse),
         one.level ? word(one.level) : ""],
@@ -81,39 +108,32 @@ export class ResultPanel {
       ...found.baselines.map((one, k) => row({ ...one, drawn: drawn(one, curves.baselines[k]) }, { class: "baseline" })),
     ];
     const skipped = Object.entries(found.skipped);
-    this.loopAt = h("div");
     this.residualAt = h("div");
     this.residualInput = h("div");
     const chart = (caption, at) => h("figure", {}, h("figcaption", {}, caption), at);
     return h("section", { class: "card", "aria-labelledby": "models-title" },
       h("h2", { id: "models-title" }, "Models and baselines"),
-      h("div", { class: "plots models" },
-        h("figure", {}, h("figcaption", {}, "Loops: the thin line of the model should lie inside the broad measured one."), this.loopAt,
-          h("ul", { class: "key" }, h("li", { class: "k-under" }, "measured"), curves.records.length > 1 && h("li", { class: "k-held-under" }, "measured, held out"),
-            h("li", { class: "k-model" }, `${found.model}`),
-            curves.excluded && h("li", { class: "k-excluded" }, "excluded from the fit"), curves.sliders.length > 0 && h("li", { class: "k-moved" }, "with the sliders")), this.otherKey = h("ul", { class: "key" })),
-        h("div", {}, curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows. Folds are training rows that were held out to choose among the models."), table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${found.data.output.unit === "1" ? "" : `, ${found.data.output.unit}`}`, "verdict"], rows),
-          skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))))),
+      curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows above. Folds are training rows that were held out to choose among the models."),
+      h("div", { class: "folds" }, table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${unit === "1" ? "" : `, ${unit}`}`, "verdict"], rows)),
+      skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))),
       h("h3", {}, "Residuals"),
       h("div", { class: "plots even" }, chart(`Over ${curves.axes.x}: a pattern shows what the model misses.`, this.residualAt), chart("Over the input.", this.residualInput)),
       sameLines(this.look.equivalents.fit));
   }
 
-  draw(curves) {
-    this.curves = curves;
-    const { axes, records } = curves, [train, test] = records;
+  draw(found) {
+    const { axes, records, shapes, sliders } = this.curves, [train, test] = records;
     this.loopPlot = new LoopPlot(this.loopAt, { height: 340 });
     this.loopAt.setAttribute("role", "img");
     this.loopAt.setAttribute("aria-label", `Measured loops and the model: ${axes.y} against ${axes.u}.`);
+    fill(this.slidersAt, shapes.length + sliders.length > 0 && h("details", { class: "same" }, h("summary", {}, "What if … ?"), this.sliders([...shapes.map((one) => ({ ...one, shape: true })), ...sliders])));
     this.drawLoops();
     const y = `residual (${axes.y_unit})`;
     const dots = (record, x, name) => ({ x: record[x], y: record.residual, colour: name, width: 2.6, dots: true });
     for (const [at, x, label] of [[this.residualAt, "x", axes.x], [this.residualInput, "u", axes.u]]) {
       at.setAttribute("role", "img");
       at.setAttribute("aria-label", `Residuals over ${label}; rms ${records.map((one) => `${number(one.rms)} ${axes.y_unit} (${one.word})`).join(", ")}.`);
-      const plot = new LoopPlot(at, { height: 220 });
-      plot.show([dots(train, x, "--measured"), ...(test ? [dots(test, x, "--held")] : [])], label, y);
-      (this.others ??= []).push(plot);
+      new LoopPlot(at, { height: 220 }).show([dots(train, x, "--measured"), ...(test ? [dots(test, x, "--held")] : [])], label, y);
     }
   }
 
@@ -126,66 +146,75 @@ export class ResultPanel {
     curves.push(gapped(judged, judged.model, { colour: "--model", width: 1.4 }));
     const others = [...this.overlaid].map((loop, place) => ({ ...loop, colour: OTHERS[place % OTHERS.length] }));
     for (const one of others) curves.push(gapped(one, one.model, { colour: one.colour, width: 1.6 }));
-    fill(this.otherKey, others.map((one) => h("li", { class: `k${one.colour.slice(1)}` }, `${one.word}, on the training rows`)));
+    const named = (colour, text) => h("li", { class: `k-${colour}` }, text);
+    fill(this.key, named("under", "measured"), test && named("held-under", "measured, held out"), named("model", this.look.result.model),
+      this.curves.excluded && named("excluded", "excluded from the fit"), moved && named("moved", "with the sliders"),
+      others.map((one) => named(one.colour.slice(2), `${one.word}, on the training rows`)));
     if (moved) curves.push(gapped(moved, moved.model, { colour: "--moved", width: 1.6 }));
     this.loopPlot.show(curves, axes.u, axes.y);
   }
 
-  parameters(found, curves) {
+  parameters(found) {
     const rows = found.parameters.slice(0, 60).map((one) => ({ cells: [one.name, quantity(one.value, one.unit, 4), one.stderr === null ? one.status : `± ${number(one.stderr, 2)}`, one.status] }));
     const more = found.parameters.length - rows.length, hidden = found.undetermined;
+    this.posteriorAt = h("div");
     return h("section", { class: "card", "aria-labelledby": "parameters-title" },
       h("h2", { id: "parameters-title" }, "What the model is made of"),
       h("p", { class: "soft" }, found.model + (hidden > 0 ? `. ${hidden} of its sums are left out: the data do not determine them one by one.` : "")),
       rows.length > 0 && h("details", { class: "same", open: hidden === 0 }, h("summary", {}, "Its parameters"), table(more > 0 ? `The first ${rows.length} of ${found.parameters.length} parameters` : "Values with their standard errors", ["Parameter", "value", "standard error", "status"], rows)),
-      curves.sliders.length > 0 && [h("h3", {}, "What each one does"), this.sliders(curves.sliders)],
-      h("h3", {}, "Posterior"), this.posterior(found),
+      h("h3", {}, "Posterior"), h("p", { class: "soft" }, "It quantifies how uncertain the parameters are."),
+      this.deed("sample", () => (this.look.result.posterior ? "Sample again" : "Sample the posterior")).element, this.posteriorAt,
       sameLines(this.look.equivalents.posterior));
   }
 
+  /** Sliders of figures of the loop (`shape`), which are sent as factors, and of parameters that have a meaning. */
   sliders(sliders) {
-    const values = {}, said = h("p", { class: "soft", "aria-live": "polite" }, "Move a slider: the loop above is drawn again, and the fit stays as it is.");
-    let waiting = null, inputs = [];
+    const begin = "Move a slider: the loop is drawn again, and the fit stays as it is.";
+    const moves = { values: {}, factors: {} }, said = h("p", { class: "soft", "aria-live": "polite" }, begin);
+    let waiting = null;
     const redraw = () => {
       clearTimeout(waiting);
       waiting = setTimeout(async () => {
         try {
-          const moved = await post("api/redraw", { name: this.name, value: this.folder, values });
-          this.drawLoops(moved);
-          said.textContent = `With these values the rms error is ${quantity(moved.rms, this.curves.axes.y_unit)}.`;
+          this.drawLoops(await post("api/redraw", { name: this.name, value: this.folder, ...moves }));
+          said.textContent = begin;
         } catch (error) {
           said.textContent = error.message;
         }
       }, 60);
     };
-    inputs = sliders.map((one) => {
+    const inputs = sliders.map((one) => {
       const to = one.logarithmic ? Math.exp : (x) => x, from = one.logarithmic ? Math.log : (x) => x;
-      const shown = h("span", { class: "value" }, quantity(one.value, one.unit));
-      const low = from(one.low), high = from(one.high);
-      const input = h("input", { type: "range", min: String(low), max: String(high), step: String((high - low) / 500 || 1),
-        oninput: (event) => { values[one.name] = to(Number(event.target.value)); shown.textContent = quantity(values[one.name], one.unit); redraw(); } });
-      input.value = String(from(one.value));
-      return h("label", {}, h("span", {}, one.name, shown), input);
+      const shown = h("span", { class: "value" }), low = from(one.low), high = from(one.high);
+      const input = h("input", { type: "range", min: String(low), max: String(high), step: String((high - low) / 500 || 1), oninput: () => {
+        const x = to(Number(input.value));
+        if (one.shape) moves.factors[one.name] = x / one.value;
+        else moves.values[one.name] = x;
+        shown.textContent = quantity(x, one.unit);
+        redraw();
+      } });
+      const element = h("label", {}, h("span", {}, one.label ?? (one.meaning ? `${one.meaning} (${one.name})` : one.name), shown), input);
+      const reset = () => {
+        input.value = String(from(one.value));
+        shown.textContent = quantity(one.value, one.unit);
+      };
+      reset();
+      return { element, reset };
     });
-    return h("div", {}, h("div", { class: "sliders" }, inputs), h("div", { class: "row" }, said,
+    return h("div", {}, h("div", { class: "sliders" }, inputs.map((one) => one.element)), h("div", { class: "row" }, said,
       h("button", { type: "button", class: "small", onclick: () => {
-        for (const name of Object.keys(values)) delete values[name];
-        sliders.forEach((one, k) => {
-          inputs[k].querySelector("input").value = String(one.logarithmic ? Math.log(one.value) : one.value);
-          inputs[k].querySelector(".value").textContent = quantity(one.value, one.unit);
-        });
-        said.textContent = "The values of the fit.";
+        Object.assign(moves, { values: {}, factors: {} });
+        clearTimeout(waiting);
+        for (const one of inputs) one.reset();
         this.drawLoops();
       } }, "As fitted")));
   }
 
   posterior(found) {
     this.histograms = h("div", { class: "histograms" });
-    const button = h("button", { type: "button", onclick: () => this.start("sample", { value: this.folder }) }, found.posterior ? "Sample again" : "Sample the posterior");
-    if (!found.posterior) return h("div", { class: "row" }, button, h("span", { class: "soft" }, "It quantifies how uncertain the parameters are."));
-    const rows = found.posterior.parameters.slice(0, 40).map((one) => ({ cells: [one.name, number(one.mean, 4), number(one.sd, 2), `${number(one.q05)} to ${number(one.q95)}`, number(one.rhat, 4), number(one.ess)] }));
-    return h("div", {}, table(`${found.posterior.draws.toLocaleString("en")} draws${found.posterior.converged ? "" : ", not converged"}`, ["Parameter", "mean", "sd", "5 to 95 %", "R-hat", "effective"], rows),
-      this.histograms, found.posterior.notes.map((note) => h("p", { class: "soft" }, note)), h("div", { class: "row" }, button));
+    const rows = found.parameters.slice(0, 40).map((one) => ({ cells: [one.name, number(one.mean, 4), number(one.sd, 2), `${number(one.q05)} to ${number(one.q95)}`, number(one.rhat, 4), number(one.ess)] }));
+    return [table(`${found.draws.toLocaleString("en")} draws${found.converged ? "" : ", not converged"}`, ["Parameter", "mean", "sd", "5 to 95 %", "R-hat", "effective"], rows),
+      this.histograms, found.notes.map((note) => h("p", { class: "soft" }, note))];
   }
 
   async drawPosterior() {
@@ -204,82 +233,50 @@ export class ResultPanel {
     }));
   }
 
-  compensator(found, files) {
-    this.filesThere = files;
+  compensator(found) {
     if (!found.invertible) return "";
-    const choice = h("select", {}, files.map((file) => h("option", { value: file.name, selected: file.name === this.tried || undefined }, file.name)));
-    this.tryAt = h("div");
-    const run = () => {
-      this.tried = choice.value;
-      this.start("qualify", { value: this.folder, file: choice.value });
-    };
-    const section = h("section", { class: "card", "aria-labelledby": "compensator-title" },
+    const { files } = this.studio.state(), seen = new Set(this.look.seen), isNew = (name) => files.some((file) => file.name === name && !seen.has(name));
+    // One that the fit has not seen: first those whose columns are known, then the largest.
+    const unseen = files.filter((file) => isNew(file.name) && file.size).sort((one, other) => other.configured - one.configured || other.size - one.size);
+    if (!isNew(this.tried)) this.tried = unseen[0]?.name ?? this.name;
+    const choice = h("select", { id: "tried", onchange: () => { this.tried = choice.value; this.update(); } }, files.map(({ name }) =>
+      h("option", { value: name, selected: name === this.tried }, seen.has(name) ? `${name} (the fit has seen it)` : name)));
+    // The file as it is now: a result of what it was before is none of it.
+    const options = () => ({ file: choice.value, stamp: this.studio.state().files.find((file) => file.name === choice.value)?.stamp ?? "" });
+    const run = this.deed("predict", "Run the compensator", { options, answer: () => this.estimated(choice.value) });
+    run.button.hidden = true;
+    const judge = this.deed("qualify", "Try the compensator", {
+      options, beside: h("label", { class: "field" }, "File: ", choice), ended: () => run.start(),
+      answer: ({ result: { verdict } }) => h("div", { class: `verdict ${verdict.level}`, role: "status" }, h("p", {}, word(verdict.level), h("strong", {}, `on ${choice.value}`)),
+        h("ul", {}, verdict.reasons.map((reason) => h("li", {}, sentence(reason.text ?? reason))))),
+    });
+    return h("section", { class: "card", "aria-labelledby": "compensator-title" },
       h("h2", { id: "compensator-title" }, "Compensator"),
-      h("p", { class: "soft" }, `It estimates ${found.data.input.name} from ${found.data.output.name}. Try it on a file that the fit has not seen.`),
-      h("div", { class: "row" }, h("label", { class: "field" }, "File: ", choice), h("button", { type: "button", onclick: run }, "Try the compensator")),
-      this.tryAt, sameLines(this.look.equivalents.compensator));
-    if (this.written.qualify) this.judged(this.written.qualify);
-    if (this.written.predict) this.estimated(this.written.predict);
-    return section;
+      h("p", { class: "soft" }, `It estimates ${found.data.input.name} from ${found.data.output.name}. Try it on a file that the fit has not seen${unseen.length ? "" : ": drop one on the page"}.`),
+      judge.element, run.element, sameLines(this.look.equivalents.compensator));
   }
 
-  /** A command about this fit has ended well. */
-  ended(job) {
-    if (job.kind === "qualify") {
-      this.written = { qualify: job.result };
-      this.judged(job.result);
-      this.start("predict", { value: this.folder, file: this.tried });
-    } else if (job.kind === "predict") {
-      this.written.predict = job.result;
-      this.estimated(job.result);
-    } else if (job.kind === "export" || job.kind === "report") {
-      this.done?.(job);
-    }
-  }
-
-  judged(result) {
-    if (!this.tryAt) return;
-    const { verdict } = result;
-    this.qualified = h("div", { class: `verdict ${verdict.level}`, role: "status" }, h("p", {}, word(verdict.level), h("strong", {}, `on ${this.tried ?? result.source ?? "this file"}`)),
-      h("ul", {}, verdict.reasons.map((reason) => h("li", {}, sentence(reason.text ?? reason)))));
-    fill(this.tryAt, this.qualified);
-  }
-
-  async estimated(result) {
-    if (!this.tryAt || !result.file) return;
-    try {
-      const found = await getJson("api/written", { name: this.name, value: this.folder, file: this.tried });
+  /** The estimate that was written for a file, over its lines; drawn when it is read. */
+  estimated(file) {
+    const place = h("div");
+    getJson("api/written", { name: this.name, value: this.folder, file }).then((found) => {
       const at = h("div", { role: "img", "aria-label": `${found.name} and measured ${found.measured_name ?? "values"} over the lines of the file` });
-      fill(this.tryAt, ...(this.qualified ? [this.qualified] : []), h("figure", {}, h("figcaption", {}, `${found.name}, over the lines of ${this.tried}. ${result.flagged} of ${result.rows} rows flagged.`), at,
+      fill(place, h("figure", {}, h("figcaption", {}, `${found.name}, over the lines of ${file}. ${found.flagged_rows} of ${found.rows} rows flagged.`), at,
         h("ul", { class: "key" }, found.measured && h("li", { class: "k-under" }, "measured"), h("li", { class: "k-model" }, "estimated"))));
-      const plot = new LoopPlot(at, { height: 260 });
-      plot.show([...(found.measured ? [{ x: found.line, y: found.measured, colour: "--under", width: 5 }] : []), { x: found.line, y: found.estimated, colour: "--model", width: 1.4 }], "line", found.measured_name ?? found.name);
-      (this.others ??= []).push(plot);
-    } catch (error) {
-      this.tryAt.append(faultBox(error.fault ?? { message: String(error) }));
-    }
+      new LoopPlot(at, { height: 260 }).show([...(found.measured ? [{ x: found.line, y: found.measured, colour: "--under", width: 5 }] : []), { x: found.line, y: found.estimated, colour: "--model", width: 1.4 }], "line", found.measured_name ?? found.name);
+    }).catch((error) => fill(place, faultOf(error)));
+    return place;
   }
 
   files(found) {
-    const link = (path, text) => h("a", { href: `files/${path.split("/").map(encodeURIComponent).join("/")}?download=1`, download: "" }, text.includes(".") ? text : `${text} (ZIP)`);
-    const list = h("ul", {}, found.exports.map((path) => h("li", {}, link(path, path.split("/").at(-1)))),
-      found.report && h("li", {}, h("a", { href: `files/${found.report.split("/").map(encodeURIComponent).join("/")}`, target: "_blank", rel: "noopener" }, "Report (opens in a new tab)")));
-    const deed = (kind, text) => h("button", { type: "button", onclick: () => this.start(kind, { value: this.folder }) }, text);
-    this.done = (job) => {
-      if (job.kind !== "export") return;
-      const made = job.result.notes ?? [];
-      fill(this.exportNotes, ...made.map((note) => h("p", { class: "soft" }, note)));
-    };
-    this.exportNotes ??= h("div");
-    const target = h("select", { "aria-label": "Another target" }, (this.targets ?? []).map((name) => h("option", { value: name, selected: name === this.target }, TARGETS[name] ?? name)));
-    const other = h("button", { type: "button", onclick: () => { this.target = target.value; this.start("export", { value: this.folder, target: target.value }); } }, "Export for it");
+    this.made = h("div");
+    const target = h("select", { id: "target", "aria-label": "Another target", onchange: () => { this.target = target.value; this.update(); } }, this.targets.map((name) => h("option", { value: name, selected: name === this.target }, TARGETS[name] ?? name)));
+    const answer = (job) => [h("p", {}, "Written."), (job.result.notes ?? []).map((note) => h("p", { class: "soft" }, note))];
     return h("section", { class: "card", "aria-labelledby": "files-title" }, h("h2", { id: "files-title" }, "Files"),
-      h("div", { class: "row" }, found.invertible && [deed("export", "Export the compensator"), h("span", { class: "pair" }, target, other)], deed("report", "Write the report")),
-      found.exports.length > 0 || found.report ? list : h("p", { class: "soft" }, "The export is a C99 header and a JSON file for compensate.runtime. Neither needs JAX."),
-      this.exportNotes, sameLines(this.look.equivalents.export), sameLines(this.look.equivalents.report, "The report as a command, and in Python"));
-  }
-
-  redraw() {
-    for (const plot of [this.loopPlot, ...(this.others ?? [])]) plot?.redraw();
+      found.invertible && [h("p", { class: "soft" }, "The export is a C99 header and a JSON file for compensate.runtime. Neither needs JAX."),
+        this.deed("export", "Export the compensator", { answer, options: () => ({ target: "" }) }).element,
+        this.deed("export", "Export for it", { answer, beside: target, options: () => ({ target: target.value }) }).element],
+      this.deed("report", "Write the report", { answer }).element, this.made,
+      sameLines(this.look.equivalents.export), sameLines(this.look.equivalents.report, "The report as a command, and in Python"));
   }
 }

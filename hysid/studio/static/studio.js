@@ -1,11 +1,13 @@
 // The page: the measurements of the folder, the one that is open, its fit, and what runs.
 import { DataPanel } from "./data.js";
-import { duration, faultBox, fill, getJson, h, post, sameLines, say, table, upload, word } from "./page.js";
+import { Deed, faultBox, faultOf, fill, getJson, h, post, sameLines, say, settingFields, upload, word } from "./page.js";
 import { ResultPanel } from "./result.js";
 import { comparison } from "./compare.js";
 
 const main = document.getElementById("main");
-const page = { state: null, name: null, version: -1, ended: new Set(), compared: new Set() };
+const page = { state: null, name: null, version: -1 };
+/** What a button needs of the page: the measurement it acts on, the jobs, changes on their way, a fresh look. */
+const studio = (name) => ({ name, state: () => page.state, pending: () => page.data?.pending, poll: () => poll() });
 
 // Light and dark
 
@@ -16,11 +18,7 @@ function theme(wanted) {
   const dark = (wanted ?? (systemDark.matches ? "dark" : "light")) === "dark";
   themeButton.textContent = dark ? "Light" : "Dark";
   themeButton.setAttribute("aria-label", dark ? "Use light colours" : "Use dark colours");
-  requestAnimationFrame(() => {
-    page.data?.time?.redraw();
-    page.data?.loops?.redraw();
-    page.result?.redraw();
-  });
+  requestAnimationFrame(() => document.querySelectorAll(".plot").forEach(({ plot }) => plot.redraw()));
   return dark;
 }
 themeButton.addEventListener("click", () => {
@@ -35,13 +33,14 @@ theme(localStorage.getItem("theme"));
 
 async function take(files) {
   let first = null;
+  fill(document.getElementById("dropped"));
   for (const file of files) {
     say(`Reading ${file.name}.`);
     try {
       const { name } = await upload(file);
       first ??= name;
     } catch (error) {
-      main.prepend(faultBox(error.fault ?? { message: String(error) }));
+      fill(document.getElementById("dropped"), faultOf(error));
     }
   }
   if (first) {
@@ -62,13 +61,14 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
 function listFiles() {
   const list = document.getElementById("files");
   const running = new Set(page.state.jobs.filter((job) => job.state === "running").map((job) => job.subject));
-  const text = JSON.stringify([page.state.files, [...running], page.name]);
+  const stale = (file) => file.name === page.name && page.look?.result?.stale;
+  const text = JSON.stringify([page.state.files, [...running], page.name, Boolean(page.look?.result?.stale)]);
   if (list.dataset.shown === text) return;
   list.dataset.shown = text;
   const focused = list.contains(document.activeElement) ? document.activeElement.dataset.name : null;
   fill(list, ...page.state.files.map((file) => h("li", {}, h("button", {
     type: "button", "data-name": file.name, "aria-current": file.name === page.name ? "page" : null, onclick: () => open(file.name),
-  }, h("span", { class: "name" }, file.name), running.has(file.name) ? h("span", { class: "soft" }, "…") : file.fit ? word(file.fit.level) : ""))));
+  }, h("span", { class: "name" }, file.name), running.has(file.name) ? h("span", { class: "soft" }, "…") : stale(file) ? h("span", { class: "soft" }, "changed") : file.fit ? word(file.fit.level) : ""))));
   const fitted = page.state.files.filter((file) => file.fit).length;
   fill(document.getElementById("compare"), fitted > 1 && h("button", { type: "button", class: "quiet", onclick: compare }, `Compare ${fitted} fits`));
   if (focused) [...list.querySelectorAll("button")].find((button) => button.dataset.name === focused)?.focus();
@@ -88,119 +88,101 @@ function compare() {
   location.hash = "";
   document.title = "Comparison · hysid studio";
   listFiles();
-  comparison(main, page.state.files.filter((file) => file.fit).map((file) => file.name), () => page.state.jobs, poll);
+  page.comparison = comparison(main, page.state.files.filter((file) => file.fit).map((file) => file.name), studio("comparison"));
 }
 
 // The open measurement
 
 async function open(name) {
   if (page.name !== name) {
-    Object.assign(page, { name, seenOf: null, titleShown: null, fitShown: null, look: null });
+    Object.assign(page, { name, seen: null, look: null, titleShown: null, fitShown: null, comparison: null });
     location.hash = encodeURIComponent(name);
     document.title = `${name} · hysid studio`;
-    page.data = new DataPanel(name, (look) => show(look));
-    page.result = new ResultPanel(name, start);
-    page.title = h("div", { class: "head" });
+    page.data = new DataPanel(name, page.state, (look) => show(look));
+    page.result = new ResultPanel(studio(name), page.state.targets);
+    page.title = h("div", {}, h("h1", {}, name), h("p", { class: "soft" }, "Reading …"));
+    page.deed = new Deed(studio(name), "fit", () => (page.look?.result ? "Fit again" : "Fit"), { more: "deed", ended: fitted, options: () => {
+      const file = page.state.files.find((one) => one.name === name);
+      return { stamp: `${file?.stamp} ${file?.edited}` };
+    } });
     page.fit = h("section", { class: "card", "aria-labelledby": "fit-title" });
-    page.fault = h("div");
-    fill(main, page.title, page.fault, page.data.element, page.fit, page.result.element);
-    fill(page.title, h("div", {}, h("h1", {}, name), h("p", { class: "soft" }, "Reading …")));
+    fill(main, h("div", { class: "head" }, page.title, page.deed.element), page.data.element, page.fit, page.result.element);
     listFiles();
   }
+  const before = page.look;
   try {
-    const look = await getJson("api/look", { name });
-    if (page.name === name) show(look);
+    const look = await post("api/look", { name });
+    if (page.name !== name) return;
+    if (page.look === before && !page.data.waiting) show(look);
+    else page.version = -1; // something was changed meanwhile: look again
   } catch (error) {
-    if (page.name === name) fill(main, faultBox(error.fault ?? { message: String(error) }));
+    if (page.name === name) fill(main, faultOf(error));
   }
 }
 
 function show(look) {
-  const seen = JSON.stringify({ ...look, equivalents: null });
-  page.look = look;
+  const before = page.seen;
+  page.look = page.seen = look;
+  const same = (...keys) => before && keys.every((key) => JSON.stringify(before[key]) === JSON.stringify(look[key]));
+  if (!same("selection", "fault", "asks", "columns", "findings")) page.data.show(look);
+  if (!same("result", "result_fault", "seen")) page.drawn = page.result.show(look);
   heading();
   fitSection();
-  if (page.seen === seen && page.seenOf === page.name) return;
-  const first = page.seenOf !== page.name, before = page.seenOf === page.name ? page.seenLook : null;
-  Object.assign(page, { seen, seenOf: page.name, seenLook: look });
-  const same = (key) => before && JSON.stringify(before[key]) === JSON.stringify(look[key]);
-  if (!before || !["selection", "fault", "columns", "findings"].every(same)) page.data.show(look);
-  if (!before || !["result", "result_fault"].every(same)) page.result.show(look, page.state.files, page.state.targets);
-  if (first) page.exportWanted = false;
+  listFiles();
 }
 
-const jobHere = () => page.state.jobs.findLast((job) => job.subject === page.name && job.state === "running");
+/** After a fit its verdict and its loops are what one sees. */
+async function fitted() {
+  say(page.look.result ? `Verdict: ${page.look.result.level}.` : "The fit has ended.");
+  const see = () => document.getElementById("verdict")?.scrollIntoView({ block: "start" });
+  see();
+  await page.drawn; // the page was too short before
+  see();
+}
 
 function heading() {
-  const { look } = page, job = jobHere(), { selection } = look;
-  const sides = selection?.output && selection?.input ? `${[selection.input].flat().join(" + ")} → ${selection.output}` : "";
+  const { look } = page, { selection = {} } = look;
+  const sides = selection.output && selection.input ? `${[selection.input].flat().join(" + ")} → ${selection.output}` : "";
   const facts = [look.rows && `${look.rows.toLocaleString("en")} rows`, sides].filter(Boolean).join(" · ");
-  const text = JSON.stringify([page.name, facts, job?.number, Boolean(look.result), Boolean(selection?.output)]);
-  if (page.titleShown === text) return;
-  page.titleShown = text;
-  fill(page.title, h("div", {}, h("h1", {}, page.name), h("p", { class: "soft" }, facts)),
-    h("button", { type: "button", class: "deed", disabled: Boolean(job) || !selection?.output, onclick: () => start("fit") }, job?.kind === "fit" ? "Fitting …" : look.result ? "Fit again" : "Fit"));
+  page.deed.blocked = look.asks || Boolean(look.fault);
+  page.deed.update();
+  if (page.titleShown === facts) return;
+  page.titleShown = facts;
+  fill(page.title, h("h1", {}, page.name), h("p", { class: "soft" }, facts));
 }
 
 const PURPOSES = { predict: "to predict", compensate: "to compensate", constants: "for its constants" };
 
 function fitSection() {
-  const { look } = page, fit = look.fit ?? {}, job = jobHere();
-  const last = page.state.jobs.findLast((one) => one.subject === page.name && one.state !== "done");
-  const chosen = [fit.model ?? "auto"].flat().join(",").split(",").map((one) => one.trim().toLowerCase());
-  const text = JSON.stringify([page.name, fit, look.selection, job?.number, last?.number, last?.state]);
-  page.fit.hidden = !look.selection?.output && !job;
-  if (page.fitShown !== text) {
-    page.fitShown = text;
-    page.progress = null;
-    const auto = chosen.includes("auto");
-    const set = (changes) => page.data.set({ fit: changes });
-    const models = page.state.models.map((name) => h("label", { class: "field" }, h("input", { type: "checkbox", checked: !auto && chosen.includes(name.toLowerCase()), onchange: () => {
-      const names = [...page.fit.querySelectorAll("[data-model]:checked")].map((box) => box.dataset.model);
-      set({ model: names.length ? names.join(",") : "auto" });
-    }, "data-model": name }), name));
-    const idle = [h("div", { class: "row", role: "group", "aria-label": "Models" }, h("label", { class: "field" },
-      h("input", { type: "checkbox", checked: auto, onchange: () => set({ model: "auto" }) }), "Choose for me"), h("span", { class: "soft" }, "or"), models),
-    h("div", { class: "row" }, h("label", { class: "field" }, "The model is meant ", h("select", { onchange: (event) => set({ purpose: event.target.value === "predict" ? null : event.target.value }) },
-      Object.entries(PURPOSES).map(([value, said]) => h("option", { value, selected: (fit.purpose ?? "predict") === value }, said)))))];
-    fill(page.fit, h("h2", { id: "fit-title" }, "Fit"), ...(job ? [running(job)] : idle),
-      !job && last?.state === "failed" ? faultBox({ message: last.error?.message, cause: last.error?.cause, fix: last.error?.fix, where: last.error?.where }) : "",
-      !job && last?.state === "cancelled" ? h("p", { class: "soft" }, `The last command (${last.kind}) was cancelled. What was there before is unchanged.`) : "",
-      sameLines(look.equivalents.fit));
-  }
-  if (job && page.progress) advance(job);
-}
-
-const DEEDS = { fit: "Fitting", sample: "Sampling the posterior", qualify: "Judging the compensator", predict: "Running the compensator", export: "Exporting", report: "Writing the report", compare: "Comparing" };
-
-function running(job) {
-  const bar = h("progress", { max: "1", "aria-label": DEEDS[job.kind] }), left = h("span", { class: "said" }), said = h("pre", { tabIndex: 0, role: "region", "aria-label": "Log" });
-  page.progress = { bar, left, said };
-  return h("div", {}, h("div", { class: "bar" }, h("strong", {}, DEEDS[job.kind]), left,
-    h("button", { type: "button", class: "small", onclick: () => post("api/cancel", { number: job.number }).then(poll) }, "Cancel")), bar, said);
-}
-
-function advance(job) {
-  const { bar, left, said } = page.progress;
-  if (job.total) bar.value = job.done / job.total;
-  const passed = `${duration(job.seconds)} so far`;
-  left.textContent = job.left !== null ? `${passed}, about ${duration(job.left)} left` : passed;
-  const text = job.said.join("\n") || "Starting …";
-  if (said.textContent !== text) said.textContent = text;
-}
-
-async function start(kind, options = {}) {
-  page.fault?.replaceChildren();
-  try {
-    await page.data.pending;
-    await post("api/start", { kind, name: page.name, ...options });
-    if (kind === "export") page.exportWanted = true;
-    say(`${DEEDS[kind]} has begun.`);
-    await poll();
-    if (kind === "fit") page.fit.scrollIntoView({ block: "nearest" });
-  } catch (error) {
-    fill(page.fault, faultBox(error.fault ?? { message: String(error) }));
-  }
+  const { look } = page, { fit } = look, { constants, models, settings } = page.state;
+  const asked = [fit.model ?? "auto"].flat().join(",").split(",").map((one) => one.trim());
+  const has = (name) => asked.some((one) => one.toLowerCase() === name.toLowerCase());
+  const kind = page.own === page.name ? "own" : has("auto") ? "auto" : asked.length === constants.length && constants.every(has) ? "constants" : "own";
+  const text = JSON.stringify([fit, look.asks, kind, look.equivalents.fit]);
+  page.fit.hidden = look.asks;
+  if (page.fitShown === text) return;
+  page.fitShown = text;
+  const set = (changes) => page.data.set({ fit: changes });
+  const choose = (to) => {
+    page.own = to === "own" ? page.name : null;
+    if (to === "own") fitSection();
+    else set({ model: to === "auto" ? "auto" : constants.join(",") });
+  };
+  const choice = (to, title, said) => h("div", { class: "choice" }, h("label", { for: `model-${to}` }, h("input", { type: "radio", name: "model", id: `model-${to}`, "aria-describedby": `model-${to}-help`, checked: kind === to, onchange: () => choose(to) }), title),
+    h("small", { id: `model-${to}-help` }, said));
+  const own = models.map((name) => h("label", { class: "field" }, h("input", { type: "checkbox", id: `own-${name}`, checked: has(name), "data-model": name, onchange: () => {
+    const names = [...page.fit.querySelectorAll("[data-model]:checked")].map((box) => box.dataset.model);
+    set({ model: names.join(",") || "auto" });
+  } }), name));
+  fill(page.fit, h("h2", { id: "fit-title" }, "Fit"),
+    h("fieldset", {}, h("legend", {}, "Model"),
+      choice("auto", "Let hysid choose", "It tries several kinds of models and keeps the one that predicts rows held out from the fit best."),
+      choice("constants", "A model with named constants", `The best of ${constants.join(", ")}: a few constants with meanings, units and errors, such as a stiffness.`),
+      choice("own", "My own choice", "Tick one or several of all models; the best of them is kept.")),
+    kind === "own" && h("div", { class: "row", role: "group", "aria-label": "Models" }, own),
+    h("div", { class: "row" }, h("label", { class: "field" }, "The model is meant ", h("select", { id: "purpose", onchange: (event) => set({ purpose: event.target.value === "predict" ? null : event.target.value }) },
+      Object.entries(PURPOSES).map(([value, said]) => h("option", { value, selected: (fit.purpose ?? "predict") === value }, said))))),
+    settingFields(settings, "fit", fit, set), sameLines(look.equivalents.fit));
 }
 
 // What runs, and what other pages and the command line have done
@@ -213,22 +195,14 @@ async function poll() {
     document.getElementById("folder").textContent = page.state.folder;
     listFiles();
     if (page.name) {
-      const files = JSON.stringify(page.state.files.find((file) => file.name === page.name));
+      const files = JSON.stringify(page.state.files);
       const changed = page.state.version !== page.version || files !== page.filesSeen;
-      page.filesSeen = files;
-      page.version = page.state.version;
-      if (page.look) {
-        heading();
-        fitSection();
-      }
-      const done = page.state.jobs.filter((job) => job.subject === page.name && job.state !== "running" && !page.ended.has(job.number));
+      Object.assign(page, { filesSeen: files, version: page.state.version });
       if (page.look && changed) await open(page.name);
-      for (const job of done) {
-        page.ended.add(job.number);
-        if (job.state === "done" && page.begun) finished(job);
-      }
+      page.deed.update();
+      page.result.update();
     }
-    page.begun = true;
+    page.comparison?.update();
   } catch (error) {
     if (!document.getElementById("lost")) {
       const lost = faultBox(error.fault ?? { message: "The studio does not answer.", fix: "It may have been closed. Start hysid studio again." });
@@ -238,12 +212,6 @@ async function poll() {
   }
   const busy = page.state?.jobs.some((job) => job.state === "running");
   page.timer = setTimeout(poll, busy ? 500 : 2000);
-}
-
-function finished(job) {
-  say(job.kind === "fit" && page.look.result ? `Verdict: ${page.look.result.level}.` : `${DEEDS[job.kind]}: done.`);
-  page.result.ended(job);
-  if (job.kind === "fit") document.getElementById("verdict")?.scrollIntoView({ block: "start", behavior: "auto" });
 }
 
 addEventListener("hashchange", () => {

@@ -20,7 +20,7 @@ _SEVERAL, _OLD_EXTENT, _SHEET, _END = 0x00BD, 0x0200, 0x0085, 0x000A
 OLD_ROWS, OLD_COLUMNS = 65_536, 256
 
 # Records of .xlsb: a row, cells with a value, what a sheet declares.
-_ROW, _FIRST, _LAST, _EXTENT = 0, 2, 11, 148
+_ROW, _FIRST, _LAST, _EXTENT, _SHARED_CELL, _TEXT = 0, 2, 11, 148, 7, 19
 ROWS, COLUMNS = 1_048_576, 16_384
 
 
@@ -149,8 +149,26 @@ class _CompoundFile:
         return [*struct.unpack(f"<{len(content) // 4}I", content[: len(content) // 4 * 4])]
 
 
+def shared_of_binary(archive: zipfile.ZipFile) -> tuple[list[int], list[int]]:
+    """Bytes of each shared text of a .xlsb file, and which of them each cell uses."""
+    texts = [one for one in _binary_parts(archive) if one[:1] == b"\x9f"]  # the list begins
+    lengths = [size for part in texts for kind, _, size in _records(part) if kind == _TEXT]
+    used = [
+        struct.unpack_from("<I", part, at + 8)[0]
+        for part in _binary_parts(archive)
+        for kind, at, size in _records(part)
+        if kind == _SHARED_CELL and size >= 12 and at + size <= len(part)
+    ]
+    return lengths, used
+
+
 def extents_of_binary(archive: zipfile.ZipFile) -> list[Extent]:
     """Of each sheet of a .xlsb file; none of other archives."""
+    return [_extent(part) for part in _binary_parts(archive)]
+
+
+def _binary_parts(archive: zipfile.ZipFile) -> list[bytes]:
+    """The parts that the workbook of a .xlsb file lists, and its sheets; none of other archives."""
     names = {*archive.namelist()}
     if "xl/workbook.bin" not in names:
         return []
@@ -160,7 +178,7 @@ def extents_of_binary(archive: zipfile.ZipFile) -> list[Extent]:
         for target in re.findall(rb"""\sTarget\s*=\s*["']([^"']*)""", unpacked(archive, listed)):
             name = target.decode("utf-8", "replace")
             parts |= names & {f"xl/{name}", name.lstrip("/"), name}
-    return [_extent(content) for name in sorted(parts)
+    return [content for name in sorted(parts)
             if not (content := unpacked(archive, name)).lstrip().startswith(b"<")]  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._note import Note
+from .._cells import floats
 from ._file import fault
 from ._sheet import Sheet, distinct, is_number
 
@@ -115,5 +116,5 @@ def _segment(
 
 
 def _first(cells: list[str], decimal: str) -> float | None:
-    number = next((c for c in cells if is_number(c)), None)
-    return None if number is None else float(number.replace(decimal, "."))
+    known = floats(cells, decimal) if cells else np.zeros(0)
+    return next(iter(known[~np.isnan(known)].tolist()), None)

@@ -2,10 +2,12 @@
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..._limits import check_shape, most_unpacked
+from .._cells import check_room
 from ._arrays import sheet_of_arrays
 from ._file import damage_of, fault
 from ._sheet import Sheet
@@ -21,6 +23,7 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     if data[:4] != _MARK or data[-4:] != _MARK:
         return None
     try:
+        import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError:
         raise fault(
@@ -29,6 +32,9 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         ) from None  # fmt: skip
     with damage_of("damaged-file", path, "Parquet file"):
         file = pq.ParquetFile(io.BytesIO(data))
+        words = [f.name for f in file.schema_arrow if not _is_plain(pa, f.type)]
+        # A text that repeats is kept once, as it is stored.
+        file = pq.ParquetFile(io.BytesIO(data), read_dictionary=words)
         # A column of one value takes a few bytes, whatever its length.
         shape = file.metadata.num_rows, file.metadata.num_columns
         check_shape(shape, np.dtype(float), most_unpacked(len(data)))
@@ -43,8 +49,15 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         if np.issubdtype(x.dtype, np.datetime64):
             columns[name], units[name] = (x - x[0]) / np.timedelta64(1, "s"), "s"
         elif x.dtype == object:
-            columns[name] = np.array(["" if v is None else str(v) for v in x])
+            said = ["" if v is None else str(v) for v in x]
+            check_room(path, {name: said}, np.arange(1, len(said) + 1))
+            columns[name] = np.array(said)
     sheet = sheet_of_arrays({"": columns}, units, "a Parquet file", table=table)
     if sheet is None:
         raise fault("no-rows", path, "a header and no rows.")
     return sheet
+
+
+def _is_plain(pa: Any, kind: Any) -> bool:
+    """Whether values have a fixed size, and no others within them."""
+    return pa.types.is_primitive(kind) or pa.types.is_dictionary(kind) or pa.types.is_nested(kind)

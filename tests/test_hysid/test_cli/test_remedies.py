@@ -99,6 +99,7 @@ def command_of(name: str):
 
 def test_commands_in_messages_are_complete():
     """Each option is one of the command; and where arguments are given, none is missing."""
+    put(text(ROWS))  # which some of them name
     faults, tried = [], 0
     for (name, said), place in calls().items():
         command, words = command_of(name), shlex.split(said.replace("VALUE", "1"))

@@ -131,6 +131,34 @@ def test_what_was_commanded_is_not_what_was_measured():
     assert columns(guessed(content)) == (T, F, "position (mm)")
 
 
+@pytest.mark.parametrize(
+    ("drive", "sure"), [("ramps", "sure"), ("wandering", "likely")], ids=["ramps", "wandering"]
+)
+def test_which_of_a_load_and_a_motion_drives_is_sure_where_it_shows(drive, sure):
+    ramps = np.abs(np.arange(400) % 80 - 40.0)
+    rng = np.random.default_rng(2)
+    wandering = np.convolve(rng.normal(size=400), np.ones(30) / 30, "same")
+    x = ramps if drive == "ramps" else wandering
+    force = x + x**2 / np.ptp(x) + np.ptp(x) * 1e-3 * rng.normal(size=400)
+    rows = [[f"{a:.4f}", f"{b:.4f}"] for a, b in zip(force, x, strict=True)]
+    found = guessed(text(rows, (F, X)))
+    assert {f["sure"] for f in found["found"] if f["what"] in ("input", "output")} == {sure}
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_copy_that_was_taken_off_is_no_response(order):
+    travel = 0.03 * np.arange(300) - 924.8
+    extension = np.minimum(0.6 * (travel + 924.8), 3.9)  # taken off before the specimen fails
+    force = 9000 * (1 - np.exp(-(travel + 924.8))) + np.random.default_rng(0).normal(0, 5, 300)
+    columns = [(travel, ".3f"), (extension, ".3f"), (force, ".2f")]
+    columns = [columns[k] for k in order]
+    rows = [[format(x[k], form) for x, form in columns] for k in range(300)]
+    put("\n".join(map("\t".join, rows)), "run.txt")
+    told = run("init", "run.txt", "--json").json()["selection"]
+    names = {number: f"column {place + 1}" for place, number in enumerate(order)}
+    assert (told["input"], told["output"]) == (names[0], names[2])
+
+
 def test_a_decimal_comma_and_units_below_the_header():
     content = renamed("Zeit", "Kraft", "Weg", ";", comma=True)
     found = guessed(content)

@@ -59,5 +59,6 @@ def test_lines_that_cannot_be_used(options, code):
 
 
 def test_lines_of_the_fitted_file_say_nothing_of_another():
-    selection = Selection(**COLUMNS, exclude_lines=("2-11",))
-    assert for_new_file(selection, selection.read(FILE), inverse=False)[0].exclude_lines == ()
+    selection = Selection(**COLUMNS, exclude_lines=("2-11",), rezero=("20:0.1",))
+    other = for_new_file(selection, selection.read(FILE), inverse=False)[0]
+    assert (other.exclude_lines, other.rezero) == ((), ())

@@ -1,18 +1,22 @@
-"""A studio that serves in a thread of the test."""
+"""A studio that serves in a thread of the test, and who asks it."""
 
+import json
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 from hysid.cli._fit import MODELS
 from hysid.studio._server import Prepared, prepared
 
 
 @contextmanager
-def serving(files: Sequence[Path]) -> Iterator[Prepared]:
+def serving(files: Sequence[Path], said: Callable[[str], None] | None = None) -> Iterator[Prepared]:
     """The studio of these files, until the block ends."""
-    ready = prepared(files, 0, MODELS)
+    ready = prepared(files, 0, MODELS, said)
     thread = threading.Thread(target=ready.run)
     thread.start()
     try:
@@ -21,3 +25,36 @@ def serving(files: Sequence[Path]) -> Iterator[Prepared]:
         ready.server.should_exit = True
         thread.join(20)
     assert not thread.is_alive()
+
+
+class Answer(NamedTuple):
+    """What the studio answers."""
+
+    status: int
+    body: bytes
+    headers: dict[str, str]
+
+    @property
+    def document(self) -> Any:
+        """The body as JSON."""
+        return json.loads(self.body)
+
+
+def ask(address: str, path: str, body: Any = None, method: str = "", **headers: str) -> Answer:
+    """The answer of the server at an address: GET, or POST of a body as JSON."""
+    connection = HTTPConnection(urlsplit(address).netloc, timeout=30)
+    try:
+        given = None if body is None else json.dumps(body)
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request(method or ("GET" if body is None else "POST"), path, given, named)
+        answer = connection.getresponse()
+        found = {name.lower(): value for name, value in answer.getheaders()}
+        return Answer(answer.status, answer.read(), found)
+    finally:
+        connection.close()
+
+
+def entered(address: str) -> str:
+    """The secret of the session that an address opens."""
+    token = urlsplit(address).query.removeprefix("token=")
+    return ask(address, "/api/enter", {"token": token}).document["session"]

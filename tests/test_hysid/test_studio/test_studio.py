@@ -1,16 +1,12 @@
 """The studio without a browser: names, configuration, brushing, commands, lines of code."""
 
-import contextlib
 import io
 import json
 import shlex
 import shutil
 import time
-import urllib.error
-import urllib.request
 import zipfile
 from dataclasses import replace
-from http.cookiejar import CookieJar
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +27,6 @@ from hysid.studio._results import _loops
 from hysid.studio._server import prepared
 from hysteresis import InputError
 from tests.test_hysid.command import run
-from tests.test_hysid.test_studio.served import serving
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 COLUMNS = ("--input", "force (N)", "--output", "displacement (mm)", "--time", "time (s)")
@@ -56,16 +51,26 @@ def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str):
 
 
 @pytest.mark.parametrize(
-    "name", ["../../up.csv", "C:\\x\\up.csv", "a\nb.csv", "-o.csv", "", "...", 500 * "x"]
+    "name",
+    ["../../up.csv", "C:\\x\\up.csv", "a\nb.csv", "-o.csv", "", "...", 500 * "x", 200 * "\u4e00"],
 )
 def test_uploads_get_a_free_name_in_the_folder(tmp_path: Path, name: str):
     folder = Folder(tmp_path)
-    first = folder.new_file(name)
-    first.write_text("1")
-    second = folder.new_file(name)
+    with folder.new_file(name) as first, folder.new_file(name) as second:
+        first.write_text("1")
     assert first.parent == second.parent == tmp_path
     assert first != second
     assert not first.name.startswith(".")
+
+
+def test_two_files_of_one_stem_share_nothing(studio, tmp_path):
+    shutil.copy(SPONGE, tmp_path / "run.txt")
+    studio.look("run.csv")
+    studio.look("run.txt")
+    studio.change("run.csv", {"selection": {"test_cycles": 2}})
+    assert studio.look("run.txt")["selection"].get("test_cycles") != 2
+    assert {file.name for file in tmp_path.glob("*.toml")} == {"run.toml", "run.txt.toml"}
+    assert studio.place("run.txt") != studio.place("run.csv")
 
 
 def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(studio, tmp_path):
@@ -167,7 +172,7 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     np.testing.assert_allclose(other["model"], loaded.predict(loaded.train)[loaded.train.mask])
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
     same, moved = (
-        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}) for k in (1.0, 1.5)
+        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}, {}) for k in (1.0, 1.5)
     )
     assert same["rms"] == pytest.approx(curves["records"][-1]["rms"])
     assert moved["rms"] > same["rms"]
@@ -279,49 +284,18 @@ def test_a_command_is_cancelled_and_another_one_about_the_file_waits(tmp_path, m
     assert "code of the folder" not in str(job.document)
 
 
-def test_only_the_page_is_answered(tmp_path):
-    with serving([tmp_path]) as ready:
-        base, _, token = ready.address.partition("/?token=")
-
-        def status(path: str, **headers: str) -> int:
-            body = headers.pop("body", None)
-            request = urllib.request.Request(base + path, body and body.encode(), headers)
-            with contextlib.suppress(urllib.error.HTTPError):
-                return opener.open(request).status
-            try:
-                opener.open(request)
-            except urllib.error.HTTPError as error:
-                return error.code
-            return 0
-
-        opener = urllib.request.build_opener()
-        assert status("/") == status("/api/state") == status("/?token=wrong") == 403
-        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-        entered = opener.open(ready.address)
-        assert token not in entered.url
-        assert "script-src 'self'" in entered.headers["content-security-policy"]
-        assert status("/api/state") == 200
-        assert status("/api/state", Host="evil.example") == 403
-        assert status("/api/state", Origin="http://evil.example") == 403
-        assert status("/api/cancel", body='{"number": 1}') == 403
-        assert status("/api/cancel", body='{"number": 1}', **{"X-Hysid": "1"}) == 200
-        assert status("/files/..%2f..%2fetc%2fpasswd") == 422
-        assert status("/static/..%2f_app.py") == 404
-        assert (
-            status("/api/start", body='{"kind": "fit", "name": "no.csv"}', **{"X-Hysid": "1"})
-            == 422
-        )
-        assert status("/api/change", body='{"name": 5}', **{"X-Hysid": "1"}) == 400
-
-
 def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, monkeypatch):
     studio.measurement("run.csv").configured()
     shutil.copy(tmp_path / "run.csv", tmp_path / "-other.csv")
+    with pytest.raises(InputError, match="no fit yet"):
+        studio.start("export", "run.csv", {})
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "fit.json").touch()
     given: list[list[str]] = []
     monkeypatch.setattr(
         studio.jobs,
         "start",
-        lambda kind, name, words: given.append(list(words)) or Job(1, kind, name, words),
+        lambda kind, name, words, *_: given.append(list(words)) or Job(1, kind, name, words),
     )
     monkeypatch.chdir(tmp_path)
     targets = studio.state()["targets"]

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import AbstractModel, InputError, Preisach, parameters
-from hysteresis._stepped_model import SteppedInput
+from hysteresis._model import SteppedInput
 from tests.problems import (
     PROBLEMS,
     SAMPLES,

@@ -7,6 +7,7 @@ import struct
 import tracemalloc
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from benchmarks._ruggedness import bombs
 from hysteresis import InputError, read_table
 from hysteresis._limits import DAMAGE, load_arrays
 from hysteresis.records._cells import LONG_CELL
@@ -166,6 +168,39 @@ def test_a_workbook_that_unpacks_without_end(tmp_path: Path):
     file = tmp_path / "run.xlsx"
     file.write_bytes(xlsx(SHEET.format("<sheetData/>"), more=300_000_000))
     refused(file, "binary-file", "would unpack to 300,", "256,000,000")
+
+
+def test_a_text_that_many_cells_share_or_repeat(tmp_path: Path):
+    """It is stored once and read for each of them: 9 kB, read as 100 GB."""
+    pytest.importorskip("python_calamine")
+    file = tmp_path / "run.xlsx"
+    file.write_bytes(bombs.xlsx_words())
+    refused(file, "binary-file", "hold 100,00", "characters, and the limit is 256,000,000")
+    file = tmp_path / "run.ods"
+    file.write_bytes(bombs.ods_words())
+    refused(file, "binary-file", "characters, and the limit is 256,000,000")
+
+
+def test_a_long_word_of_a_long_column(tmp_path: Path):
+    pytest.importorskip("pyarrow")
+    file = tmp_path / "run.parquet"
+    file.write_bytes(bombs.parquet_words())
+    refused(file, "long-cell", "'w'")
+
+
+def test_a_bag_that_unpacks_or_computes_without_end(tmp_path: Path):
+    pytest.importorskip("rosbags")
+    file = tmp_path / "run.bag"
+    file.write_bytes(bombs.bag_packed(300_000_000))
+    refused(file, "damaged-file", "unpacks to more than 256,000,000 bytes")
+    ways = (
+        (bombs.db3_zstd, "unpacks to more than"),
+        (partial(bombs.mcap_packed, size=300_000_000), "unpacks to more than"),
+        (bombs.db3_view, "messages in a.db3 holds no data of its own"),
+        (bombs.db3_messages, "messages in a.db3 holds no data of its own"),
+    )
+    for k, (make, words) in enumerate(ways):
+        refused(make(tmp_path / str(k)), "damaged-file", words)
 
 
 @pytest.mark.parametrize("packed", [False, True])

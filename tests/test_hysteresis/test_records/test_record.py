@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hysteresis._errors import InputError
 from hysteresis._note import Note
+from hysteresis.records._csv import read_csv
 from hysteresis.records._excitation import check_identifiable, loop_direction
 from hysteresis.records._record import Record
 
@@ -367,3 +368,27 @@ def test_cycles_are_whole(cycles):
     with pytest.raises(InputError) as caught:
         Record.from_arrays(ROW, ROW).split_cycles(cycles)
     assert caught.value.code == "bad-option"
+
+
+@pytest.mark.parametrize(
+    ("value", "code"), [(1e160, "too-large"), (-1e151, "too-large"), (5e-324, "zero-range")]
+)
+@pytest.mark.parametrize("role", ["input", "output"])
+def test_numbers_whose_squares_are_no_numbers_are_refused(
+    tmp_path, value: float, code: str, role: str
+):
+    """The same in arrays and in files."""
+    good, odd = np.linspace(0.0, 1.0, 9), np.zeros(9)
+    odd[4] = value
+    given = {"input": good, "output": good} | {role: odd}
+    with pytest.raises(InputError) as caught:
+        Record.from_arrays(**given)
+    assert caught.value.code == code
+    file = tmp_path / "run.csv"
+    rows = "".join(
+        f"{u!r},{y!r}\n" for u, y in zip(*(x.tolist() for x in given.values()), strict=True)
+    )
+    file.write_text(f"u (N),y (mm)\n{rows}")
+    with pytest.raises(InputError) as caught:
+        read_csv(file, "u (N)", "y (mm)")
+    assert caught.value.code == code

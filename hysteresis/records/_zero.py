@@ -1,0 +1,360 @@
+"""The zero of the output: where it jumps, whether it drifts, and where nothing else is read."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._abstract_record import AbstractRecord
+from ._cycles import branches, default_dead_band, noise_level, turning_points
+
+LEAST = 0.02
+"""Of the output's range: a smaller step of the zero changes no model."""
+
+CHANCE = 0.01
+"""Records of white noise in which a step passes for a jump."""
+
+BESIDE = 3
+"""Steps on either side that are looked at."""
+
+HELD = 5
+"""Steps on either side without a move of the input, by which it is held and not just read seldom."""
+
+MOST = (8, 2, 8)
+"""Jumps that are looked for where the input moves on, turns or is held: what a specimen does
+by itself comes oftener, or in every cycle, and is likeliest at turns."""
+
+MOVING, TURNING, HOLDING = range(3)
+"""What the input does at a step: a specimen that snaps, rubs or is pressed at another rate steps where it
+turns, and so these are compared with each other."""
+
+STANDS_OUT = np.array([2.0, 3.0, 2.0])
+"""Times the largest step that is no jump, for each of these: at turns there are few to compare with."""
+
+AGREES = np.array([0.4, 0.4, 0.75])
+"""Part of a step by which the shift of the rows behind may differ from it: a snap that goes back shifts
+none. A held specimen seldom snaps, so there a quarter of the shift is enough."""
+
+ROWS = 600
+"""Rows from which a shift is told."""
+
+LEVELS = 32
+"""Parts of the input's range in which the output is compared with what it is elsewhere."""
+
+WAY = 0.2
+"""Of the input's range: so far it moves on without contact."""
+
+FURTHER = 2.0
+"""Times the way of the input over which the output stays at another level, as on a plateau of friction."""
+
+_RADII = np.array([0.02, 0.05, 0.1, 0.2, 0.35, 0.5])
+_LAGS = np.array([3.0, 10.0, 30.0, 100.0])
+"""Numbers of their times in the rows."""
+_FEWEST = 12
+
+Rows = Float[np.ndarray, " rows"]
+
+
+class ZeroJump(NamedTuple):
+    """The first row after a jump, and by how much the output jumped there."""
+
+    row: int
+    size: float
+
+
+class LostContact(NamedTuple):
+    """The first and the last row that read no more than the zero."""
+
+    first: int
+    last: int
+    zero: float
+
+
+class ZeroDrift(NamedTuple):
+    """The first and the last row of a sequence, and by how much the output drifts between them."""
+
+    first: int
+    last: int
+    size: float
+
+
+def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list[ZeroJump]:
+    """Where the zero of the output has jumped, as a tare in the middle of a run does; in their order.
+
+    A jump is a step from one row to the next
+
+    - beyond the steps beside it by 2 % of the output's range, by `sqrt(4 ln(n / 0.01))` times the noise,
+      which steps of n rows of white noise reach in one record of a hundred, and by twice what the record
+      holds elsewhere where the input does the same (moves on, turns, is held), but for eight steps, or two
+      at turns,
+    - in which the input moves as it does elsewhere,
+    - of which there is no like at the same input,
+    - that stays: from two cycles before it to two behind it the output is a function of the input's
+      history, plus a step as high. Snaps of a specimen are as sudden, but come again, and go back.
+
+    Where no branch is passed before and behind a step, nothing tells a jump from a snap; then only a step
+    while the input is held is one. Rows without contact, `lost`, are passed over: both their ends step.
+    """
+    touching = np.ones(len(record), bool)
+    for one in lost:
+        touching[max(one.first - BESIDE, 0) : one.last + 1 + BESIDE] = False
+    parts = [*_parts(record, touching)]
+    # Where the input never moves, the output follows something else.
+    parts = [part for part in parts if len(part.u) > 4 * BESIDE and np.ptp(part.u)]
+    if not parts:
+        return []
+    span = float(np.ptp(np.concatenate([part.y for part in parts])))
+    # What is below this is neither a jump nor holds one back.
+    least = LEAST * span / STANDS_OUT.max()
+    far = [
+        (part, beyond) for part in parts if np.abs(beyond := _beyond(np.diff(part.y))).max() > least
+    ]
+    if not far:
+        return []
+    kinds = [_kinds(part.u) for part, _ in far]
+    usual = _usual(np.abs(np.concatenate([beyond for _, beyond in far])), np.concatenate(kinds))
+    moved = np.abs(np.diff(record.input))
+    pace = float(np.median(moved[moved > 0])) if moved.any() else 0.0
+    chance, found = np.sqrt(4 * np.log(len(record) / CHANCE)), []
+    for (part, beyond), kind in zip(far, kinds, strict=True):
+        least = max(LEAST * span, chance * noise_level(part.y))
+        size = np.abs(beyond)
+        (steps,) = np.nonzero(size > np.maximum(least, usual[kind]))
+        for k in steps[np.argsort(-size[steps], kind="stable")][: max(MOST)]:
+            if _recurs(part.u, beyond, int(k)):
+                continue
+            if (jump := _jump(part, int(k), int(kind[k]), pace)) is not None:
+                found.append(ZeroJump(int(part.row[k + 1]), jump))
+                part.y[k + 1 :] -= jump
+    return sorted(found)
+
+
+class _Part(NamedTuple):
+    """The rows that count of a sequence, and their numbers."""
+
+    row: Int[np.ndarray, " rows"]
+    u: Rows
+    y: Rows
+
+
+def _parts(
+    record: AbstractRecord, kept: Bool[np.ndarray, " rows"] | None = None
+) -> Iterator[_Part]:
+    """Each sequence; of the rows in which `kept` holds."""
+    counts = record.mask & np.isfinite(record.output)
+    counts = counts if kept is None else counts & kept
+    for _, rows in record.sequences():
+        used = rows.start + np.flatnonzero(counts[rows])
+        yield _Part(used, record.input[used], record.output[used])
+
+
+def _recurs(u: Rows, beyond: Float[np.ndarray, " steps"], step: int) -> bool:
+    """Whether another step half as high stands out on the same branch, at the same input to a tenth."""
+    like = np.flatnonzero(beyond * np.sign(beyond[step]) > 0.5 * abs(beyond[step]))
+    like = like[np.abs(like - step) > BESIDE]
+    like = like[np.abs(u[like] - u[step]) < 0.1 * np.ptp(u)]
+    ends = [np.clip([k - BESIDE, k + 1 + BESIDE], 0, len(u) - 1) for k in (step, *like)]
+    own, *others = np.sign(np.diff(u[np.array(ends)], axis=1)[:, 0])
+    return bool(own in others)
+
+
+def _jump(part: _Part, step: int, kind: int, pace: float) -> float | None:
+    """The size of a step that stands out; None where the input jumps, too, or the step does not stay."""
+    moves, steps = np.abs(np.diff(part.u)), np.diff(part.y)
+    near = np.r_[max(step - BESIDE, 0) : step, step + 1 : min(step + 1 + BESIDE, len(moves))]
+    if moves[step] > 2 * max(moves[near].max(), pace):
+        return None
+    slope = np.median(steps[near])
+    size = float(steps[step] - slope)
+    behind, before = part.y[step + 1 : step + 2 + BESIDE], part.y[max(step - BESIDE, 0) : step + 1]
+    rise = np.median(behind) - np.median(before) - slope * (len(behind) + len(before)) / 2
+    if abs(rise - size) > 0.5 * abs(size):  # a reading or two that are off
+        return None
+    shift = _shift(part.u, part.y, step + 1)
+    if shift is None:
+        return size if kind == HOLDING else None
+    return size if abs(shift - size) <= AGREES[kind] * abs(size) else None
+
+
+def _beyond(steps: Rows) -> Rows:
+    """How far each step is outside the range of those beside it."""
+    padded = np.pad(steps, BESIDE, mode="reflect")
+    low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
+    for k in range(2 * BESIDE + 1):
+        if k != BESIDE:
+            other = padded[k : k + len(steps)]
+            low, high = np.minimum(low, other), np.maximum(high, other)
+    return steps - np.clip(steps, low, high)
+
+
+def _kinds(u: Rows) -> Int[np.ndarray, " steps"]:
+    """What the input does at each of its steps."""
+    band = min(8 * noise_level(u), 0.25 * float(np.ptp(u)))
+    turns = turning_points(u, band)[1:-1]
+    kind = np.zeros(len(u) - 1, int)
+    for k in range(-BESIDE, BESIDE + 1):
+        kind[np.clip(turns + k - 1, 0, len(kind) - 1)] = TURNING
+    still = np.r_[0, np.cumsum(np.diff(u) == 0)]
+    inner = np.arange(HELD, len(kind) - HELD)
+    kind[inner[still[inner + HELD + 1] - still[inner - HELD] == 2 * HELD + 1]] = HOLDING
+    return kind
+
+
+def _usual(far: Rows, kind: Int[np.ndarray, " rows"]) -> Float[np.ndarray, " kinds"]:
+    """What a jump has to exceed where the input does this or that."""
+    each = [far[kind == one] for one in (MOVING, TURNING, HOLDING)]
+    largest = [
+        np.partition(x, -most - 1)[-most - 1] if len(x) > most else 0.0
+        for x, most in zip(each, MOST, strict=True)
+    ]
+    largest[TURNING] = max(largest[TURNING], largest[MOVING])
+    return STANDS_OUT * largest
+
+
+def _shift(u: Rows, y: Rows, row: int) -> float | None:
+    """By how much the output is shifted from a row on; None where no branch is passed on both sides."""
+    turns = turning_points(u, default_dead_band(u))
+    before, behind = turns[turns < row - 1], turns[turns > row]
+    first = int(before[-5]) if len(before) >= 5 else 0
+    last = int(behind[4]) if len(behind) >= 5 else len(u) - 1
+    ends = [(a, b) for a, b in pairwise(turns.tolist()) if a >= first and b <= last]
+    ways = [u[[a, min(b, row - 1)]] for a, b in ends if a < row - 1]
+    ways_behind = [u[[max(a, row), b]] for a, b in ends if b > row]
+    common = [
+        min(one.max(), other.max()) - max(one.min(), other.min())
+        for one in ways
+        for other in ways_behind
+        if (one[1] > one[0]) == (other[1] > other[0])
+    ]
+    span = float(np.ptp(u[first : last + 1]))
+    if not span or max(common, default=0.0) < 0.25 * span:
+        return None
+    stride = max(1, (last + 1 - first) // ROWS)
+    rows = np.r_[np.arange(row - 1, first - 1, -stride)[::-1], np.arange(row, last + 1, stride)]
+    t = np.linspace(-1, 1, len(rows))
+    # A snap comes again at the same input.
+    beyond = np.sign(u[rows] - (u[row - 1] + u[row]) / 2)
+    way = np.sign(np.gradient(u[rows]))
+    terms = [beyond, beyond * way, *_history(u[rows], _LAGS, [t, t * (u[rows] - u[row]) / span])]
+    found = _beside((rows >= row).astype(float), terms, y[rows])
+    return None if found is None else found[0]
+
+
+def _history(u: Rows, lags: Float[np.ndarray, " lags"], more: Sequence[Rows] = ()) -> list[Rows]:
+    """Terms that a function of the input's history is made of, those needed most first, and `more`.
+
+    Powers of the input on either branch; its plays, of which any rate-independent memory is made, and their
+    squares; its first-order lags, with times of parts of the rows.
+    """
+    x = (u - u.min()) / np.ptp(u)
+    plays, slow = np.empty((len(x), len(_RADII))), np.empty((len(x), len(lags)))
+    play, lag = np.full(len(_RADII), x[0]), np.full(len(lags), x[0])
+    share = -np.expm1(-lags / len(x))
+    for k, now in enumerate(x.tolist()):
+        play = np.minimum(np.maximum(play, now - _RADII), now + _RADII)
+        lag = lag + share * (now - lag)
+        plays[k], slow[k] = play, lag
+    sign = np.sign(x - plays[:, 0])
+    powers = [x**k for k in range(5)] + [sign * x**k for k in range(4)]
+    return [*more[:1], *powers, *more[1:], *plays.T, *(plays**2).T, *slow.T]
+
+
+def _beside(of: Rows, terms: list[Rows], y: Rows) -> tuple[float, float] | None:
+    """How much of `of` is in the output beside some terms, by ridge regression; the rms of what is left.
+
+    With few rows the first ten terms have to do; None where even those are too many.
+    """
+    kept = [of, *(terms if len(y) > 2 * len(terms) else terms[:_FEWEST])]
+    if len(y) < 2 * len(kept):
+        return None
+    matrix = np.column_stack(kept)
+    scale = np.sqrt((matrix**2).mean(0))
+    scale[scale == 0] = 1.0
+    matrix /= scale
+    ridge = np.diag([0.0, *[1e-2 * np.sqrt(len(y))] * (len(kept) - 1)])
+    wanted = y - y.mean()
+    right = np.r_[wanted, np.zeros(len(kept))]
+    weights = np.linalg.lstsq(np.vstack([matrix, ridge]), right, rcond=None)[0]
+    return float(weights[0] / scale[0]), float(np.std(wanted - matrix @ weights))
+
+
+def zero_drift(record: AbstractRecord) -> ZeroDrift | None:
+    """How the zero of the output drifts in the sequence with most cycles; None where it does not surely.
+
+    A line in time beside a function of the input's history, over three cycles at least. Its slopes over all
+    rows, over the first and over the last three fifths have one sign, and the flattest, which is told, is
+    a drift by more than what the function leaves unexplained, +- 2 standard deviations.
+    """
+    most = int(np.argmax(record.cycle_counts))
+    part = [*_parts(record)][most]
+    stride = max(1, len(part.y) // (2 * ROWS))
+    u, y = part.u[::stride], part.y[::stride]
+    if record.cycle_counts[most] < 3 or not len(y) or not np.ptp(u):
+        return None
+    t = np.linspace(0, 1, len(y))
+    terms, each = _history(u, _LAGS[1:]), []  # the slowest lag is as good as a drift
+    for rows in (t >= 0, t <= 0.6, t >= 0.4):
+        if (found := _beside(t[rows], [one[rows] for one in terms], y[rows])) is None:
+            return None
+        each.append(found)
+    slopes = [slope for slope, _ in each]
+    flattest = min(slopes, key=abs)
+    if min(slopes) * max(slopes) <= 0 or abs(flattest) <= 4 * each[0][1]:
+        return None
+    return ZeroDrift(int(part.row[0]), int(part.row[-1]), flattest)
+
+
+def lost_contact(record: AbstractRecord) -> list[LostContact]:
+    """Where the output rests at its zero while the input moves on, as without contact; in their order.
+
+    The zero is 0, or the first reading of a sequence. Contact is lost where the input goes over a fifth of
+    its range, in which the branch mostly reads a tenth of the output's range beside the zero elsewhere, and
+    twice as far as the output stays at any other level. A gap that opens in every cycle, a backlash and a
+    plateau of friction are none of these.
+    """
+    counted = record.output[record.mask & np.isfinite(record.output)]
+    span = float(np.ptp(counted)) if len(counted) else 0.0
+    chance, found = np.sqrt(2 * np.log(len(record) / CHANCE)), []
+    for part in _parts(record) if span else ():
+        u, y = part.u, part.y
+        if len(u) < 2 * LEVELS or not np.ptp(u):
+            continue
+        least, gone = WAY * float(np.ptp(u)), np.r_[0.0, np.cumsum(np.abs(np.diff(u)))]
+        band = max(chance * noise_level(y), 0.5 * LEAST * span)
+        for near in {float(y[0]), 0.0}:
+            close = np.abs(y - near) <= 2 * band
+            zero = float(np.median(y[close])) if close.any() else near
+            level = np.round((y - zero) / (2 * band)).astype(int)
+            begin = np.flatnonzero(np.append(True, np.diff(level) != 0))
+            end, rests = np.append(begin[1:], len(y)) - 1, level[begin] == 0
+            if not (gone[end] - gone[begin])[rests].max(initial=0.0) > least:
+                continue
+            way = _way(u)
+            passed = way[end] - way[begin]
+            long = rests & (passed > max(least, FURTHER * passed[~rests].max(initial=0.0)))
+            for a, b in zip(begin[long].tolist(), end[long].tolist(), strict=True):
+                if _touches_elsewhere(part, a, b, zero, 0.1 * span):
+                    found.append(LostContact(int(part.row[a]), int(part.row[b]), zero))
+    return sorted({(one.first, one.last): one for one in found}.values())
+
+
+def _way(u: Rows) -> Rows:
+    """How far the input has gone, without what noise adds to it."""
+    turns = turning_points(u, default_dead_band(u))
+    gone = np.r_[0.0, np.cumsum(np.abs(np.diff(u[turns])))]
+    leg = np.searchsorted(turns, np.arange(len(u)), "right") - 1
+    return gone[leg] + np.abs(u - u[turns[leg]])
+
+
+def _touches_elsewhere(part: _Part, first: int, last: int, zero: float, off: float) -> bool:
+    """Whether in a fifth of the input's range three of four others on the branch read `off` beside it."""
+    cell = np.minimum(LEVELS * (part.u - part.u.min()) / np.ptp(part.u), LEVELS - 1).astype(int)
+    cell += LEVELS * (branches(part.u) > 0)
+    inside = np.zeros(len(cell), bool)
+    inside[first : last + 1] = True
+    there = [one for one in set(cell[inside].tolist()) if (cell[~inside] == one).any()]
+    apart = np.abs(part.y - zero)
+    far = {one % LEVELS for one in there if np.quantile(apart[~inside & (cell == one)], 0.25) > off}
+    return len(far) >= WAY * LEVELS
