@@ -155,9 +155,12 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
 
 
 def loops_of(record: AbstractRecord) -> LoopSums:
-    """The sums over the loops of all sequences, in the rows that count."""
-    u, y, used = record.input, record.output, record.mask
-    return LoopSums.of(loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+    """The sums over the loops of all sequences, in the rows that count; computed once for a record."""
+    kept, (u, y, used) = vars(record), (record.input, record.output, record.mask)
+    if "loops" not in kept:
+        each = (loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+        kept["loops"] = LoopSums.of(each)
+    return kept["loops"]
 
 
 def _noise(record: AbstractRecord) -> float:
