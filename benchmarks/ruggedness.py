@@ -285,11 +285,11 @@ def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row
 
 
 def kills(quick: bool) -> list[Row]:
-    """A hundred kills of commands."""
+    """A hundred kills of commands, of their processes, and folders that others change."""
     if quick:
         return [noted("kills of commands", 0, reason="takes minutes: run without --quick")]
     with elsewhere():
-        return _kills.kills(100)
+        return _kills.kills(100) + _kills.children(3) + _kills.folders_changed(10)
 
 
 def chains(quick: bool) -> list[Row]:
@@ -324,7 +324,7 @@ def much(quick: bool) -> list[Row]:
     if quick:
         return [noted("load", 0, reason="takes minutes: run without --quick")]
     with elsewhere():
-        rows = _load.large_files() + _load.many_steps()
+        rows = _load.large_files() + _load.many_steps() + _load.monitored()
     return rows + _load.at_once()  # other processes import from where this one does
 
 
