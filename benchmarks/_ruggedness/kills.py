@@ -280,6 +280,8 @@ def _ended(command: subprocess.Popen[str], fine: tuple[int, ...]) -> str:
 def children(tries: int) -> list[Row]:
     """A batch of two processes and a studio whose fit runs, ended: who goes on, and what is there then."""
     _put_files()
+    for name in ("fit", "sample", "fit --each"):
+        assert run(*COMMANDS[name]).code == 0
     batch = (
         "batch",
         "data/*.csv",

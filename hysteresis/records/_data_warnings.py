@@ -33,7 +33,7 @@ class Clipped(NamedTuple):
     limit: float
 
 
-def _once(function: Callable[[AbstractRecord], _Found]) -> Callable[[AbstractRecord], _Found]:
+def once(function: Callable[[AbstractRecord], _Found]) -> Callable[[AbstractRecord], _Found]:
     """What takes long and several checks ask for: it is kept with the record."""
 
     @wraps(function)
@@ -63,7 +63,7 @@ def loop_direction(record: AbstractRecord) -> float:
     return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
 
 
-@_once
+@once
 def clipped(record: AbstractRecord) -> list[Clipped]:
     """Where input or output is stuck at a limit while the other one moves.
 
@@ -174,7 +174,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
 
 
-@_once
+@once
 def loops_of(record: AbstractRecord) -> LoopSums:
     """The sums over the loops of all sequences, in the rows that count."""
     u, y, used = record.input, record.output, record.mask
