@@ -74,8 +74,9 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
 def stable_step(model: AbstractModel) -> float:
     """The largest step at which estimates do not grow without bound; infinite of other models."""
     found = inverse_of(model) if isinstance(model, AbstractViscoelastic) else None
-    bounded = found is not None and found.element.against_chain
-    return found.element.largest_stable_step() if bounded else float("inf")
+    if isinstance(found, ViscoelasticCompensator) and found.element.against_chain:
+        return found.element.largest_stable_step()
+    return float("inf")
 
 
 @jax.jit
