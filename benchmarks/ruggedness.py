@@ -12,8 +12,8 @@ guided (bytes of tables, runtime files, fits and configurations that atheris mak
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
 units, moved far off, made again), zeros (tares, jumps, drifts and losses of the zero put into good
 records), interpreters (outputs and fits with two threads, and by another Python),
-load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments; who
-lives on after SIGTERM and SIGKILL; two writers of a folder, folders that vanish or are read-only),
+load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments;
+who lives on after SIGTERM and SIGKILL; two writers of a folder, folders that vanish or are read-only),
 chains (of killed samplers, resumed), http (the studio: wrong requests, many at once, other ports).
 
 `--count`: of cases of `tables`, `documents` and `guided`, 10,000 each by default; `--seed`: other cases, so
