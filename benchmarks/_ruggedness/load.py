@@ -6,6 +6,7 @@ import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,17 @@ def large_files() -> list[Row]:
         f"tables of {COLUMNS} columns, {GROUPS:,} groups, {ROWS:,} rows: commands that failed, of 3"
     )
     held = _peak("check", "long.csv", *FIT[:6]) / Path("long.csv").stat().st_size
+    sizes, peaks = [], []
+    for count in (1_000_000, 2_000_000):  # without what a fit takes of any file
+        with Path("long.csv").open() as file:
+            Path("part.csv").write_text("".join(islice(file, count)))
+        sizes.append(Path("part.csv").stat().st_size)
+        peaks.append(_peak("fit", "part.csv", *FIT, "--overwrite"))
+    more = (peaks[1] - peaks[0]) / (sizes[1] - sizes[0])
     return [
         judged(what, len(failed), 0),
         judged("memory that check takes at most, over the size of a long text", held, 2.0),
+        judged("memory that fit takes more for each further byte of a text", more, 3.0),
     ]
 
 

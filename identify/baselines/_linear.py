@@ -119,9 +119,9 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
 
     def own(record: Record) -> Iterator[np.ndarray]:
+        yield stops(record, radii)
         yield record.input[:, None]
         yield lags(record, LAGS)
-        yield stops(record, radii)
         if times is not None and record.time is not None:
             yield slow_states(record, times)
         for name in columns:
@@ -132,13 +132,15 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         factors = [record.columns[name] for name in columns] if len(columns) <= FEW else []
         slow = 0 if times is None or record.time is None else len(times)
         width = 1 + len(LAGS) + len(radii) + slow + len(columns)
-        # The largest array of a fit, so it is filled part by part, never put together from all of them.
-        found, end = np.empty((len(record), width * (1 + len(factors)))), 0
+        # The largest array of a fit. By columns, it takes no memory before each part is put there.
+        found, end = np.empty((len(record), width * (1 + len(factors))), order="F"), 0
         for part in own(record):
             begin, end = end, end + part.shape[1]
             found[:, begin:end] = part
         for k, factor in enumerate(factors, 1):
-            np.multiply(found[:, :width], factor[:, None], out=found[:, k * width : (k + 1) * width])
+            np.multiply(
+                found[:, :width], factor[:, None], out=found[:, k * width : (k + 1) * width]
+            )
         return found
 
     memory = "lags and stops" if times is None else "lags, stops and slow states"
