@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
 from jaxtyping import Float
 
 WHOLE, BLOCKS = 100_000, 8
-"""Rows of a sequence that is transformed at once, and the blocks of a longer one."""
+"""Rows of a sequence that is transformed at once, and the blocks of a longer one, at most."""
 
 
 class Noise(NamedTuple):
@@ -77,7 +76,7 @@ def _add_autocovariance(total: Float[np.ndarray, " lags"], r: Float[np.ndarray, 
     A long sequence is cut into blocks, and the products of those that are so many blocks apart are summed
     in their spectra: the same sums, in a fraction of the memory.
     """
-    size = len(r) if len(r) <= WHOLE else scipy.fft.next_fast_len(-(-len(r) // BLOCKS), real=True)
+    size = len(r) if len(r) <= WHOLE else 1 << (len(r) // BLOCKS).bit_length()
     blocks = [r[k : k + size] for k in range(0, len(r), size)]
     for apart in range(len(blocks)):
         spectrum = np.zeros(size + 1, complex)
