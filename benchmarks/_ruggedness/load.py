@@ -7,6 +7,7 @@ import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -96,11 +97,19 @@ def large_files() -> list[Row]:
             file.writelines(f"{(begin + k) / 1000:.3f},{line}" for k, line in enumerate(lines))
     what = f"tables of {COLUMNS} columns and of {GROUPS:,} groups: fits that failed, of 2"
     held, long = _used("check", "long.csv", *FIT[:6])
-    many = _used("check", "many.csv", *FIT[:6], "--group", "run")[1]
     held /= Path("long.csv").stat().st_size
+    many = _used("check", "many.csv", *FIT[:6], "--group", "run")[1]
+    sizes, peaks = [], []
+    for count in (1_000_000, 2_000_000):  # without what a fit takes of any file
+        with Path("long.csv").open() as file:
+            Path("part.csv").write_text("".join(islice(file, count)))
+        sizes.append(Path("part.csv").stat().st_size)
+        peaks.append(_used("fit", "part.csv", *FIT, "--overwrite")[0])
+    more = (peaks[1] - peaks[0]) / (sizes[1] - sizes[0])
     return [
         judged(what, len(failed), 0),
         judged("memory that check takes at most, over the size of a long text", held, 2.0),
+        judged("memory that fit takes more for each further byte of a text", more, 3.0),
         judged(f"check of {ROWS:,} rows, processor time in s", long, SECONDS),
         judged(f"check of {CHECKED:,} groups, processor time in s", many, SECONDS),
     ]
