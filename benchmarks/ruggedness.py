@@ -12,7 +12,8 @@ guided (bytes of tables, runtime files, fits and configurations that atheris mak
 names (hostile names of columns), headers (exported C fed with broken numbers), numbers (fits in other
 units, moved far off, made again), zeros (tares, jumps, drifts and losses of the zero put into good
 records), interpreters (outputs and fits with two threads, and by another Python),
-load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments),
+load (rows, columns, groups, steps in C, threads, processes), disk (a full one), kills (at random moments;
+who lives on after SIGTERM and SIGKILL; two writers of a folder, folders that vanish or are read-only),
 chains (of killed samplers, resumed), http (the studio: wrong requests, many at once, other ports).
 
 `--count`: of cases of `tables`, `documents` and `guided`, 10,000 each by default; `--seed`: other cases, so
@@ -285,11 +286,11 @@ def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row
 
 
 def kills(quick: bool) -> list[Row]:
-    """A hundred kills of commands."""
+    """A hundred kills of commands, of their processes, and folders that others change."""
     if quick:
         return [noted("kills of commands", 0, reason="takes minutes: run without --quick")]
     with elsewhere():
-        return _kills.kills(100)
+        return _kills.kills(100) + _kills.children(3) + _kills.folders_changed(10)
 
 
 def chains(quick: bool) -> list[Row]:
@@ -324,7 +325,7 @@ def much(quick: bool) -> list[Row]:
     if quick:
         return [noted("load", 0, reason="takes minutes: run without --quick")]
     with elsewhere():
-        rows = _load.large_files() + _load.many_steps()
+        rows = _load.large_files() + _load.many_steps() + _load.monitored()
     return rows + _load.at_once()  # other processes import from where this one does
 
 

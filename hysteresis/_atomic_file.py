@@ -42,8 +42,10 @@ def atomic_file(
         if previous is not None and file.exists():
             os.replace(file, previous)
         os.replace(new, file)
-    except BaseException:
+    except BaseException as error:
         new.unlink(missing_ok=True)
+        if isinstance(error, OSError) and str(error.filename) == str(new):
+            error.filename = str(file)  # the one that is asked for
         raise
     if durable and os.name == "posix":  # Windows cannot open a folder to synchronise its names.
         _synchronise(file.parent)

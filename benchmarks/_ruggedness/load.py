@@ -1,17 +1,19 @@
 """Much of everything: rows, columns, groups, steps in C, threads and processes at once."""
 
 import multiprocessing
+import resource
 import shutil
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 import identify
-from compensate import export_c, invert
+from compensate import adaptive, export_c, invert
 from hysteresis import Record
 from tests.c_harness import STRICT
 from tests.problems import Problem, random_histories
@@ -21,30 +23,48 @@ from tests.test_hysid.command import F, T, X, run, sponge
 from .._measure import Row, judged, noted
 
 ROWS, GROUPS, COLUMNS, THREADS = 10_000_000, 1_000, 500, 8
-STEPS, SANITIZED = 100_000_000, 10_000_000
-"""Steps in C, over all models together."""
+CHECKED, SECONDS = 10_000, 60.0
+"""Groups that `check` looks at, and the processor time in which it does."""
+MONITORED, BLOCK = 10_000_000, 100_000
+"""Steps of a compensator that recalibrates itself, and in one go."""
+STEPS, HOSTILE = 100_000_000, 1_000_000
+"""Steps in C: good ones over all models together, and ones that no sensor gives of each model."""
+SANITIZERS = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 FIT = ("--input", F, "--output", X, "--time", T, "--model", "LinearSponge", "--out", "out")
 
 PEAK = """
 import resource, subprocess, sys
 subprocess.run([sys.executable, "-m", "hysid", *sys.argv[1:]], check=True, capture_output=True)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_maxrss, used.ru_utime + used.ru_stime)
 """
 
 LOOP = """\
 #include <stdio.h>
 #include "it.h"
 
+static const double broken[] = {NAN, INFINITY, -INFINITY, 1e308, -1e308, 1e200, 1e-320, -0.0};
+static const double clocks[] = {NAN, INFINITY, -INFINITY, 1e308, 1e150, 1e12, 1e-320, -1.0, 0.0};
+
 int main(void)
 {
     static double y[%(count)d];
+    unsigned long long seed = 1;
     it_state s;
     FILE *file = fopen("y.bin", "rb");
     if (!file || fread(y, sizeof y[0], %(count)d, file) != %(count)d) { return 2; }
     it_reset(&s);
     for (long k = 0; k < %(steps)dL; ++k) {
-        it_real u;
-        int status = it_step(&s, (it_real)0.01, (it_real)y[k %% %(count)d], &u, 0);
+        it_real u, off;
+        double dt = 0.01, reading = y[k %% %(count)d];
+        seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
+        unsigned at = (unsigned)(seed >> 36);
+        if (%(hostile)d && k && at %% 2) {
+            dt = at & 2 ? clocks[(at >> 4) %% (sizeof clocks / sizeof clocks[0])] : dt;
+            reading = at & 4 ? broken[(at >> 8) %% (sizeof broken / sizeof broken[0])]
+                : at & 8 ? 4 * y[(at >> 8) %% %(count)d] : reading;
+        }
+        int status = it_step(&s, (it_real)dt, (it_real)reading, &u, &off);
         if (!isfinite((double)u) || status < IT_OK || status > IT_INVALID) { return 1; }
     }
     return 0;
@@ -66,13 +86,8 @@ def large_files() -> list[Row]:
     names = [T, F, X, *(f"channel {k} (V)" for k in range(COLUMNS - 3))]
     np.savetxt("wide.csv", wide, "%.6g", ",", header=",".join(names), comments="")
     tried(f"{COLUMNS} columns", "fit", "wide.csv", *FIT)
-    group = np.repeat(np.arange(GROUPS), 20)
-    each = np.arange(20) / 19
-    force = np.tile(20 * np.sin(np.pi * each), GROUPS)
-    table = np.column_stack(
-        [np.tile(each, GROUPS), force, 1.3 * force + 6 + 0.1 * (group % 7), group]
-    )
-    np.savetxt("groups.csv", table, "%.6g", ",", header=f"{T},{F},{X},run", comments="")
+    table = _grouped(GROUPS, "groups.csv")
+    _grouped(CHECKED, "many.csv")
     tried(f"{GROUPS} groups", "fit", "groups.csv", *FIT, "--group", "run", "--overwrite")
     block = table[:100_000, :3]
     with Path("long.csv").open("w") as file:
@@ -80,34 +95,56 @@ def large_files() -> list[Row]:
         lines = [f"{f:.5g},{x:.5g}\n" for _, f, x in np.resize(block, (100_000, 3))]
         for begin in range(0, ROWS, len(lines)):
             file.writelines(f"{(begin + k) / 1000:.3f},{line}" for k, line in enumerate(lines))
-    tried(f"{ROWS:,} rows", "check", "long.csv", *FIT[:6])
-    what = (
-        f"tables of {COLUMNS} columns, {GROUPS:,} groups, {ROWS:,} rows: commands that failed, of 3"
-    )
-    held = _peak("check", "long.csv", *FIT[:6]) / Path("long.csv").stat().st_size
+    what = f"tables of {COLUMNS} columns and of {GROUPS:,} groups: fits that failed, of 2"
+    held, long = _used("check", "long.csv", *FIT[:6])
+    held /= Path("long.csv").stat().st_size
+    many = _used("check", "many.csv", *FIT[:6], "--group", "run")[1]
+    sizes, peaks = [], []
+    for count in (1_000_000, 2_000_000):  # without what a fit takes of any file
+        with Path("long.csv").open() as file:
+            Path("part.csv").write_text("".join(islice(file, count)))
+        sizes.append(Path("part.csv").stat().st_size)
+        peaks.append(_used("fit", "part.csv", *FIT, "--overwrite")[0])
+    more = (peaks[1] - peaks[0]) / (sizes[1] - sizes[0])
     return [
         judged(what, len(failed), 0),
         judged("memory that check takes at most, over the size of a long text", held, 2.0),
+        judged("memory that fit takes more for each further byte of a text", more, 3.0),
+        judged(f"check of {ROWS:,} rows, processor time in s", long, SECONDS),
+        judged(f"check of {CHECKED:,} groups, processor time in s", many, SECONDS),
     ]
 
 
-def _peak(*command: object) -> float:
-    """Bytes of memory of a command in a process of its own, at most."""
+def _grouped(groups: int, name: str) -> np.ndarray:
+    """A file of so many short sequences."""
+    group, each = np.repeat(np.arange(groups), 20), np.arange(20) / 19
+    force = np.tile(20 * np.sin(np.pi * each), groups)
+    table = np.column_stack(
+        [np.tile(each, groups), force, 1.3 * force + 6 + 0.1 * (group % 7), group]
+    )
+    np.savetxt(name, table, "%.6g", ",", header=f"{T},{F},{X},run", comments="")
+    return table
+
+
+def _used(*command: object) -> tuple[float, float]:
+    """Bytes of memory at most, and seconds of processor time, of a command in a process of its own."""
     words = [sys.executable, "-c", PEAK, *map(str, command)]
     done = subprocess.run(words, check=True, capture_output=True, text=True)
-    return 1e3 * float(done.stdout.split()[-1])
+    peak, seconds = map(float, done.stdout.split()[-2:])
+    return 1e3 * peak, seconds
 
 
 def many_steps() -> list[Row]:
     """The step of every exportable model in C, over good readings, again and again."""
     if not shutil.which("gcc"):
         return [noted("steps in C", 0, reason="needs gcc")]
-    sanitizers = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    rows = []
-    for flags, steps, what in ((("-O2",), STEPS, ""), (sanitizers, SANITIZED, " under sanitizers")):
-        each = steps // len(EXPORTED)
+    rows, count = [], len(EXPORTED)
+    for flags, each, said in (
+        (("-O2",), STEPS // count, ""),
+        (SANITIZERS, HOSTILE, ", half of them hostile, under sanitizers"),
+    ):
         wrong = [p.name for p in EXPORTED if not _ends_well(p, each, flags)]
-        what = f"{each * len(EXPORTED):,} steps in C{what}: models that gave no number, of {len(EXPORTED)}"
+        what = f"{each * count:,} steps in C{said}: models that gave no number, of {count}"
         rows.append(judged(f"{what} {', '.join(wrong[:3])}".rstrip(), len(wrong), 0))
     return rows
 
@@ -119,9 +156,34 @@ def _ends_well(problem: Problem, steps: int, flags: tuple[str, ...]) -> bool:
     y = np.asarray(model.simulate(t, u))
     export_c(model, Path("it.h"), y, times=t, depth=256)
     y.tofile("y.bin")
-    Path("loop.c").write_text(LOOP % {"count": count, "steps": steps}, "utf-8")
+    words = {"count": count, "steps": steps, "hostile": flags == SANITIZERS}
+    Path("loop.c").write_text(LOOP % words, "utf-8")
     subprocess.run(["gcc", *STRICT, *flags, "loop.c", "-o", "loop", "-lm"], check=True)
     return subprocess.run(["./loop"], check=False).returncode == 0
+
+
+def monitored() -> list[Row]:
+    """An unchanged sensor, watched for long: memory, changes that are found, what is learnt."""
+    t, force, stroke = (np.array(c, float) for c in list(zip(*sponge(), strict=True))[:3])
+    record = Record.from_arrays(force, stroke, time=t)
+    own = adaptive(identify.fit(record, "Preisach", starts=1).model, record)
+    turns = BLOCK // len(t)
+    u, y = np.tile(force, turns), np.tile(stroke, turns)
+    clock = np.arange(len(u)) * float(np.median(np.diff(t)))
+    known = np.where(np.arange(len(u)) % 50 == 0, u, np.nan)
+    state, steps, held = own.init(), 0, list[int]()
+    while steps < MONITORED:
+        state, found = own.follow(clock + steps * clock[1], y, known, state)
+        steps += len(u)
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        held.append(pages * resource.getpagesize())
+    grown, late = held[-1] - held[len(held) // 4], (int(found.changes[-1]), float(found.gain[-1]))
+    what = f"{steps:,} steps of a compensator that recalibrates itself"
+    return [
+        judged(f"{what}: memory that it has grown by, in MB", grown / 1e6, 20.0),
+        judged("... changes found where nothing changed", late[0], 0),
+        judged("... gain learnt, beside that of the fit", abs(late[1] - 1), 0.02),
+    ]
 
 
 def at_once() -> list[Row]:

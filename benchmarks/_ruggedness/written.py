@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import sys
 import tempfile
 import tomllib
 from pathlib import Path
@@ -10,11 +11,12 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from compensate import Origin, Quantity, export_c
+from compensate import Origin, Quantity, export_c, export_to
 from hysid.reporting._fit_page import _visible
-from hysteresis import LinearSponge
+from hysteresis import LinearSponge, Preisach
 from hysteresis._escape import c_comment, c_string, json_text, markup, toml_comment, toml_string
-from tests.c_harness import COMPILERS, Compiled
+from hysteresis.preisach import GridDensity
+from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import Problem, random_histories
 from tests.test_compensate.test_runtime import EXPORTED
 from tests.test_compensate.test_runtime_hostile import hostile
@@ -25,6 +27,32 @@ from .fuzzing import elsewhere, fuzz
 
 SANITIZERS = ("-O1", "-g", "-fsanitize=undefined", "-fno-sanitize-recover=all")
 ROWS = 60
+FIXED, FIXED_STEPS = 5, 1_000_000
+"""Grids in fixed point, and steps of each."""
+
+FIXED_LOOP = """
+#include <math.h>
+#include "sensor.h"
+static const float odd[] = {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, 1e12f, -1e12f, 0.0f};
+static const int32_t ends[] = {INT32_MIN, -INT32_MAX, INT32_MAX, -65536, 65536, -1, 0, 1};
+int main(void)
+{
+    uint64_t seed = 1;
+    int32_t u, off;
+    sensor_state s;
+    sensor_reset(&s);
+    for (long k = 0; k < %dL; ++k) {
+        seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
+        uint32_t at = (uint32_t)(seed >> 32);
+        int32_t reading = (int32_t)(at & 0x1fffffffu) - 0x10000000;
+        reading = at >> 31 ? reading : at >> 30 & 1 ? ends[at & 7] : sensor_reading(odd[at & 7]);
+        int status = sensor_step(&s, 0, reading, &u, &off);
+        if (u < 0 || u >= (int32_t)SENSOR_CELLS << 16) { return 1; }
+        if ((status == SENSOR_INVALID) != (reading == SENSOR_UNKNOWN)) { return 2; }
+    }
+    return sensor_self_test(&s);
+}
+"""
 
 
 def hostile_names(count: int) -> list[Row]:
@@ -94,7 +122,44 @@ def headers(every: int) -> list[Row]:
         f"{p.name}, {real}" for p in problems for real in ("double", "float") if not _sound(p, real)
     ]
     what = f"headers of {len(problems)} models, double and float, fed with {ROWS} broken samples: not sound"
-    return [judged(f"{what} {', '.join(wrong[:3])}".rstrip(), len(wrong), 0)]
+    rows = [judged(f"{what} {', '.join(wrong[:3])}".rstrip(), len(wrong), 0)]
+    grids = range(FIXED)[::every]
+    wraps = sum(not _saturates(seed) for seed in grids)
+    what = f"grids in fixed point, {FIXED_STEPS:,} integers of each under sanitizers: that wrap, of"
+    return [*rows, judged(f"{what} {len(grids)}", wraps, 0)]
+
+
+def _saturates(seed: int) -> bool:
+    """A grid at random, as a header in Q16.16: estimates stay on it, and no sum leaves its 32 bits."""
+    random = np.random.default_rng(seed)
+    cells = int(random.integers(2, 121))
+    masses = np.tril(random.lognormal(0.0, random.uniform(0.0, 2.0), (cells, cells)))
+    low, width = random.normal(0.0, 100.0), random.lognormal(0.0, 3.0)
+    share = random.uniform(0.1, 3.0) / cells
+    model = Preisach(
+        GridDensity(low, low + width, masses / masses.sum()), share * random.random(cells)
+    )
+    u = random_histories(random, low, low + width, (1, 300))[0]
+    with tempfile.TemporaryDirectory() as place:
+        made = export_to(
+            "arduino", model, Path(place, "sensor"), model.simulate(None, u), real="fixed"
+        )
+        code = Path(made.path, "src", "loop.c")
+        code.write_text(FIXED_LOOP % FIXED_STEPS, "utf-8")
+        command = [
+            COMPILERS[0],
+            *STRICT,
+            *SANITIZERS,
+            str(code),
+            "-o",
+            str(Path(place, "loop")),
+            "-lm",
+        ]
+        subprocess.run(command, check=True)
+        done = subprocess.run([Path(place, "loop")], capture_output=True, text=True, check=False)
+    if done.returncode:
+        print(f"grid {seed}: exit {done.returncode} {done.stderr[:300]}", file=sys.stderr)
+    return done.returncode == 0
 
 
 def _sound(problem: Problem, real: str) -> bool:

@@ -20,6 +20,7 @@ from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..guards._guarded import longest_step as longest_step
 from ..guards._run_in import Past
+from ..inverses._viscoelastic import stable_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
@@ -289,7 +290,7 @@ class Program:
 
     def _longest(self, t: np.ndarray) -> float:
         if not isinstance(self.model, Oscillator):
-            return longest_step(t)
+            return min(longest_step(t), stable_step(self.model))
         return LONGEST_MOTION * float(np.median(np.diff(t)))
 
     def document(self, precision: type = np.float64) -> dict[str, Any]:

@@ -8,7 +8,14 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractViscoelastic, InputError, ViscoelasticState, is_concrete, register
+from hysteresis import (
+    AbstractModel,
+    AbstractViscoelastic,
+    InputError,
+    ViscoelasticState,
+    is_concrete,
+    register,
+)
 
 from .._contract import AbstractCompensator, Estimate, Status, last_valid
 from ._inverse_of import inverse_of
@@ -62,6 +69,14 @@ class ViscoelasticCompensator(AbstractCompensator[ViscoelasticState, Estimate]):
                 cause='with hold="constant" a step must stay short beside the element\'s own times.',
                 fix=f'sample at steps below {limit:.4g}, or use hold="linear".',
             )
+
+
+def stable_step(model: AbstractModel) -> float:
+    """The largest step at which estimates do not grow without bound; infinite of other models."""
+    found = inverse_of(model) if isinstance(model, AbstractViscoelastic) else None
+    if isinstance(found, ViscoelasticCompensator) and found.element.against_chain:
+        return found.element.largest_stable_step()
+    return float("inf")
 
 
 @jax.jit

@@ -16,6 +16,18 @@ SWEPT = 33
 
 _STATUSES = tuple(Status)
 _KEPT = ("_value", "_waited", "_deviation", "_factor", "_missed")
+_MADE = (
+    "_takes",
+    "_states",
+    "_node",
+    "_others",
+    "_learner",
+    "_find",
+    "_status",
+    "_error",
+    "_guard",
+)
+"""What `reset` makes of the file's trees: closures, which can be neither copied nor pickled."""
 _OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
 
 
@@ -253,6 +265,15 @@ class Compensator:
             value = state.get(name, getattr(self, name))
             setattr(self, name, nan if value is None else value)
         self._begun = state["begun"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        rest = {name: value for name, value in vars(self).items() if name not in _MADE}
+        return {**rest, "state": self.state()}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        vars(self).update({name: value for name, value in kept.items() if name != "state"})
+        self.reset()
+        self.restore(kept["state"])
 
     def _all_states(self) -> list[Any]:
         error = [self._error.args[1]] if self._error_tree else []

@@ -1,7 +1,9 @@
 """The command line: its commands, and how a run ends."""
 
 import gc
+import signal
 import sys
+import threading
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
@@ -94,6 +96,15 @@ def _commands() -> Any:
     return typer.main.get_command(app)
 
 
+def _terminated(*_: object) -> None:
+    """SIGTERM ends a command as Ctrl-C does, which a terminal sends to our processes too."""
+    import multiprocessing  # late: most commands start no process
+
+    for process in multiprocessing.active_children():
+        process.terminate()
+    raise KeyboardInterrupt
+
+
 def main() -> None:
     """Run the command line: exit 0 good, 2 the user's data or settings are at fault, 1 a bug of hysid.
 
@@ -106,6 +117,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # not where a program has put another one
             stream.reconfigure(errors="backslashreplace")
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminated)
     if fault := fault_of_packages():
         stop(Fault("foreign-package", fault), fault, USER, as_json)
     try:

@@ -2,12 +2,13 @@
 
 import glob
 import os
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -140,12 +141,20 @@ def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
     # Forked processes inherit locks of JAX's threads.
-    return ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_one_thread)
+    return ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_as_worker)
 
 
-def _one_thread() -> None:
-    """Processes side by side each keep to one thread; said before JAX starts its own."""
+def _as_worker() -> None:
+    """Processes side by side each keep to one thread, said before JAX starts its own; none outlives us."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     flags = os.environ.get("XLA_FLAGS", "")
     os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_multi_thread_eigen=false"
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
+
+
+def _end_with_parent() -> None:
+    """A killed process leaves its workers waiting for work for ever."""
+    if (parent := parent_process()) is not None:
+        parent.join()
+        os._exit(1)

@@ -111,6 +111,10 @@ def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
     return number
 
 
+ENOUGH = 10_000
+"""Loops of a sequence that are looked at: their mean is that of all within a hundredth of their scatter."""
+
+
 class LoopSums(NamedTuple):
     """Sums over loops of y(u), D = y_unloading - y_loading.
 
@@ -173,8 +177,12 @@ def _least(*slopes: float) -> float:
 def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
     """The sums of each loop."""
     points = turning_points(u, default_dead_band(u)).tolist()
+    every = [*zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True)]
+    if len(every) > ENOUGH:  # spread by the golden section, which no program of loops repeats
+        at = np.arange(ENOUGH) * 0.6180339887498949 % 1 * len(every)
+        every = [every[k] for k in np.unique(at.astype(int))]
     loops = []
-    for a, b, c in zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True):
+    for a, b, c in every:
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
         legs = [rows[used[rows]] for rows in legs]

@@ -1,6 +1,8 @@
 """Readings that are probably not what they seem: clipped, tared within the run, swapped, turned in sign."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import wraps
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from ._abstract_record import AbstractRecord
 from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
 from ._zero import lost_contact, zero_jumps
+
+_Found = TypeVar("_Found")
 
 WIDER = 3.0
 """Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
@@ -29,6 +33,19 @@ class Clipped(NamedTuple):
     limit: float
 
 
+def once(function: Callable[[AbstractRecord], _Found]) -> Callable[[AbstractRecord], _Found]:
+    """What takes long and several checks ask for: it is kept with the record."""
+
+    @wraps(function)
+    def kept(record: AbstractRecord) -> _Found:
+        results, key = vars(record), f"_{function.__name__}"
+        if key not in results:
+            results[key] = function(record)
+        return results[key]
+
+    return kept
+
+
 def loop_direction(record: AbstractRecord) -> float:
     """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
 
@@ -46,6 +63,7 @@ def loop_direction(record: AbstractRecord) -> float:
     return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
 
 
+@once
 def clipped(record: AbstractRecord) -> list[Clipped]:
     """Where input or output is stuck at a limit while the other one moves.
 
@@ -66,7 +84,9 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
                 stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u) and at > FURTHER * elsewhere
             else:
                 least = max(0.02 * np.nanmax(y) - 0.02 * np.nanmin(y), 8 * noise_level(y))
-                stuck = max(_bulge(y[run]) for run in _runs(record, rows)) > least
+                # One row or two have no middle that goes beyond their ends.
+                runs = (run for run in _runs(record, rows) if len(run) > 2)
+                stuck = any(_bulge(y[run]) > least for run in runs)
             if stuck:
                 found.append(Clipped(role, rows, float(limit)))
     return found
@@ -154,6 +174,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
 
 
+@once
 def loops_of(record: AbstractRecord) -> LoopSums:
     """The sums over the loops of all sequences, in the rows that count."""
     u, y, used = record.input, record.output, record.mask

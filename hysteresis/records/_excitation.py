@@ -10,7 +10,7 @@ from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._change import change_warnings
 from ._cycles import default_dead_band, noise_level, turning_points
-from ._data_warnings import clipped, loop_direction, suspicions
+from ._data_warnings import clipped, loop_direction, once, suspicions
 
 
 def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) -> list[Note]:
@@ -76,6 +76,7 @@ def check_rows(record: AbstractRecord, n_parameters: int | None = None) -> float
     return turns
 
 
+@once
 def summary(record: AbstractRecord) -> dict[str, Any]:
     """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
     steps = _steps(record)

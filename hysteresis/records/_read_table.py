@@ -294,7 +294,8 @@ def _table(
     decimal = sheet.decimal if decimal == "." else decimal
     check_room(path, sheet.columns, sheet.line)
     text = {
-        name: np.char.strip(np.array(cells).astype(str)) for name, cells in sheet.columns.items()
+        name: np.char.strip(np.asarray(cells).astype(str, copy=False))
+        for name, cells in sheet.columns.items()
     }
     columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from difflib import get_close_matches
 from inspect import signature
@@ -423,7 +424,7 @@ class Record(AbstractRecord):
 
     def summary(self) -> dict[str, Any]:
         """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
-        return summary(self)
+        return deepcopy(summary(self))
 
     def describe(self, loop: str | None = None) -> str:
         """The summary for a reader, and the history; `loop` replaces the line about the loops."""

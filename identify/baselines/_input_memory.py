@@ -97,10 +97,12 @@ def slow_states(
     found = np.empty((len(record), len(times)))
     for _, rows in record.sequences():
         u, t = record.input[rows], record.time[rows]
-        keep = np.exp(-np.diff(t, prepend=t[0])[:, None] / times)
-        # What is left over of each rise of the input.
-        rise = keep * np.diff(u, prepend=u[0])[:, None]
-        found[rows] = relaxed(keep, rise[:, :, None], np.zeros((len(times), 1)))[:, :, 0]
+        step, rise = np.diff(t, prepend=t[0]), np.diff(u, prepend=u[0])
+        for k, time in enumerate(times):  # one after the other: each takes six columns of memory
+            keep = np.exp(-step / time)[:, None]
+            # What is left over of each rise of the input.
+            drive = (keep[:, 0] * rise)[:, None, None]
+            found[rows, k] = relaxed(keep, drive, np.zeros((1, 1)))[:, 0, 0]
     return found
 
 
@@ -109,8 +111,8 @@ def lags(record: Record, rows_back: tuple[int, ...]) -> Float[np.ndarray, "sampl
     found = np.empty((len(record), len(rows_back)))
     for _, rows in record.sequences():
         u = record.input[rows]
-        at = np.arange(len(u))[:, None] - np.array(rows_back)
-        found[rows] = u[:, None] - u[np.maximum(at, 0)]
+        for k, back in enumerate(rows_back):
+            found[rows, k] = u - u[np.maximum(np.arange(len(u)) - back, 0)]
     return found
 
 

@@ -1,6 +1,6 @@
 """Baselines that are linear in their unknowns: constant, straight line, cubic per branch, ridge."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -118,15 +118,30 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         step = float(np.median(np.concatenate(steps)))
         times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
 
-    def made(record: Record) -> np.ndarray:
-        parts = [record.input[:, None], lags(record, LAGS), stops(record, radii)]
+    def own(record: Record) -> Iterator[np.ndarray]:
+        yield stops(record, radii)
+        yield record.input[:, None]
+        yield lags(record, LAGS)
         if times is not None and record.time is not None:
-            parts.append(slow_states(record, times))
-        parts += [record.columns[name][:, None] for name in columns]
-        if len(columns) <= FEW:
-            # A condition, such as a pressure, changes the size of an effect.
-            parts += [np.hstack(parts) * record.columns[name][:, None] for name in columns]
-        return np.hstack(parts)
+            yield slow_states(record, times)
+        for name in columns:
+            yield record.columns[name][:, None]
+
+    def made(record: Record) -> np.ndarray:
+        # A condition, such as a pressure, changes the size of an effect.
+        factors = [record.columns[name] for name in columns] if len(columns) <= FEW else []
+        slow = 0 if times is None or record.time is None else len(times)
+        width = 1 + len(LAGS) + len(radii) + slow + len(columns)
+        # The largest array of a fit. By columns, it takes no memory before each part is put there.
+        found, end = np.empty((len(record), width * (1 + len(factors))), order="F"), 0
+        for part in own(record):
+            begin, end = end, end + part.shape[1]
+            found[:, begin:end] = part
+        for k, factor in enumerate(factors, 1):
+            np.multiply(
+                found[:, :width], factor[:, None], out=found[:, k * width : (k + 1) * width]
+            )
+        return found
 
     memory = "lags and stops" if times is None else "lags, stops and slow states"
     design = OncePerInput(made, columns)

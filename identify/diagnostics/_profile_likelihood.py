@@ -203,7 +203,8 @@ def _drop_between(aim: Target, one: np.ndarray, other: np.ndarray) -> float:
 
 @eqx.filter_jit
 def _along(aim: Target, points: Array) -> Array:
-    return jax.vmap(aim.log_likelihood)(points)
+    # One after the other: side by side each would hold all rows.
+    return jax.lax.map(aim.log_likelihood, points)
 
 
 class _Sought(NamedTuple):

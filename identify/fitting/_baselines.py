@@ -1,6 +1,6 @@
 """The baselines of a fit, on the folds and rows on which its candidates are judged."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -38,9 +38,9 @@ def baselines_of(
         constant(), straight_line(columns, combined), MonotoneBaseline(),
         cubic_per_branch(record, branches), replay(record, branches),
     )  # fmt: skip
-    found = [scored(one, record, parts) for one in single]
-    found.append(_best([scored(one, record, parts) for one in ridges(record, columns)]))
-    return tuple(_figures(one, record, test) for one in found)
+    found = [_figures(scored(one, record, parts), record, test) for one in single]
+    best = _best(scored(one, record, parts) for one in ridges(record, columns))
+    return (*found, _figures(best, record, test))
 
 
 def baselines_of_hold(record: Record, parts: Parts, test: Record | None) -> tuple[Baseline, ...]:
@@ -48,7 +48,7 @@ def baselines_of_hold(record: Record, parts: Parts, test: Record | None) -> tupl
     return tuple(_figures(scored(one, record, parts), record, test) for one in of_holds())
 
 
-def _best(tried: Sequence[Scored]) -> Scored:
+def _best(tried: Iterable[Scored]) -> Scored:
     return min(tried, key=lambda one: one.blocks.mean() if len(one.blocks) else 0.0)
 
 

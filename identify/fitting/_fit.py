@@ -165,11 +165,10 @@ def fit(
     tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried)
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
+    fits = [best, *(one.fit for one in others)]
+    del tried, chosen, others  # the searches, which hold every row
     baselines = data.baselines()
-    fits = [
-        replace(one, baselines=baselines, purpose=purpose)
-        for one in (best, *(one.fit for one in others))
-    ]
+    fits = [replace(one, baselines=baselines, purpose=purpose) for one in fits]
     ranked = [replace(one, verdict=judge(one, data.warnings)) for one in fits]
     return replace(
         ranked[0],

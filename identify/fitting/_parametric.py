@@ -162,7 +162,7 @@ def least_squares(
         len(whole.predicted) != len(measured)
         or (np.isin(parts.label, parts.all) != record.mask).any()
     ):
-        ends = [fitted(parts.all, end.free, FEW) for end in optima]
+        ends = (fitted(parts.all, end.free, FEW) for end in optima)  # each holds every row
         whole = min(ends, key=lambda end: end.objective)
         if not whole.converged:
             whole = fitted(parts.all, whole.free)

@@ -155,8 +155,12 @@ def shapes_of(
     u = record.input
     low, high = u[used].min(initial=np.inf), u[used].max(initial=-np.inf)
     x = np.clip(2 * (u - low) / max(high - low, 1e-300) - 1, -1.0, 1.0)
-    waves = np.cos(np.arange(most + 1) * np.arccos(x)[:, None])
-    step = np.diff(u, prepend=u[:1])
+    angle, step = np.arccos(x), np.diff(u, prepend=u[:1])
     step[record.starts] = 0.0
-    both = np.stack([np.sign(step)[:, None] * waves[:, :-1], waves[:, 1:]], axis=2)
-    return both.reshape(len(u), -1).astype(u.dtype)
+    direction, wave = np.sign(step), np.ones_like(u)
+    found = np.empty((len(u), 2 * most), u.dtype)
+    for k in range(most):
+        found[:, 2 * k] = direction * wave
+        wave = np.cos((k + 1) * angle)
+        found[:, 2 * k + 1] = wave
+    return found

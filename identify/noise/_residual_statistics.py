@@ -5,6 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+WHOLE, BLOCKS = 100_000, 8
+"""Rows of a sequence that is transformed at once, and the blocks of a longer one, at most."""
+
 
 class Noise(NamedTuple):
     """Gaussian residuals with a correlation time.
@@ -52,18 +55,37 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
     squares = sum(float(r @ r) for r in residuals)
     if samples == 0 or squares == 0:
         return Noise(0.0, samples, 1.0)
-    longest = max(len(r) for r in residuals)
-    covariance = np.zeros(longest)
+    rho = np.zeros(max(len(r) for r in residuals))
     for r in residuals:
-        spectrum = np.fft.rfft(r, 2 * len(r))
-        covariance[: len(r)] += np.fft.irfft(spectrum * spectrum.conj())[: len(r)]
+        _add_autocovariance(rho, r)
     # Not divided by the shrinking count of products, which biases the noisy tail to 0.
-    rho = covariance / covariance[0]
+    rho /= rho[0]
     time = 2 * np.cumsum(rho) - 1
-    window = np.flatnonzero(np.arange(longest) >= 5 * time)
+    window = np.flatnonzero(np.arange(len(rho)) >= 5 * time)
     of_mean = time[window[0]] if len(window) else time[-1]
     of_rhythm = 2 * np.sum(rho[rho**2 > 9 / samples] ** 2) - 1
     tau = float(max(of_mean, of_rhythm))
     tau = min(tau, samples / (parameters + 1.0))
     sigma = np.sqrt(squares / max(samples - parameters, 1))
     return Noise(float(sigma), samples, max(tau, 1.0))
+
+
+def _add_autocovariance(total: Float[np.ndarray, " lags"], r: Float[np.ndarray, " rows"]) -> None:
+    """Add sum_i r_i r_(i+k) at every lag k of r.
+
+    A long sequence is cut into blocks, and the products of those that are so many blocks apart are summed
+    in their spectra: the same sums, in a fraction of the memory.
+    """
+    size = len(r) if len(r) <= WHOLE else 1 << (len(r) // BLOCKS).bit_length()
+    blocks = [r[k : k + size] for k in range(0, len(r), size)]
+    for apart in range(len(blocks)):
+        spectrum = np.zeros(size + 1, complex)
+        for one, other in zip(blocks, blocks[apart:], strict=False):
+            first = np.fft.rfft(one, 2 * size)
+            second = first if apart == 0 else np.fft.rfft(other, 2 * size)
+            spectrum += first.conj() * second
+        products = np.fft.irfft(spectrum, 2 * size)
+        here = total[apart * size : min((apart + 1) * size, len(r))]
+        here += products[: len(here)]
+        if apart:  # and at the lags below, where the other block comes earlier
+            total[(apart - 1) * size + 1 : apart * size] += products[size + 1 :]

@@ -25,7 +25,11 @@ def repeats(record: Record, fewest: int = SEVERAL) -> bool:
     numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
     if len(record.labels) > 1 or len(numbers) < fewest:
         return False
-    ranges = np.array([np.ptp(record.input[record.cycle == number]) for number in numbers])
+    low, high = np.full((2, record.cycle.max() + 1), np.inf)
+    there = record.cycle > 0
+    np.minimum.at(low, record.cycle[there], record.input[there])
+    np.minimum.at(high, record.cycle[there], -record.input[there])
+    ranges = -(high + low)[numbers]
     return bool(np.ptp(ranges) <= ALIKE * np.median(ranges)) and not rates_differ(record)
 
 

@@ -253,15 +253,17 @@ def _alone(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits for the end of the block: HDF5 cannot be interrupted in mid-write without harm."""
+    """Ctrl-C and SIGTERM wait for the end of the block: HDF5 cannot be interrupted in mid-write."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    pressed = []
-    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(True))
+    came: list[int] = []
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(one, lambda number, _: came.append(number)) for one in signals]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        raise KeyboardInterrupt
+        for one, handler in zip(signals, before, strict=True):
+            signal.signal(one, handler)
+    for number in came[:1]:
+        signal.raise_signal(number)

@@ -1,6 +1,8 @@
 """Exported compensators, in Python and in C, are the JAX one."""
 
+import copy
 import json
+import pickle
 import subprocess
 import sys
 from functools import cache
@@ -96,6 +98,21 @@ def test_python_is_the_same(problem: Problem, tmp_path: Path):
     assert compensator.rates == ("rates" in problem.tags)
     with pytest.raises(TypeError, match=r"step\(dt, reading\)"):
         compensator.step(float(done.y[0]))
+
+
+@pytest.mark.parametrize("problem", EXPORTED[::7], ids=lambda p: p.name)
+def test_copies_go_on_by_themselves(problem: Problem, tmp_path: Path):
+    """From the state of the original, which they leave as it is: other processes get them pickled."""
+    done = run(problem)
+    it = exported(done, tmp_path)
+    half = len(done.y) // 2
+    stepped(it, done.dt[:half], done.y[:half])
+    before = json.dumps(it.state())
+    copies = pickle.loads(pickle.dumps(it)), copy.deepcopy(it), copy.copy(it)
+    rest = [stepped(one, done.dt[half:], done.y[half:]) for one in copies]
+    assert json.dumps(it.state()) == before
+    same = stepped(it, done.dt[half:], done.y[half:])
+    assert all(np.array_equal(pair, same, equal_nan=True) for pair in rest)
 
 
 def test_readings_at_the_end_of_a_flat_place_do_not_damage_a_file(tmp_path: Path):

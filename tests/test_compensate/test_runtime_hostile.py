@@ -93,3 +93,16 @@ def test_a_nan_leaves_no_trace_in_a_prediction(problem: Problem, tmp_path: Path)
     found, clean = it.predict(zero, u), it.predict(zero, done.u[:FEW])
     np.testing.assert_array_equal(found[np.isfinite(u)], clean)
     assert np.isnan(found[~np.isfinite(u)]).all()
+
+
+def test_a_step_that_would_grow_is_taken_for_the_longest_stable(tmp_path: Path):
+    """hold="constant": each inverse step would multiply the error of the one before."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0, hold="constant")
+    t = 0.01 * np.arange(200)
+    y = np.asarray(model.simulate(t, np.sin(t)))
+    export_runtime(model, tmp_path / "it.json", y, times=t)
+    it = load(tmp_path / "it.json")
+    assert it.longest == pytest.approx(model.largest_stable_step())
+    found = [it.step(1e3, reading) for reading in np.tile(y, 20).tolist()]
+    assert np.isfinite([one.value for one in found]).all()
+    assert {one.status for one in found[1:]} == {Status.EXTRAPOLATED}

@@ -193,6 +193,10 @@ def test_fixed_point_is_the_header_to_2e_4_of_the_range(tmp_path: Path):
     assert early[wanted == Status.RUN_IN].all()
     assert not early[-1]
     assert (status[-3:-1] == Status.EXTRAPOLATED).all()
+    ends = np.array([-(2**31), -(2**31) + 1, 2**31 - 1], np.int32)
+    found, status = run_fixed(header, ends)
+    assert status.tolist() == [Status.INVALID, Status.EXTRAPOLATED, Status.EXTRAPOLATED]
+    assert (np.diff(found[1:]) > 0).all()
     for name, real in (("creep", "fixed"), ("conditioned", "fixed")):
         with pytest.raises(InputError, match="Preisach grid") as error:
             case(name).write("arduino", tmp_path / name, real)

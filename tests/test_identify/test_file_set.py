@@ -182,15 +182,18 @@ def test_a_full_disk_leaves_the_old_set(tmp_path: Path):
     assert read(tmp_path) == ("old", {"old"})
 
 
-def test_an_interrupt_waits_for_the_end(tmp_path: Path):
-    """Ctrl-C while a file is written: the set is complete, then the interrupt comes."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_waits_for_the_end(number: int, tmp_path: Path):
+    """Ctrl-C or SIGTERM while a file is written: the set is complete, then the interrupt comes."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
 
     def pressed(place: Path) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(number)
         place.write_text("new")
 
     with pytest.raises(KeyboardInterrupt):
         write_set(tmp_path, "fit.json", {"word": "new"}, {"model.npz": pressed})
+    assert signal.signal(signal.SIGTERM, before) is signal.default_int_handler
     assert read(tmp_path) == ("new", {"new"})
 
 

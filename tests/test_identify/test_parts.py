@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hysteresis import Burgers, LinearSponge, Record
 from identify import estimate_noise, metrics
+from identify.noise import _residual_statistics
 from identify.parameters._transform import Transform, transform
 from identify.records._folds import parts, thinned
 
@@ -69,6 +70,16 @@ def test_coloured_noise_counts_for_less(phi: float) -> None:
     # Sokal's window of five times tau cuts off exp(-5) of the sum and leaves 3 % of statistics.
     assert noise.correlation_time == pytest.approx((1 + phi) / (1 - phi), rel=0.08)
     assert noise.effective == pytest.approx(160_000 * (1 - phi) / (1 + phi), rel=0.08)
+
+
+@pytest.mark.parametrize("rows", [17, 64, 65, 1001])
+def test_blocks_of_a_long_sequence_give_the_same_sums(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_residual_statistics, "WHOLE", 16)
+    r, found = np.random.default_rng(2).normal(size=rows), np.zeros(rows)
+    _residual_statistics._add_autocovariance(found, r)
+    np.testing.assert_allclose(found, np.correlate(r, r, "full")[rows - 1 :], atol=1e-10)
 
 
 def test_a_constant_error_is_one_fact_not_many() -> None:

@@ -2,12 +2,28 @@
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from hysid.intake._selection import Selection
-from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text
+from tests.test_hysid.command import (
+    COLUMNS,
+    ENVIRONMENT,
+    HEADER,
+    F,
+    T,
+    X,
+    put,
+    refused,
+    run,
+    sponge,
+    text,
+)
 
 CONFIG = f"""
 [selection]
@@ -168,3 +184,27 @@ def test_without_distributed(monkeypatch):
 def test_several_processes():
     found = batch("--jobs", 2, "--json").json()
     assert (found["fitted"], list(found["failed"])) == (2, ["bad"])
+
+
+STARTS_A_WORKER = """
+import os, signal
+from hysid.cli._app import _terminated
+from hysid.operations._batch import _pool
+signal.signal(signal.SIGTERM, _terminated)
+with _pool(1) as pool:
+    pool.submit(os.getpid).result()
+    print(flush=True)
+    signal.pause()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGKILL"])
+def test_no_worker_outlives_its_batch(number):
+    started = [sys.executable, "-c", STARTS_A_WORKER]
+    silent = subprocess.DEVNULL
+    with subprocess.Popen(started, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=silent) as batch:
+        batch.stdout.readline()
+        batch.send_signal(getattr(signal, number))
+        # The worker holds the pipe too, which ends with the last one that does.
+        assert batch.communicate(timeout=60)[0] == b""

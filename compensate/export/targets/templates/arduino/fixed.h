@@ -65,7 +65,11 @@ typedef struct {
 
 static inline int32_t {{ stem }}_reading(float reading)
 {
-    return (int32_t)((reading - (float){{ upper }}_READING_ZERO) / (float){{ upper }}_READING_STEP);
+    float found = (reading - (float){{ upper }}_READING_ZERO) / (float){{ upper }}_READING_STEP;
+    if (!(reading - reading == 0.0f)) { /* NaN or infinite */
+        return {{ upper }}_UNKNOWN;
+    }
+    return found >= 2147483648.0f ? INT32_MAX : found <= -2147483648.0f ? -INT32_MAX : (int32_t)found;
 }
 
 static inline float {{ stem }}_estimate(int32_t estimate)
@@ -208,12 +212,20 @@ static inline int32_t {{ stem }}_solve(const {{ stem }}_state *s, int32_t z, int
     return u > end ? u : end;
 }
 
-/* One reading in, one estimate out; what it is worth is returned. The deviation is not known in integers:
- * where its pointer is not null, it is {{ upper }}_UNKNOWN. */
+/* One reading in, one estimate out; what it is worth is returned. A reading that is {{ upper }}_UNKNOWN is INVALID: the
+ * last estimate is held. The deviation is not known in integers: where its pointer is not null, it is
+ * {{ upper }}_UNKNOWN. */
 static inline int {{ stem }}_step(
     {{ stem }}_state *s, int32_t dt, int32_t reading, int32_t *estimate, int32_t *deviation)
 {
     (void)dt;
+    if (deviation) {
+        *deviation = {{ upper }}_UNKNOWN;
+    }
+    if (reading == {{ upper }}_UNKNOWN) {
+        *estimate = s->estimate;
+        return {{ upper }}_INVALID;
+    }
     int status;
     int32_t z = reading;
     uint8_t clipped = 0, beyond = 0;
@@ -278,9 +290,6 @@ static inline int {{ stem }}_step(
 {% endif %}
     s->estimate = u;
     *estimate = u;
-    if (deviation) {
-        *deviation = {{ upper }}_UNKNOWN;
-    }
     return status;
 }
 
