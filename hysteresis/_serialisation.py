@@ -134,6 +134,8 @@ def decoded(value: Any, kind: Any, place: str = "") -> Any:
         return decoded(value, inner[-1], place)
     if kind is float and value is None:
         return math.nan
+    if kind is float and np.ndim(value) == 0 and hasattr(value, "dtype"):
+        return value  # models of others keep arrays where they say float
     if kind is float and type(value) in (int, float) and abs(value) < math.inf:
         return float(value)
     if origin in (list, tuple) and isinstance(value, list | tuple):

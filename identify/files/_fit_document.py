@@ -193,16 +193,16 @@ class FitWords(ResultWords):
     files: dict[str, str]
 
 
-class SeveralWords(TypedDict):
+class SeveralWords(TypedDict, total=False):
     """fit.json of several fits, each in a folder below: their means, all of them, and those that failed."""
 
     model: str
     metrics: Errors
     verdict: VerdictWords
     data: DataWords
-    each: dict[str, ResultWords]
-    folders: NotRequired[dict[str, str]]
-    failed: NotRequired[dict[str, str]]
+    each: dict[str, dict[str, Any]]
+    folders: dict[str, str]
+    failed: dict[str, str]
 
 
 def checked(document: dict[str, Any]) -> dict[str, Any]:

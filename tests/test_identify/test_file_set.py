@@ -185,7 +185,7 @@ def test_a_full_disk_leaves_the_old_set(tmp_path: Path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_waits_for_the_end(number: int, tmp_path: Path):
     """Ctrl-C or SIGTERM while a file is written: the set is complete, then the interrupt comes."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(number, signal.default_int_handler)
 
     def pressed(place: Path) -> None:
         signal.raise_signal(number)
@@ -193,7 +193,7 @@ def test_an_interrupt_waits_for_the_end(number: int, tmp_path: Path):
 
     with pytest.raises(KeyboardInterrupt):
         write_set(tmp_path, "fit.json", {"word": "new"}, {"model.npz": pressed})
-    assert signal.signal(signal.SIGTERM, before) is signal.default_int_handler
+    assert signal.signal(number, before) is signal.default_int_handler
     assert read(tmp_path) == ("new", {"new"})
 
 
