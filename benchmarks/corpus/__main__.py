@@ -28,10 +28,10 @@ from compensate.runtime import load
 from hysteresis import AbstractModel, Burgers, InputError, Record
 from tests.problems import PROBLEMS, Problem, random_histories
 
-from ._measure import Row, judged, options, report
+from .._measure import Row, judged, options, report
 
-NUMBERS = Path(__file__).parent / "_corpus" / "numbers.npz"
-DATASETS = Path(__file__).parents[1] / "datasets"
+NUMBERS = Path(__file__).parent / "numbers.npz"
+DATASETS = Path(__file__).parents[2] / "datasets"
 ROWS = 60
 TOLERANCE = 1e-9
 EXCEPTIONS: dict[str, tuple[float, str]] = {
@@ -54,7 +54,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"{name} ...", file=sys.stderr, flush=True)
             made |= {f"{name}/{what}": np.asarray(x) for what, x in make().items()}
     if chosen.freeze == "yes":
-        NUMBERS.parent.mkdir(exist_ok=True)
         np.savez_compressed(NUMBERS, allow_pickle=False, **(frozen | made))
     else:
         report(_compared(made, frozen), chosen.json)

@@ -1,0 +1,1 @@
+"""Frozen numbers of laws, inverses, exports and fits."""
