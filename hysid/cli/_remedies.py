@@ -4,8 +4,9 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from ..intake._selection_options import ASIDE
+
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")
-_ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 _COMMAND = re.compile(r"hysid [a-z]+(?:[^;,.)]|\.\w)*")
 
 
@@ -24,7 +25,7 @@ def options_here(error: Exception, root: Any, arguments: Sequence[str]) -> Excep
         command = command.commands[word]
     here = options_of_command(command)
     named = lambda text: set(_OPTION.findall(_COMMAND.sub("", text)))  # noqa: E731
-    fix = _ASIDE.sub(lambda m: m[0] if not named(m[0]) or named(m[0]) & here else "", fix)
+    fix = ASIDE.sub(lambda m: m[0] if not named(m[0]) or named(m[0]) & here else "", fix)
     if lost := sorted(named(fix) - here):
         others = (one for one in root.commands.values() if options_of_command(one) >= set(lost))
         owner = next((one.name for one in others), "")

@@ -25,9 +25,11 @@ def config_of(file: Path) -> Path:
     if not file.name:
         return file
     usual, own = file.with_suffix(".toml"), file.with_name(f"{file.name}.toml")
+    if own.exists():
+        return own
     name = str(_written_for(usual).get("name", file.name))
     shared = name != file.name and Path(name).stem == file.stem and name in os.listdir(file.parent)
-    return own if shared or own.exists() else usual
+    return own if shared else usual
 
 
 def folder_of(file: Path) -> Path:

@@ -3,8 +3,12 @@
 A new option is one field here. No import of this module loads JAX: `hysid --help` reads the fields.
 """
 
+import re
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any
+
+ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
+"""Brackets of a message that name options, with the blanks before them."""
 
 
 def _option(help: str, default: Any = MISSING, **said: Any) -> Any:

@@ -7,7 +7,7 @@ control in place of each, so that every message can be followed where it is read
 import re
 from typing import Any
 
-from ..intake._selection_options import FIELDS
+from ..intake._selection_options import ASIDE, FIELDS
 
 ROLES = {
     "input": "input", "output": "output", "time": "time", "input_time": "time of the input",
@@ -66,7 +66,6 @@ _PROSE = frozenset({
 _PLACE = r"(?:[ =]\"?[A-Z](?:[A-Z,=\[\]-]*[A-Z\]])?(?:\.[a-z]+)?\"?(?![a-z]))?"
 """A word that stands for a value in a message, such as COL or "COL" or FIRST-LAST."""
 _OPTION = re.compile(rf"(?<![\w-])--([a-z][a-z0-9-]+){_PLACE}")
-_ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 _WITH_OPTIONS = re.compile(rf"\bhysid [a-z]+(?: [a-z]+)?{_PLACE}{_PLACE} (?=--[a-z])")
 _COMMAND = re.compile(rf"\bhysid ({'|'.join(_BUTTONS)})\b{_PLACE}{_PLACE}")
 
@@ -102,7 +101,7 @@ def on_page(text: str) -> str:
         'Give the constant input (“Constant input”).'
     """
     text = _WITH_OPTIONS.sub("", text)
-    text = _ASIDE.sub(lambda found: "" if _lacks(found[0]) else found[0], text)
+    text = ASIDE.sub(lambda found: "" if _lacks(found[0]) else found[0], text)
     if _lacks(text):
         kept = [_without_lacking(sentence) for sentence in re.split(r"(?<=[.!?;]) ", text)]
         text = " ".join(filter(None, kept)) or text
