@@ -1,0 +1,2 @@
+from typing import Any
+Tree = dict[str, Any]

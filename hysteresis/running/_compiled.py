@@ -1,0 +1,138 @@
+"""A tree's loops, compiled: once for each structure, kept on disk from one process to the next.
+
+Without numba the same text is run by Python, a thousand times as slowly.
+"""
+
+import hashlib
+import importlib.util
+import math
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from ._cache_folder import forget_oldest, own_folder
+from ._numbers import Structure
+from ._text import text_of
+from ._values import MATHS
+
+MOST = 200_000_000
+"""Bytes of compiled laws that are kept; one takes some hundred thousand."""
+
+_HEADER = f"""\
+from math import {", ".join(MATHS)}
+
+from numba import njit as _njit, types
+
+from hysteresis.running._memory import MARKS, get, put, whole
+
+globals().update(MARKS)
+njit = _njit(error_model="numpy")
+
+
+def loop(count):
+    return _njit(types.void(*[types.int64] * count), cache=CACHED, error_model="numpy")
+
+
+"""
+
+
+@cache
+def available() -> bool:
+    """Whether numba is there, and knows this NumPy."""
+    try:
+        import numba as numba  # half a second
+    except ImportError:
+        return False
+    return True
+
+
+def is_kept(structure: Structure, wanted: str) -> bool:
+    """Whether a loop has been compiled before, by this process or another one."""
+    folder, name = _folder(), _name(structure, wanted)
+    return name in sys.modules or bool(folder and (folder / f"{name}.py").exists())
+
+
+@cache
+def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
+    """The loop `wanted` of a tree, as `_loops.py` says; of arrays in place of addresses."""
+    if not available():
+        return _in_python(structure, wanted)
+    compiled = getattr(_module(structure, wanted), wanted)
+
+    def call(*given: Any) -> None:
+        # What is passed has to stay alive and in one piece until the loop is through.
+        compiled(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in given))
+
+    return call
+
+
+@cache
+def locals_of(structure: Structure) -> int:
+    """Reals of a move that are not in m."""
+    line = next(x for x in text_of(structure, "tangents").splitlines() if x.startswith("LOCALS = "))
+    return int(line.removeprefix("LOCALS = "))
+
+
+def table_of(D: np.ndarray) -> np.ndarray:
+    """What marks are told of the table of tangents."""
+    return np.array([D.ctypes.data, D.shape[1]], np.int64) if available() else D
+
+
+def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
+    from . import _plain_memory as memory
+
+    space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
+    space |= {"njit": lambda made: made, "loop": lambda count: lambda made: made, **memory.MARKS}
+    space |= {"get": memory.get, "put": memory.put, "whole": memory.whole}
+    exec(compile(text_of(structure, wanted), f"<{wanted}>", "exec"), space)  # noqa: S102
+    loop = space[wanted]
+    return lambda *given: loop(
+        *(x.reshape(-1) if isinstance(x, np.ndarray) and k != _TABLE else x for k, x in enumerate(given))
+    )
+
+
+_TABLE = 8
+"""The argument of the loops that marks are given."""
+
+
+@cache
+def _folder() -> Path | None:
+    folder, _ = own_folder("laws")
+    if folder is not None:
+        forget_oldest(folder, MOST)
+    return folder
+
+
+@cache
+def _name(structure: Structure, wanted: str) -> str:
+    """Of the module: other texts, and those that another numba compiles, have other names."""
+    memory = (Path(__file__).parent / "_memory.py").read_text("utf-8")
+    whole = f"{_HEADER}{text_of(structure, wanted)}{memory}{version('numba')}{sys.version}"
+    return f"{wanted}_{hashlib.sha256(whole.encode()).hexdigest()[:24]}"
+
+
+def _module(structure: Structure, wanted: str) -> ModuleType:
+    name, folder = _name(structure, wanted), _folder()
+    text = _HEADER.replace("CACHED", str(folder is not None)) + text_of(structure, wanted)
+    if folder is None:
+        module = ModuleType(name)
+        exec(compile(text, f"<{name}>", "exec"), vars(module))  # noqa: S102
+        return module
+    path = folder / f"{name}.py"
+    if not path.exists():
+        half = path.with_suffix(f".{os.getpid()}")
+        half.write_text(text, "utf-8")
+        half.replace(path)
+    specification = importlib.util.spec_from_file_location(name, path)
+    assert specification is not None and specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module
+    specification.loader.exec_module(module)
+    return module

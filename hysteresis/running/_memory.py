@@ -1,0 +1,90 @@
+"""Loads, stores and marks of compiled laws.
+
+`get(m, i)`, `put(m, i, x)`, `whole(n, i)`: the i-th number at an address, without a check of bounds.
+
+`mark k(t, x, a_1, d_1, ..., a_k, d_k)`: the tangents of the real x are the sum of d_i times those of a_i. At
+the address t stand the address of the table of tangents (reals, columns) and its number of columns, a
+multiple of four: numba makes no vectors of loops this short, so they are written here.
+
+Nothing here knows a law, so that all laws share it.
+"""
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from ._sizes import MOST
+
+WIDE = 4
+"""Columns at a time."""
+
+_REAL, _WORD = ir.DoubleType(), ir.IntType(64)
+_VECTOR = ir.VectorType(_REAL, WIDE)
+
+
+def _at(builder: Any, base: Any, index: Any, kind: Any) -> Any:
+    return builder.gep(builder.inttoptr(base, kind.as_pointer()), [index])
+
+
+@intrinsic
+def get(typing: Any, m: Any, i: Any) -> Any:
+    def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.load(_at(builder, *given, _REAL))
+
+    return types.float64(types.int64, types.int64), make
+
+
+@intrinsic
+def whole(typing: Any, n: Any, i: Any) -> Any:
+    def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.load(_at(builder, *given, _WORD))
+
+    return types.int64(types.int64, types.int64), make
+
+
+@intrinsic
+def put(typing: Any, m: Any, i: Any, x: Any) -> Any:
+    def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        builder.store(given[2], _at(builder, *given[:2], _REAL))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64), make
+
+
+def _row(builder: Any, base: Any, number: Any, columns: Any, column: Any) -> Any:
+    """Where four columns of a real's tangents begin."""
+    place = _at(builder, base, builder.add(builder.mul(number, columns), column), _REAL)
+    return builder.bitcast(place, _VECTOR.as_pointer())
+
+
+def _four_times(builder: Any, value: Any) -> Any:
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.IntType(32)(0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), WIDE), [0] * WIDE)
+    return builder.shuffle_vector(first, first, mask)
+
+
+def _mark(count: int) -> Any:
+    def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        t, x, values = given[0], given[1], given[2:]
+        rows, columns = (builder.load(_at(builder, t, _WORD(k), _WORD)) for k in (0, 1))
+        factors = [_four_times(builder, value) for value in values[1::2]]
+        with cgutils.for_range_slice(builder, _WORD(0), columns, _WORD(WIDE), _WORD) as (at, _):
+            total = ir.Constant(_VECTOR, [0.0] * WIDE)
+            for other, by in zip(values[::2], factors, strict=True):
+                tangents = builder.load(_row(builder, rows, other, columns, at), align=8)
+                total = builder.fadd(total, builder.fmul(by, tangents))
+            builder.store(total, _row(builder, rows, x, columns, at), align=8)
+        return context.get_dummy_value()
+
+    # numba asks for a function of as many arguments as the call has.
+    names = ", ".join(f"a{k}, d{k}" for k in range(count))
+    kinds = types.void(*[types.int64] * 2, *[types.int64, types.float64] * count)
+    space: dict[str, Any] = {"kinds": kinds, "make": make}
+    exec(f"def mark{count}(typing, t, x, {names}):\n    return kinds, make", space)  # noqa: S102
+    return intrinsic(space[f"mark{count}"])
+
+
+MARKS = {f"mark{count}": _mark(count) for count in range(MOST + 1)}

@@ -1,0 +1,92 @@
+"""A tree of laws as its structure and two vectors: m, of its floats, and n, of its whole numbers.
+
+    {"kind": "sum", "parameters": {...}, "state": {...}, "parts": [...]}
+
+What JAX has made is free: outputs have derivatives by it. Numbers of Python and NumPy are constants.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._tree import Tree
+from ._law import law
+
+WITHOUT = "series"
+"""The kind of node that has no law of its own."""
+
+
+class Structure(NamedTuple):
+    """What is compiled: kinds, and the names of free parameters."""
+
+    kind: str
+    free: tuple[str, ...]
+    parts: tuple["Structure", ...]
+
+    @property
+    def bare(self) -> "Structure":
+        """Without regard to what is free: for outputs alone."""
+        return Structure(self.kind, (), tuple(part.bare for part in self.parts))
+
+
+class Numbers(NamedTuple):
+    """A tree in numbers. `m`: (reals,), the last `states` of them its state; `n`: whole numbers, at the end
+    of which stands where the state begins; `free`: which of m JAX has made."""
+
+    structure: Structure
+    m: Any
+    n: np.ndarray
+    states: int
+    free: np.ndarray
+
+
+def with_laws(tree: Tree) -> list[Tree]:
+    """The nodes that have a law, parts before their whole."""
+    inner = [one for part in tree.get("parts", ()) for one in with_laws(part)]
+    return inner if tree["kind"] == WITHOUT else [*inner, tree]
+
+
+def numbers_of(tree: Tree) -> Numbers:
+    """The numbers of a tree; m is a NumPy array where all of them are known."""
+    nodes = with_laws(tree)
+    values: list[Any] = []
+    size = 0
+
+    def add(value: Any) -> int:
+        nonlocal size
+        begin, size = size, size + int(np.size(value))
+        values.append(value)
+        return begin
+
+    rows: list[list[int]] = []
+    for node in nodes:
+        of, own = law(node["kind"]), node["parameters"]
+        begin = size
+        for name in of.named("Parameters", "float"):
+            add(own[name])
+        whole = [int(own[name]) for name in of.named("Parameters", "int")]
+        rows.append([begin, 0, *whole, *(add(own[name]) for name in of.named("Parameters", "Reals"))])
+    states = size
+    for node, row in zip(nodes, rows, strict=True):
+        of, own = law(node["kind"]), node["state"]
+        row[1] = size
+        for name in of.named("State", "int", "float"):
+            add(own[name])
+        row += [add(own[name]) for name in of.named("State", "Reals")]
+    traced = any(isinstance(value, jax.core.Tracer) for value in values)
+    m = _joined(values, jnp if traced else np)
+    free = np.repeat([isinstance(v, jax.Array) for v in values], [np.size(v) for v in values])
+    n = np.array([*(i for row in rows for i in row), states], np.int64)
+    return Numbers(structure_of(tree), m, n, size - states, free)
+
+
+def _joined(values: list[Any], xp: Any) -> Any:
+    return xp.concatenate([xp.ravel(xp.asarray(value, float)) for value in values])
+
+
+def structure_of(tree: Tree) -> Structure:
+    own = tree.get("parameters", {})
+    free = tuple(name for name, value in own.items() if isinstance(value, jax.Array))
+    return Structure(tree["kind"], free, tuple(map(structure_of, tree.get("parts", ()))))

@@ -1,0 +1,2 @@
+MOST = 16
+"""Reals that one assignment may depend on."""

@@ -1,0 +1,187 @@
+"""The source of a tree of laws: its functions, each node's from those of its parts, and the loop over time.
+
+What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_loops.py`.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from ._law import law
+from ._marks import Leaf, Marked
+from ._numbers import WITHOUT, Structure
+
+WRAPPED = {"scaled": "onward", "share": "weighted"}
+"""Kinds around one part, and their function of its output."""
+
+
+class _Node(NamedTuple):
+    """A node, its number, where its row in n begins, and its parts."""
+
+    kind: str
+    number: int
+    row: int
+    parts: tuple["_Node", ...]
+
+
+@cache
+def text_of(structure: Structure, wanted: str) -> str:
+    """The whole text: laws, nodes, the loop."""
+    return _Text(structure).of(wanted)
+
+
+class _Text:
+    def __init__(self, structure: Structure):
+        self.home = Marked(_constants(structure))
+        self.numbered, self.rows = 0, 0
+        self.root = self._node(structure)
+        self.nodes: dict[str, str] = {}
+
+    def of(self, wanted: str) -> str:
+        entries = [f"STATE = {self.rows}"]
+        if "tangents" in wanted:
+            entries += self._marked()
+        if wanted in ("run",):
+            entries.append(f"move = {self.function(self.root, 'move')}")
+        if "find" in wanted:
+            entries.append(f"found = {self.function(self.root, 'find')}")
+            entries.append(f"status_of = {self.status(self.root)}")
+        made = [*self.home.texts.values(), *self.nodes.values(), *entries, _loop(wanted)]
+        return "\n\n\n".join(made)
+
+    def _node(self, structure: Structure) -> _Node:
+        parts = tuple(self._node(part) for part in structure.parts)
+        node = _Node(structure.kind, self.numbered, self.rows, parts)
+        self.numbered += 1
+        self.rows += 0 if structure.kind == WITHOUT else law(structure.kind).row
+        return node
+
+    # Values
+
+    def function(self, node: _Node, name: str) -> str:
+        """The name of a node's `look`, `move`, `follow` or `find`: (m, n, dt, x) to a real."""
+        title = f"n{node.number}_{name}"
+        if title not in self.nodes:
+            lines = self._body(node, name)
+            body = "\n".join(f"    {line}" for line in lines)
+            self.nodes[title] = f"@njit\ndef {title}(m, n, dt, x):\n{body}"
+        return title
+
+    def _body(self, node: _Node, name: str) -> list[str]:
+        kind, inner = node.kind, node.parts
+        if kind == WITHOUT:
+            order = inner[::-1] if name == "find" else inner
+            return [*(f"x = {self._call(part, name)}" for part in order), "return x"]
+        if kind == "sum" and name == "find":
+            look = self.function(node, "look")
+            search = self.home.values("sum", "search", {"look": look})
+            moves = [self._call(part, self._follows(part)) for part in inner]
+            return [f"x = {search}(m, n, {node.row}, dt, x)", *moves, "return x"]
+        if kind == "sum":
+            return [f"return {' + '.join(self._call(part, name) for part in inner)}"]
+        if kind in WRAPPED:
+            (part,) = inner
+            if name == "find":
+                back = self.home.values(kind, "back")
+                return [f"return {self._call(part, name, f'{back}(m, n, {node.row}, x)')}"]
+            onward = self.home.values(kind, WRAPPED[kind])
+            return [f"return {onward}(m, n, {node.row}, {self._call(part, name)})"]
+        if kind == "moving":
+            (part,) = inner
+            back = self.home.values(kind, "less_feedback")
+            said = f"{self.status(part)}(m, n)"
+            return [f"h = {self._call(part, name)}", f"return {back}(m, n, {node.row}, h, x, {said})"]
+        time = "dt, " if law(kind).takes_time(name) else ""
+        return [f"return {self.home.values(kind, name)}(m, n, {node.row}, {time}x)"]
+
+    def _follows(self, node: _Node) -> str:
+        own = law(node.kind).functions if not node.parts else {}
+        return "follow" if "follow" in own else "move"
+
+    def _call(self, node: _Node, name: str, x: str = "x") -> str:
+        return f"{self.function(node, name)}(m, n, dt, {x})"
+
+    def status(self, node: _Node) -> str:
+        """The name of a function (m, n) of the last estimate's status."""
+        title = f"n{node.number}_status"
+        if title not in self.nodes:
+            kind, inner = node.kind, node.parts
+            if kind == WITHOUT:
+                lines = ["s = 0"]
+                for part in inner[::-1]:
+                    lines += ["if s == 0:", f"    s = {self.status(part)}(m, n)"]
+                lines.append("return s")
+            elif inner and kind != "sum":
+                lines = [f"return {self.status(inner[0])}(m, n)"]
+            else:
+                place = law(kind).place("State", "status")
+                lines = [f"return int(get(m, whole(n, {node.row + 1}) + {place}))"]
+            body = "\n".join(f"    {line}" for line in lines)
+            self.nodes[title] = f"@njit\ndef {title}(m, n):\n{body}"
+        return title
+
+    # Marks
+
+    def _marked(self) -> list[str]:
+        """A move with marks."""
+        u, dt, y = (self.home.number("", name) for name in ("u", "dt", "y"))
+        lines: list[str] = []
+        value, number = self._moved(self.root, ("u", str(u)), str(dt), lines)
+        lines += [f"mark1(t, {y}, {number}, 1.0)", f"return {value}"]
+        body = "\n".join(f"    {line}" for line in lines)
+        self.nodes["move_r"] = f"@njit\ndef move_r(m, n, t, dt, u):\n{body}"
+        return [f"LOCALS = {len(self.home.numbers)}", f"U, DT, Y = {u}, {dt}, {y}"]
+
+    def _moved(self, node: _Node, x: Leaf, dt: str, lines: list[str]) -> Leaf:
+        """Lines of a node whose input is variable x[0] of number x[1]; its output's."""
+        kind, inner = node.kind, node.parts
+        if kind == WITHOUT:
+            for part in inner:
+                x = self._moved(part, x, dt, lines)
+            return x
+        out = f"y{node.number}", str(self.home.number("", f"y{node.number}"))
+        outputs = [self._moved(part, x, dt, lines) for part in inner]
+        if kind == "sum":
+            lines.append(f"{out[0]} = {' + '.join(name for name, _ in outputs)}")
+            leaves = "".join(f", {number}, 1.0" for _, number in outputs)
+            lines.append(f"mark{len(outputs)}(t, {out[1]}{leaves})")
+            return out
+        entry = WRAPPED.get(kind, "move")
+        title, key = self.home.marked(kind, entry), f"{kind}_{entry}"
+        floats = [
+            a.arg
+            for a in law(kind).functions[entry].args.args
+            if a.annotation is not None and getattr(a.annotation, "id", "") == "float"
+        ]
+        given = [("dt", dt) if name == "dt" else (outputs or [x])[0] for name in floats]
+        for name, (_, number) in zip(floats, given, strict=True):
+            if (key, name) in self.home.numbers:
+                lines.append(f"mark1(t, {self.home.number(key, name)}, {number}, 1.0)")
+        values = ", ".join(value for value, _ in given)
+        lines.append(f"{out[0]} = {title}(m, n, t, {node.row}, {values})")
+        back = ""
+        if (key, "return") in self.home.active:
+            back = f", {self.home.number(key, 'return')}, 1.0"
+        lines.append(f"mark{1 if back else 0}(t, {out[1]}{back})")
+        return out
+
+
+def _constants(structure: Structure) -> set[tuple[str, str]]:
+    """Parameters without derivative in every node of their kind."""
+    free: dict[str, set[str]] = {}
+
+    def collect(node: Structure) -> None:
+        if node.kind != WITHOUT:
+            free.setdefault(node.kind, set()).update(node.free)
+        for part in node.parts:
+            collect(part)
+
+    collect(structure)
+    return {(k, f) for k, own in free.items() for f in law(k).fields["Parameters"] if f not in own}
+
+
+@cache
+def _loop(wanted: str) -> str:
+    """The text of one loop."""
+    text = (Path(__file__).parent / "_loops.py").read_text("utf-8")
+    return next(part for part in text.split("\n\n\n") if f"\ndef {wanted}(" in part)
