@@ -3,9 +3,9 @@
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis.laws._tree import Tree
 
 from ..guards._guarded import GuardedCompensator
-from ..runtime._tree import Tree
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
 from ..uncertainty._filtered import FilteredCompensator

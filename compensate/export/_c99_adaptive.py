@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from ..runtime._tree import Tree
+from hysteresis.laws._tree import Tree
+
 from ._operation_count import operations
 from ._python_to_c99 import Element
 

@@ -3,10 +3,10 @@
 from typing import Any, NamedTuple
 
 from hysteresis._escape import visible
+from hysteresis.laws._tree import begun, parts_of
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import begun, parts_of
 from . import _c99_adaptive
 from ._band import band_in_c
 from ._c99_state import size_of, state_in_c

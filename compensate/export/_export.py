@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
 from hysteresis._atomic_file import write_whole
+from hysteresis.laws._tree import node_of
 from hysteresis.records._common_part import STILL
 
 from .._contract import AbstractCompensator
@@ -24,7 +25,6 @@ from ..inverses._viscoelastic import stable_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
-from ..runtime._tree import node_of
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._adaptive_tree import adaptive_tree

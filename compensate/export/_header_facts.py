@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from hysteresis._escape import c_string, visible
+from hysteresis.laws._tree import Tree
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
-from ..runtime._tree import Tree
 
 HEAD = """\
 {title}

@@ -9,9 +9,9 @@ from types import FrameType
 from typing import NamedTuple
 
 from hysteresis.laws import _search, module_of
+from hysteresis.laws._tree import KINDS, Tree
 
 from ..runtime._compensator import Compensator
-from ..runtime._tree import KINDS, Tree
 from ._operation_count import CALL, OF_A_NODE, own_operations
 
 Tracer = Callable[[FrameType, str, object], object]

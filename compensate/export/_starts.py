@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from hysteresis import AbstractModel
+from hysteresis.laws._tree import node_of
 
 from ..guards._run_in import Past, Start, outputs
-from ..runtime._tree import node_of
 from ._node import Tree
 
 

@@ -5,10 +5,11 @@ from math import exp, inf, isfinite, isnan, nan, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hysteresis.laws._tree import Node, node_of
+
 from ._armor_geometry import Vector, cross, crossing, dot, field, moved, outside, square
 from ._contact_status import ContactStatus
 from ._file import READING_MISSING, replayed
-from ._tree import Node, node_of
 
 KIND = "hysid armor"
 

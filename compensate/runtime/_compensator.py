@@ -5,10 +5,12 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hysteresis.laws._tree import Tree, begun, error_of, guard_of, node_of
+from hysteresis.laws._types import check
+
 from ._file import LONGEST, READING_MISSING, FileError, number, replayed
-from ._shape import Document, check
+from ._shape import Document
 from ._status import Status
-from ._tree import Tree, begun, error_of, guard_of, node_of
 
 KIND = "hysid compensator"
 SWEPT = 33

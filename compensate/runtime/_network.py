@@ -6,10 +6,11 @@ from operator import mul
 from pathlib import Path
 from typing import Any
 
+from hysteresis.laws._tree import node_of
+
 from ._compensator import Estimate
 from ._file import LONGEST, READING_MISSING, replayed
 from ._status import Status
-from ._tree import node_of
 
 KIND = "hysid force estimator"
 

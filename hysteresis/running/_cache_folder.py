@@ -28,7 +28,9 @@ def own_folder(name: str) -> tuple[Path | None, str]:
 
 def forget_oldest(folder: Path, most: int) -> None:
     """Down to half of what may be kept, in bytes, once there is more; links are left alone."""
-    files = [(about, file) for file in folder.rglob("*") if stat.S_ISREG((about := file.lstat()).st_mode)]
+    files = [
+        (about, file) for file in folder.rglob("*") if stat.S_ISREG((about := file.lstat()).st_mode)
+    ]
     size = sum(about.st_size for about, _ in files)
     least = most / 2 if size > most else most
     for about, file in sorted(files, key=lambda one: one[0].st_mtime):

@@ -91,10 +91,13 @@ def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
     space |= {"njit": lambda made: made, "loop": lambda count: lambda made: made, **memory.MARKS}
     space |= {"get": memory.get, "put": memory.put, "whole": memory.whole}
-    exec(compile(text_of(structure, wanted), f"<{wanted}>", "exec"), space)  # noqa: S102
+    exec(compile(text_of(structure, wanted), f"<{wanted}>", "exec"), space)
     loop = space[wanted]
     return lambda *given: loop(
-        *(x.reshape(-1) if isinstance(x, np.ndarray) and k != _TABLE else x for k, x in enumerate(given))
+        *(
+            x.reshape(-1) if isinstance(x, np.ndarray) and k != _TABLE else x
+            for k, x in enumerate(given)
+        )
     )
 
 
@@ -123,7 +126,7 @@ def _module(structure: Structure, wanted: str) -> ModuleType:
     text = _HEADER.replace("CACHED", str(folder is not None)) + text_of(structure, wanted)
     if folder is None:
         module = ModuleType(name)
-        exec(compile(text, f"<{name}>", "exec"), vars(module))  # noqa: S102
+        exec(compile(text, f"<{name}>", "exec"), vars(module))
         return module
     path = folder / f"{name}.py"
     if not path.exists():

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 
-from compensate.runtime._elements import module_of
+from ..laws import module_of
 
 HEAD = 2
 

@@ -3,7 +3,6 @@
 All arguments are addresses and lengths. m holds `size` reals; from whole(n, STATE) on they are the state,
 which begins again as in `first` at every row of `starts`, a list that ends in -1.
 """
-# ruff: noqa: F821
 # pyright: basic, reportUndefinedVariable=false
 
 
@@ -31,7 +30,9 @@ def find(m, n, first, size, y, dt, starts, rows, u, status):
 
 
 @loop(17)
-def tangents(m, n, first, size, u, dt, starts, rows, t, D, width, columns, dfirst, moved, du, y, dy):
+def tangents(
+    m, n, first, size, u, dt, starts, rows, t, D, width, columns, dfirst, moved, du, y, dy
+):
     """D: a row of `width` for every real; dfirst (size, width) its rows of m at first; du (rows, columns),
     tangents of the input, where it is `moved`; dy (rows, columns) those of the output."""
     at = 0
@@ -54,7 +55,25 @@ def tangents(m, n, first, size, u, dt, starts, rows, t, D, width, columns, dfirs
 
 @loop(19)
 def find_tangents(
-    m, n, first, size, y, dt, starts, rows, t, D, width, columns, dfirst, moved, dy, u, status, du, kept
+    m,
+    n,
+    first,
+    size,
+    y,
+    dt,
+    starts,
+    rows,
+    t,
+    D,
+    width,
+    columns,
+    dfirst,
+    moved,
+    dy,
+    u,
+    status,
+    du,
+    kept,
 ):
     """As `tangents`, of the inverse. One column more is that by the input: of all inputs it is the one whose
     output has the tangent dy,  du = (dy - rest) / slope.  `kept`: place for two states."""

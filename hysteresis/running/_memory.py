@@ -83,7 +83,7 @@ def _mark(count: int) -> Any:
     names = ", ".join(f"a{k}, d{k}" for k in range(count))
     kinds = types.void(*[types.int64] * 2, *[types.int64, types.float64] * count)
     space: dict[str, Any] = {"kinds": kinds, "make": make}
-    exec(f"def mark{count}(typing, t, x, {names}):\n    return kinds, make", space)  # noqa: S102
+    exec(f"def mark{count}(typing, t, x, {names}):\n    return kinds, make", space)
     return intrinsic(space[f"mark{count}"])
 
 

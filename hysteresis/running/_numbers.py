@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._tree import Tree
+from ..laws._tree import Tree
 from ._law import law
 
 WITHOUT = "series"
@@ -67,7 +67,9 @@ def numbers_of(tree: Tree) -> Numbers:
         for name in of.named("Parameters", "float"):
             add(own[name])
         whole = [int(own[name]) for name in of.named("Parameters", "int")]
-        rows.append([begin, 0, *whole, *(add(own[name]) for name in of.named("Parameters", "Reals"))])
+        rows.append(
+            [begin, 0, *whole, *(add(own[name]) for name in of.named("Parameters", "Reals"))]
+        )
     states = size
     for node, row in zip(nodes, rows, strict=True):
         of, own = law(node["kind"]), node["state"]

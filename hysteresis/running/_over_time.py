@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._compiled import loop_of, locals_of, table_of
+from ._compiled import locals_of, loop_of, table_of
 from ._numbers import Structure
 
 WIDE = 4

@@ -90,7 +90,10 @@ class _Text:
             (part,) = inner
             back = self.home.values(kind, "less_feedback")
             said = f"{self.status(part)}(m, n)"
-            return [f"h = {self._call(part, name)}", f"return {back}(m, n, {node.row}, h, x, {said})"]
+            return [
+                f"h = {self._call(part, name)}",
+                f"return {back}(m, n, {node.row}, h, x, {said})",
+            ]
         time = "dt, " if law(kind).takes_time(name) else ""
         return [f"return {self.home.values(kind, name)}(m, n, {node.row}, {time}x)"]
 

@@ -215,9 +215,7 @@ class Function:
         for a in args:
             name = a.id if isinstance(a, ast.Name) else ""
             kind = self.kinds.get(name, "")
-            if kind in ("Parameters", "State"):
-                names += [] if "_b" in names else ["_b"]
-            elif kind == "Any" and name != "whole":
+            if kind in ("Parameters", "State") or (kind == "Any" and name != "whole"):
                 names += [] if "_b" in names else ["_b"]
             elif kind not in ("Any", "Callable") and name not in self.of.functions:
                 names.append(self.value(a))

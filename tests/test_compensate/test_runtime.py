@@ -14,7 +14,6 @@ import pytest
 
 from compensate import Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import Compensator, FileError, load
-from compensate.runtime._tree import node_of
 from hysteresis import (
     AbstractModel,
     BoucWen,
@@ -28,6 +27,7 @@ from hysteresis import (
     Record,
     Sum,
 )  # fmt: skip
+from hysteresis.laws._tree import node_of
 from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import (

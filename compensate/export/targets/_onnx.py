@@ -11,10 +11,10 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws._codes import EXTRAPOLATED, FLAT, OK
+from hysteresis.laws._tree import begun
 
 from ...runtime._file import LONGEST
 from ...runtime._status import Status
-from ...runtime._tree import begun
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 from ._onnx_graph import Graph, Value

@@ -1,4 +1,4 @@
-"""A compensator's tree of elements, run in plain Python."""
+"""A tree of laws, run in plain Python."""
 
 import inspect
 from collections.abc import Callable, Iterator
@@ -6,10 +6,9 @@ from functools import partial
 from math import nan
 from typing import Any, NamedTuple, get_type_hints
 
-from hysteresis.laws import module_of
-from hysteresis.laws._codes import OK
-
-from ._shape import check_fields
+from . import module_of
+from ._codes import OK
+from ._types import check_fields
 
 Function = Callable[[float, float], float]
 Tree = dict[str, Any]

@@ -1,2 +1,0 @@
-from typing import Any
-Tree = dict[str, Any]
