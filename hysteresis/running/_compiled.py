@@ -36,8 +36,9 @@ globals().update(MARKS)
 njit = _njit(error_model="numpy")
 
 
-def loop(count):
-    return _njit(types.void(*[types.int64] * count), cache=CACHED, error_model="numpy")
+def loop(made):
+    kinds = types.void(*[types.int64] * made.__code__.co_argcount)
+    return _njit(kinds, cache=CACHED, error_model="numpy")(made)
 
 
 """
@@ -74,7 +75,7 @@ def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
 
 
 @cache
-def locals_of(structure: Structure) -> int:
+def reals_of(structure: Structure) -> int:
     """Reals of a move that are not in m."""
     line = next(x for x in text_of(structure, "tangents").splitlines() if x.startswith("LOCALS = "))
     return int(line.removeprefix("LOCALS = "))
@@ -89,7 +90,7 @@ def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     from . import _plain_memory as memory
 
     space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
-    space |= {"njit": lambda made: made, "loop": lambda count: lambda made: made, **memory.MARKS}
+    space |= {"njit": lambda made: made, "loop": lambda made: made, **memory.MARKS}
     space |= {"get": memory.get, "put": memory.put, "whole": memory.whole}
     exec(compile(text_of(structure, wanted), f"<{wanted}>", "exec"), space)
     loop = space[wanted]
@@ -101,7 +102,7 @@ def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     )
 
 
-_TABLE = 8
+_TABLE = 9
 """The argument of the loops that marks are given."""
 
 
@@ -134,7 +135,8 @@ def _module(structure: Structure, wanted: str) -> ModuleType:
         half.write_text(text, "utf-8")
         half.replace(path)
     specification = importlib.util.spec_from_file_location(name, path)
-    assert specification is not None and specification.loader is not None
+    assert specification is not None
+    assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module
     specification.loader.exec_module(module)

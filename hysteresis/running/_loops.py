@@ -1,37 +1,39 @@
-"""Loops over time, appended to the text of a tree: STATE, move, find, move_r and the like are the tree's.
+"""Loops over time, appended to the text of a tree: STATE, take, move, found, move_r, ... are the tree's.
 
-All arguments are addresses and lengths. m holds `size` reals; from whole(n, STATE) on they are the state,
-which begins again as in `first` at every row of `starts`, a list that ends in -1.
+All arguments are addresses and lengths; c are the conditions. m holds `size` reals; from whole(n, STATE) on
+they are the state, which begins again as in `first` at every row of `starts`, a list that ends in -1.
 """
 # pyright: basic, reportUndefinedVariable=false
 
 
-@loop(9)
-def run(m, n, first, size, u, dt, starts, rows, y):
+@loop
+def run(m, n, first, size, u, dt, c, starts, rows, y):
     at = 0
     for k in range(rows):
         if k == whole(starts, at):
             at += 1
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
+        take(m, n, get(c, k))
         put(y, k, move(m, n, get(dt, k), get(u, k)))
 
 
-@loop(10)
-def find(m, n, first, size, y, dt, starts, rows, u, status):
+@loop
+def find(m, n, first, size, y, dt, c, starts, rows, u, status):
     at = 0
     for k in range(rows):
         if k == whole(starts, at):
             at += 1
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
+        take(m, n, get(c, k))
         put(u, k, found(m, n, get(dt, k), get(y, k)))
         put(status, k, 1.0 * status_of(m, n))
 
 
-@loop(17)
+@loop
 def tangents(
-    m, n, first, size, u, dt, starts, rows, t, D, width, columns, dfirst, moved, du, y, dy
+    m, n, first, size, u, dt, c, starts, rows, t, D, width, columns, dfirst, moved, du, y, dy
 ):
     """D: a row of `width` for every real; dfirst (size, width) its rows of m at first; du (rows, columns),
     tangents of the input, where it is `moved`; dy (rows, columns) those of the output."""
@@ -48,12 +50,13 @@ def tangents(
         if moved:
             for c in range(columns):
                 put(D, U * width + c, get(du, k * columns + c))
+        take(m, n, get(c, k))
         put(y, k, move_r(m, n, t, get(dt, k), get(u, k)))
         for c in range(columns):
             put(dy, k * columns + c, get(D, Y * width + c))
 
 
-@loop(19)
+@loop
 def find_tangents(
     m,
     n,
@@ -61,6 +64,7 @@ def find_tangents(
     size,
     y,
     dt,
+    c,
     starts,
     rows,
     t,
@@ -75,8 +79,8 @@ def find_tangents(
     du,
     kept,
 ):
-    """As `tangents`, of the inverse. One column more is that by the input: of all inputs it is the one whose
-    output has the tangent dy,  du = (dy - rest) / slope.  `kept`: place for two states."""
+    """As `tangents`, of the inverse. One column more is that by the input, of which the output has the
+    tangent dy:  du = (dy - rest) / slope.  `kept`: place for two states."""
     at = 0
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
@@ -89,6 +93,7 @@ def find_tangents(
                 put(D, LOCALS * width + i, get(dfirst, i))
         for c in range(width):
             put(D, U * width + c, 1.0 if c == columns else 0.0)
+        take(m, n, get(c, k))
         for i in range(whole(n, STATE), size):
             put(kept, i, get(m, i))
         x = found(m, n, get(dt, k), get(y, k))

@@ -16,10 +16,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ._sizes import MOST
-
-WIDE = 4
-"""Columns at a time."""
+from ._memory_sizes import MOST, WIDE
 
 _REAL, _WORD = ir.DoubleType(), ir.IntType(64)
 _VECTOR = ir.VectorType(_REAL, WIDE)

@@ -1,13 +1,24 @@
-"""A tree of laws over a record: outputs, the inputs behind outputs, and the tangents of both."""
+"""A tree of laws over a record: outputs, the inputs behind outputs, and the tangents of both.
+
+Compiling a tree that this machine has not seen takes seconds, which a short record is not worth. How much is
+still to come is not known, so plain Python goes on until it has taken as long as compiling would: no more than
+twice the time of whoever had known (the ski-rental problem; Karlin et al. 1988).
+"""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._compiled import locals_of, loop_of, table_of
-from ._numbers import Structure
+from ._compiled import available, is_kept, loop_of, reals_of, table_of
+from ._memory_sizes import WIDE
+from ._numbers import Numbers, Structure
+from ._plain import Rows, advance
 
-WIDE = 4
+COMPILING = {True: 0.5, False: 5.0}
+"""Seconds until a loop is there: from disk, or compiled."""
+
+_spent: dict[tuple[Structure, str], float] = {}
+"""By trees that are not compiled yet, in plain Python."""
 
 
 class Ran(NamedTuple):
@@ -19,74 +30,77 @@ class Ran(NamedTuple):
 
 
 class Tangents(NamedTuple):
-    """As `Ran`, and its derivatives in each direction, (rows, columns)."""
+    """As `Ran`, and the derivatives in each direction, (rows, columns)."""
 
     value: np.ndarray
     status: np.ndarray
     columns: np.ndarray
 
 
-def run(
-    structure: Structure, m: np.ndarray, n: np.ndarray, dt: Any, u: Any, starts: Any = (0,)
-) -> Ran:
-    """Outputs at every input, dt after the one before. A sequence begins at each of `starts`."""
-    return _over_time("run", structure, m, n, dt, u, starts)
+def run(numbers: Numbers, x: Any, dt: Any, starts: Any = (0,)) -> Ran:
+    """Outputs at every input, (rows,) or, with a condition, (rows, 2), dt after the row before. A sequence
+    begins at each of `starts`."""
+    return _over_time("run", numbers, _rows(x, dt, starts))
 
 
-def find(
-    structure: Structure, m: np.ndarray, n: np.ndarray, dt: Any, y: Any, starts: Any = (0,)
-) -> Ran:
+def find(numbers: Numbers, y: Any, dt: Any, starts: Any = (0,)) -> Ran:
     """The inputs behind outputs."""
-    return _over_time("find", structure, m, n, dt, y, starts)
+    return _over_time("find", numbers, _rows(y, dt, starts))
 
 
-def _over_time(
-    wanted: str, structure: Structure, m: np.ndarray, n: np.ndarray, dt: Any, x: Any, starts: Any
-) -> Ran:
-    first, after = _own(m), np.array(m, float)
-    x, dt, starts = _own(x), _own(dt), _ended(starts)
-    value, status = np.empty(len(x)), np.zeros(len(x))
+def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
+    key, count = (numbers.structure.bare, wanted), len(rows.x)
+    first, m = _own(numbers.m), np.array(numbers.m, float)
+    value, status = np.empty(count), np.zeros(count)
     outputs = (value, status) if wanted == "find" else (value,)
-    loop = loop_of(structure.bare, wanted)
-    loop(after, n, first, len(first), x, dt, starts, len(x), *outputs)
-    return Ran(value, status.astype(int), after)
+    left = (COMPILING[is_kept(*key)] if available() else np.inf) - _spent.get(key, 0.0)
+    done = 0
+    if left > 0:
+        numbers = numbers._replace(m=first)
+        done, taken = advance(wanted, numbers, m, rows, outputs, left)
+        _spent[key] = _spent.get(key, 0.0) + taken
+    if done < count:
+        rest = Rows(*(column[done:] for column in rows[:3]), rows.starts[rows.starts >= done] - done)
+        loop_of(*key)(
+            m, numbers.n, first, len(m), rest.x, rest.dt, rest.condition, np.append(rest.starts, -1),
+            count - done, *(column[done:] for column in outputs),
+        )  # fmt: skip
+    return Ran(value, status.astype(int), m)
 
 
 def tangents(
-    structure: Structure,
-    m: np.ndarray,
-    n: np.ndarray,
+    numbers: Numbers,
     dm: np.ndarray,
-    dt: Any,
     x: Any,
+    dt: Any,
     dx: np.ndarray | None = None,
     starts: Any = (0,),
+    *,
     inverse: bool = False,
 ) -> Tangents:
     """Outputs, or with `inverse` inputs, and their tangents: dm (numbers, columns) and dx (rows, columns)
     are those of the numbers, and of what is given."""
-    first, after = _own(m), np.array(m, float)
-    x, dt, starts = _own(x), _own(dt), _ended(starts)
-    size, columns = dm.shape
+    first, m, rows = _own(numbers.m), np.array(numbers.m, float), _rows(x, dt, starts)
+    (size, columns), count = dm.shape, len(rows.x)
     width = -(-(columns + inverse) // WIDE) * WIDE
-    wanted = "find_tangents" if inverse else "tangents"
-    loop, own = loop_of(structure, wanted), locals_of(structure)
-    D = np.zeros((own + size, width))
-    dfirst = np.zeros((size, width))
+    D, dfirst = np.zeros((reals_of(numbers.structure) + size, width)), np.zeros((size, width))
     dfirst[:, :columns] = dm
-    value, status, dvalue = np.empty(len(x)), np.zeros(len(x)), np.empty((len(x), columns))
+    value, status, found = np.empty(count), np.zeros(count), np.empty((count, columns))
     given = np.zeros((1, 1)) if dx is None else _own(dx)
-    outputs = (value, status, dvalue, np.empty(2 * size)) if inverse else (value, dvalue)
-    loop(
-        after, n, first, size, x, dt, starts, len(x), table_of(D), D, width, columns, dfirst,
-        int(dx is not None), given, *outputs,
+    outputs = (value, status, found, np.empty(2 * size)) if inverse else (value, found)
+    loop_of(numbers.structure, "find_tangents" if inverse else "tangents")(
+        m, numbers.n, first, size, rows.x, rows.dt, rows.condition, np.append(rows.starts, -1), count,
+        table_of(D), D, width, columns, dfirst, int(dx is not None), given, *outputs,
     )  # fmt: skip
-    return Tangents(value, status.astype(int), dvalue)
+    return Tangents(value, status.astype(int), found)
+
+
+def _rows(x: Any, dt: Any, starts: Any) -> Rows:
+    """Without a condition the input stands in its place, where nothing looks at it."""
+    x = np.asarray(x, float)
+    own, condition = (x[:, 0], x[:, 1]) if x.ndim == 2 else (x, x)
+    return Rows(_own(own), _own(dt), _own(condition), np.asarray(starts, np.int64))
 
 
 def _own(x: Any) -> np.ndarray:
     return np.ascontiguousarray(x, float)
-
-
-def _ended(starts: Any) -> np.ndarray:
-    return np.append(np.asarray(starts, np.int64), -1)

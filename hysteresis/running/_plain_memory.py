@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ._sizes import MOST
+from ._memory_sizes import MOST
 
 
 def get(m: Any, i: int) -> float:

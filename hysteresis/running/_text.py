@@ -11,6 +11,9 @@ from ._law import law
 from ._marks import Leaf, Marked
 from ._numbers import WITHOUT, Structure
 
+FORWARD = {"oscillator": "find"}
+"""Kinds that go from what is given to what is measured by another function than `move`."""
+
 WRAPPED = {"scaled": "onward", "share": "weighted"}
 """Kinds around one part, and their function of its output."""
 
@@ -38,16 +41,29 @@ class _Text:
         self.nodes: dict[str, str] = {}
 
     def of(self, wanted: str) -> str:
-        entries = [f"STATE = {self.rows}"]
+        entries = [f"STATE = {self.rows}", self._take()]
         if "tangents" in wanted:
             entries += self._marked()
-        if wanted in ("run",):
-            entries.append(f"move = {self.function(self.root, 'move')}")
+        if wanted == "run":
+            forward = FORWARD.get(self.root.kind, "move")
+            entries.append(f"move = {self.function(self.root, forward)}")
         if "find" in wanted:
             entries.append(f"found = {self.function(self.root, 'find')}")
             entries.append(f"status_of = {self.status(self.root)}")
         made = [*self.home.texts.values(), *self.nodes.values(), *entries, _loop(wanted)]
         return "\n\n\n".join(made)
+
+    def _take(self) -> str:
+        """What takes the condition before a row."""
+        lines = [
+            f"    {self.home.values('share', 'take')}(m, n, {node.row}, c)"
+            for node in self._all(self.root)
+            if node.kind == "share"
+        ]
+        return "\n".join(["@njit", "def take(m, n, c):", *(lines or ["    pass"])])
+
+    def _all(self, node: _Node) -> list[_Node]:
+        return [*(one for part in node.parts for one in self._all(part)), node]
 
     def _node(self, structure: Structure) -> _Node:
         parts = tuple(self._node(part) for part in structure.parts)
@@ -149,7 +165,7 @@ class _Text:
             leaves = "".join(f", {number}, 1.0" for _, number in outputs)
             lines.append(f"mark{len(outputs)}(t, {out[1]}{leaves})")
             return out
-        entry = WRAPPED.get(kind, "move")
+        entry = (WRAPPED | FORWARD).get(kind, "move")
         title, key = self.home.marked(kind, entry), f"{kind}_{entry}"
         floats = [
             a.arg

@@ -2,11 +2,12 @@
 
     d y = J(m) d m + (d y / d u) d u,      J from the marks, one column for every number that JAX has made
 
-The compiled loop is called back from JAX's program, in double precision. Its columns are exact, and the product
-with d m is JAX's, so it is transposed for reverse mode. Derivatives by the input are forward only, and second
-derivatives of a law are not known.
+The compiled loop is called back from JAX's program, and computes in double precision. Its columns are exact,
+and the product with d m is JAX's, so it is transposed for reverse mode. Derivatives by what is given over time
+are forward only, and second derivatives of a law are not known.
 """
 
+from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
@@ -16,78 +17,138 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from . import _over_time as over_time
+from . import _readings as readings
 from ._numbers import Numbers, Structure
 
 _EACH = "expand_dims"
 """Of `vmap`: what all lanes share has one."""
 
 
-def call(numbers: Numbers, x: Any, dt: Any, starts: tuple[int, ...], inverse: bool) -> Any:
-    """(values, statuses, last m) of a tree over time; any of the numbers, `x` and `dt` may be traced."""
-    law = _of(
-        numbers.structure, tuple(numbers.n.tolist()), tuple(np.flatnonzero(numbers.free).tolist()),
-        starts, inverse,
-    )  # fmt: skip
-    return law(jnp.asarray(numbers.m, float), jnp.asarray(x, float), jnp.asarray(dt, float))
+def outputs(numbers: Numbers, x: Any, dt: Any, starts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:
+    """Outputs of a tree at the inputs x, (rows,) or (rows, 2), and the numbers m after the last one. Any of
+    these and of the numbers may be traced."""
+    law = _outputs(_known(numbers), starts)
+    m, x, dt = (jnp.asarray(z, float) for z in (numbers.m, x, dt))
+    return law(m, x, dt)
+
+
+def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> tuple[Any, Any, Any]:
+    """Estimates, status and last m, as `estimated` says."""
+    law = _estimates(_known(numbers))
+    m, y, dt, held = (jnp.asarray(z, float) for z in (numbers.m, y, dt, held))
+    return law(m, y, dt, held)
+
+
+class _Known(tuple):
+    """Numbers without m: all that is known before JAX runs; it can be hashed."""
+
+    def __call__(self, m: Any) -> Numbers:
+        structure, n, states, free = self
+        mask = np.zeros(len(m), bool)
+        mask[list(free)] = True
+        return Numbers(structure, m, np.array(n, np.int64), states, mask)
+
+    @property
+    def free(self) -> np.ndarray:
+        return np.array(self[3], int)
+
+
+def _known(numbers: Numbers) -> _Known:
+    structure: Structure = numbers.structure
+    free = tuple(np.flatnonzero(numbers.free).tolist())
+    return _Known((structure, tuple(numbers.n.tolist()), numbers.states, free))
 
 
 @cache
-def _of(
-    structure: Structure,
-    n: tuple[int, ...],
-    free: tuple[int, ...],
-    starts: tuple[int, ...],
-    inverse: bool,
-) -> Any:
-    whole, index = np.array(n, np.int64), np.array(free, int)
+def _outputs(known: _Known, starts: tuple[int, ...]) -> Callable[..., Any]:
+    def run(m: Any, x: Any, dt: Any) -> Any:
+        found = over_time.run(known(m), x, dt, starts)
+        return found.value, found.m
+
+    def tangents(dm: Any, m: Any, x: Any, dt: Any, dx: Any) -> Any:
+        return over_time.tangents(known(m), dm, x, dt, dx, starts).columns
+
+    return _differentiable(known, run, tangents)
+
+
+@cache
+def _estimates(known: _Known) -> Callable[..., Any]:
+    def run(m: Any, y: Any, dt: Any, held: Any) -> Any:
+        found = readings.estimated(known(m), y, dt, held)
+        return found.value, found.m, found.status
+
+    def tangents(dm: Any, m: Any, y: Any, dt: Any, dy: Any) -> Any:
+        return readings.tangents_of(known(m), dm, y, dt, dy)
+
+    law = _differentiable(known, run, tangents)
+
+    def in_order(*given: Any) -> Any:
+        value, m, status = law(*given)
+        return value, status, m
+
+    return in_order
+
+
+def _differentiable(known: _Known, run: Callable[..., Any], tangents: Callable[..., Any]) -> Any:
+    """`run` of (m, x, dt, ...) to (value, last m, ...) with derivatives of the value by m and x."""
+    index = known.free
 
     @jax.custom_jvp
-    def law(m: Any, x: Any, dt: Any) -> Any:
-        run = over_time.find if inverse else over_time.run
-        host = partial(_lanes, lambda m, x, dt: run(structure, m, whole, dt, x, starts))
-        own = jax.ShapeDtypeStruct(x.shape, x.dtype)
-        kinds = own, jax.ShapeDtypeStruct(x.shape, int), jax.ShapeDtypeStruct(m.shape, m.dtype)
-        return jax.pure_callback(host, kinds, m, x, dt, vmap_method=_EACH)
+    def law(*given: Any) -> Any:
+        m, x, dt = given[:3]
+        kinds = (jax.ShapeDtypeStruct(dt.shape, dt.dtype), jax.ShapeDtypeStruct(m.shape, m.dtype))
+        if len(given) > 3:
+            kinds = (*kinds, jax.ShapeDtypeStruct(dt.shape, jnp.zeros(0, int).dtype))
+        return jax.pure_callback(partial(_lanes, run, _axes(given)), kinds, *given, vmap_method=_EACH)
 
-    def tangents(m: Any, x: Any, dt: Any, dx: Any) -> Any:
-        dm = np.zeros((len(m), len(index) if dx is None else 1))
-        if dx is None:
-            dm[index, np.arange(len(index))] = 1.0
-        else:
-            dx = np.reshape(dx, (-1, 1))
-        found = over_time.tangents(structure, m, whole, dm, dt, x, dx, starts, inverse)
-        return (found.columns if dx is None else found.columns[:, 0],)
+    def by_numbers(m: Any, x: Any, dt: Any) -> Any:
+        dm = np.zeros((len(m), len(index)))
+        dm[index, np.arange(len(index))] = 1.0
+        return (tangents(dm, m, x, dt, None),)
+
+    def by_given(m: Any, x: Any, dt: Any, dx: Any) -> Any:
+        own = dx[:, 0] if dx.ndim == 2 else dx
+        return (tangents(np.zeros((len(m), 1)), m, x, dt, own[:, None])[:, 0],)
 
     @partial(law.defjvp, symbolic_zeros=True)
     def _(primals: Any, moved: Any) -> Any:
-        m, x, dt = primals
-        dm, dx, _ = moved
-        out = law(m, x, dt)
+        (m, x, dt), (dm, dx) = primals[:3], moved[:2]
+        out = law(*primals)
         dy = jnp.zeros_like(out[0])
         if not isinstance(dm, SymbolicZero):
-            host = partial(_lanes, lambda m, x, dt: tangents(m, x, dt, None))
-            kind = (jax.ShapeDtypeStruct((*x.shape, len(index)), x.dtype),)
-            (J,) = jax.pure_callback(host, kind, m, x, dt, vmap_method=_EACH)
-            dy += J @ dm[index]
+            kind = (jax.ShapeDtypeStruct((*dt.shape, len(index)), dt.dtype),)
+            host = partial(_lanes, by_numbers, _axes((m, x, dt)))
+            dy += jax.pure_callback(host, kind, m, x, dt, vmap_method=_EACH)[0] @ dm[index]
         if not isinstance(dx, SymbolicZero):
-            host = partial(_lanes, tangents)
-            kind = (jax.ShapeDtypeStruct(x.shape, x.dtype),)
+            kind = (jax.ShapeDtypeStruct(dt.shape, dt.dtype),)
+            host = partial(_lanes, by_given, _axes((m, x, dt, dx)))
             dy += jax.pure_callback(host, kind, m, x, dt, dx, vmap_method=_EACH)[0]
-        none = np.zeros(out[1].shape, jax.dtypes.float0), jnp.zeros_like(out[2])
-        return out, (dy, *none)
+        rest = [jnp.zeros_like(out[1]), *(np.zeros(o.shape, jax.dtypes.float0) for o in out[2:])]
+        return out, (dy, *rest)
 
     return law
 
 
-def _lanes(one: Any, *given: Any) -> tuple[np.ndarray, ...]:
-    """`one` over all leading axes of vectors, of which some have one lane for all."""
+def _axes(given: Any) -> tuple[int, ...]:
+    return tuple(x.ndim for x in given)
+
+
+def _lanes(one: Callable[..., Any], axes: tuple[int, ...], *given: Any) -> tuple[np.ndarray, ...]:
+    """`one` over what `vmap` has put before the arguments' own axes: some have one lane for all."""
     arrays = [np.asarray(x) for x in given]
-    lanes = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
-    spread = [np.broadcast_to(x, (*lanes, x.shape[-1])).reshape(-1, x.shape[-1]) for x in arrays]
-    kinds = [x.dtype for x in arrays]
+    own = [x.shape[x.ndim - k :] for x, k in zip(arrays, axes, strict=True)]
+    before = [x.shape[: x.ndim - k] for x, k in zip(arrays, axes, strict=True)]
+    lanes = np.broadcast_shapes(*before)
+    spread = [
+        np.broadcast_to(x, (*lanes, *shape)).reshape(-1, *shape)
+        for x, shape in zip(arrays, own, strict=True)
+    ]
     each = [one(*row) for row in zip(*spread, strict=True)]
     found = [np.stack(column) for column in zip(*each, strict=True)]
+    single = arrays[0].dtype == np.float32
     return tuple(
-        x.reshape(*lanes, *x.shape[1:]).astype(kinds[0] if x.dtype == float else x.dtype)
+        x.reshape(*lanes, *x.shape[1:]).astype(
+            x.dtype if not single else np.float32 if x.dtype == float else np.int32
+        )
         for x in found
     )

@@ -1,2 +1,0 @@
-MOST = 16
-"""Reals that one assignment may depend on."""
