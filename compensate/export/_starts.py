@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from hysteresis import AbstractModel
+from hysteresis.trees import Tree
 
 from ..guards._run_in import Past, Start, outputs
 from ..runtime._tree import node_of
-from ._node import Tree
 
 
 def starts_in(tree: Tree, model: AbstractModel, starts: Iterable[Start]) -> list[list[Tree]]:
