@@ -135,3 +135,17 @@ def parameter_at(model: eqx.Module, name: str) -> Any:
     for step in name.split("."):
         place = place[int(step)] if step.isdigit() else getattr(place, step)
     return place
+
+
+def size_of_inputs(model: eqx.Module) -> Float[Array, ""]:
+    """The largest size that a parameter gives to inputs; 1 where none has their unit."""
+    found = [(info.unit, value) for _, info, value in parameters(model) if value is not None]
+    given = {unit: [v for one, v in found if one == unit] for unit in ("input", "1 / input")}
+    xp = array_module(*(value for values in given.values() for value in values))
+    one, over = (
+        xp.abs(xp.concatenate([xp.zeros(1), *(xp.ravel(xp.asarray(v, float)) for v in values)]))
+        for values in given.values()
+    )
+    sizes = xp.concatenate([one, 1 / xp.where(over > 0, over, xp.inf)])
+    largest = xp.where(xp.isfinite(sizes), sizes, 0.0).max()
+    return jnp.asarray(xp.where(largest > 0, largest, 1.0))

@@ -12,8 +12,8 @@ from jaxtyping import Array
 from hysteresis import AbstractModel, InputError
 
 from ..export._document import write
-from ..export._element_tree import program_of
 from ..export._precision import require_double
+from ..export._trees import program_of
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
 from ._cover import Cover

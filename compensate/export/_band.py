@@ -4,6 +4,7 @@ import numpy as np
 
 from hysteresis import InputError
 from hysteresis.laws._tree import Tree
+from hysteresis.trees import node, plain
 
 from ..guards._guarded import GuardedCompensator
 from ..uncertainty._calibrated import CalibratedCompensator
@@ -11,14 +12,13 @@ from ..uncertainty._ensemble import EnsembleCompensator
 from ..uncertainty._filtered import FilteredCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ..uncertainty._motion import error_parameters
-from ._node import node
 from ._python_to_c99 import number
 
 
 def error_tree(found: CalibratedCompensator) -> Tree:
     """The error of a model, by level, branch and motion, as an element."""
     falling, rising = np.asarray(found.error)
-    return node(
+    made = node(
         "error",
         {
             "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
@@ -29,6 +29,7 @@ def error_tree(found: CalibratedCompensator) -> Tree:
             "earlier": 0.0, "begin": 0.0, "elapsed": 0.0, "speed": 0.0,
         },
     )  # fmt: skip
+    return plain(made)
 
 
 def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> Tree:

@@ -24,8 +24,8 @@ from ._header_facts import (
     tables,
     trained,
 )
-from ._node import ONE_WAY
 from ._python_to_c99 import Element, comment, element, number
+from ._trees import ONE_WAY
 
 Tree = dict[str, Any]
 

@@ -15,6 +15,7 @@ from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conv
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws._tree import node_of
 from hysteresis.records._common_part import STILL
+from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator
 from .._invert import invert
@@ -27,18 +28,16 @@ from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
-from ._adaptive_tree import adaptive_tree
 from ._band import banded, error_tree
 from ._c99_header import header
 from ._document import require_one_input, write
-from ._element_tree import guard_tree, tree_of
+from ._grids import with_grids
 from ._measured_operations import Operations, measured
-from ._node import ONE_WAY, Tree
-from ._oscillator_tree import LONGEST as LONGEST_MOTION
-from ._oscillator_tree import Motion
+from ._motion import LONGEST as LONGEST_MOTION
+from ._motion import Motion
 from ._precision import require_double
-from ._preisach_tree import with_grids
 from ._starts import starts_in
+from ._trees import ONE_WAY, adaptive_tree, guard_tree, tree_of
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from hysteresis import AbstractModel
 from hysteresis.laws._tree import node_of
+from hysteresis.trees import Tree
 
 from ..guards._run_in import Past, Start, outputs
-from ._node import Tree
 
 
 def starts_in(tree: Tree, model: AbstractModel, starts: Iterable[Start]) -> list[list[Tree]]:

@@ -10,15 +10,9 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, register
+from hysteresis.trees import FLAT_WIDTH, ROUNDING, size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-
-ROUNDING = 32
-"""Outputs closer than so many roundings of the largest one are one output: sums are not exact. The largest
-is the reading, or the output of the virgin model at one of the ends."""
-
-FLAT_WIDTH = 1e-6
-"""Part of the range. After a reversal y grows with the square of u: 1e-14 in y is 1e-7 in u."""
 
 
 def inputs_between(
@@ -94,12 +88,6 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     def size(self, t: ArrayLike | None = 0.0) -> Array:
         """Of the outputs of the virgin model at the ends, the largest one."""
         return size_of(self.model, t, self.low, self.high)
-
-
-def size_of(model: AbstractModel, t: ArrayLike | None, *inputs: float) -> Array:
-    """Of the outputs of a virgin model at some inputs, the largest one without its sign."""
-    own = model.init()
-    return jnp.abs(jnp.stack([model.step(own, t, jnp.asarray(u, float))[1] for u in inputs])).max()
 
 
 def bracketed(

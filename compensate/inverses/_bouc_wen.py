@@ -8,9 +8,9 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from hysteresis import BoucWen, BoucWenState, register
+from hysteresis.trees import ROUNDING
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-from ._bisection import ROUNDING
 from ._inverse_of import inverse_of
 
 NEWTON_STEPS = 16

@@ -1,36 +1,26 @@
 """Inverses of composed models: of a chain the chain of inverses, of a sum by bisection."""
 
-from typing import Any
-
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import (
-    AbstractModel,
     CyclicDrift,
     InputError,
-    ModulatedStops,
-    NonlinearMaxwell,
     Scaled,
     Series,
-    Softening,
     Sum,
     TimeDrift,
-    VelocityFriction,
     is_concrete,
     register,
 )
 from hysteresis._type_variables import PyTree
+from hysteresis.trees import AbstractSearchedModel
 
 from .._contract import AbstractCompensator, Estimate, State, Status
 from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
-
-BEYOND = 0.25
-"""Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
 
 
 @register
@@ -120,27 +110,19 @@ def _(model: Scaled) -> ScaledCompensator:
 def _(model: Sum) -> AbstractCompensator:
     if len(model.parts) == 1:
         return inverse_of(model.parts[0])
-    ranges = [found for part in model.parts if (found := range_of(part)) is not None]
-    if not ranges:
+    ranges = [part.input_range() for part in model.parts]
+    if not any(ranges) or not all(map(is_concrete, ends := model.search_range())):
         raise InputError(
             "not-invertible",
             "no part of the sum says over which inputs it holds, so none can be looked for.",
             fix="BracketedCompensator(model, low, high).",
         )
-    low, high = (np.array(ends) for ends in zip(*ranges, strict=True))
-    return _search(model, float(low.max()), float(high.min()))
+    return BracketedCompensator(model, *ends)
 
 
 @inverse_of.register
-def _(
-    model: ModulatedStops | NonlinearMaxwell | Softening | VelocityFriction,
-) -> BracketedCompensator:
-    return _search(model, model.low, model.high)
-
-
-def _search(model: AbstractModel, low: float, high: float) -> BracketedCompensator:
-    beyond = BEYOND * (high - low)
-    return BracketedCompensator(model, low - beyond, high + beyond)
+def _(model: AbstractSearchedModel) -> BracketedCompensator:
+    return BracketedCompensator(model, *model.search_range())
 
 
 @inverse_of.register
@@ -150,15 +132,3 @@ def _(model: CyclicDrift | TimeDrift) -> AbstractCompensator:
         f"the output of a {type(model).__name__} does not depend on the present input.",
         fix="add a part that rises with it: Sum([part, drift]).",
     )
-
-
-def range_of(part: AbstractModel) -> tuple[float, float] | None:
-    """The inputs a part was made for, as far as they are known before JAX runs."""
-    place: Any = getattr(part, "density", part)
-    ends: Any = getattr(place, "low", None), getattr(place, "high", None)
-    if (nodes := getattr(place, "nodes", None)) is not None:
-        ends = nodes[0], nodes[-1]
-    if not all(is_concrete(end) for end in ends):
-        return None
-    low, high = (float(end) for end in ends)
-    return low, high

@@ -12,18 +12,15 @@ from hysteresis import (
     AbstractModel,
     Conditioned,
     InputError,
-    Scaled,
-    Series,
-    Sum,
     is_concrete,
     register,
 )
+from hysteresis.models._conditioned import last_factor
 from hysteresis.records._common_part import STILL
+from hysteresis.trees import size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-from ._bisection import BracketedState, bracketed, size_of
-from ._compose import range_of
-from ._default import REACH, size_of_inputs
+from ._bisection import BracketedState, bracketed
 from ._inverse_of import inverse_of
 
 
@@ -100,25 +97,9 @@ def _(model: Conditioned) -> ConditionedCompensator:
             f"the output rises with the input at some values of {model.condition}, and falls at others.",
             fix="fit the conditions apart (--each COL).",
         )
-    ends = [found for one in model.models if (found := _ends(one)) is not None]
-    size = REACH * max(map(size_of_inputs, model.models))
-    low, high = (np.array(x) for x in zip(*(ends or [(-size, size)]), strict=True))
-    return ConditionedCompensator(model, float(low.max()), float(high.min()), falls.pop())
+    return ConditionedCompensator(model, *model.search_range(), falls.pop())
 
 
 def _falls(model: AbstractModel) -> bool:
-    if isinstance(model, Series):
-        return _falls(model.parts[-1])
-    return isinstance(model, Scaled) and is_concrete(model.factor) and float(model.factor) < 0
-
-
-def _ends(model: AbstractModel) -> tuple[float, float] | None:
-    """The inputs that a model was made for, as far as its parts say."""
-    if isinstance(model, Scaled):
-        return _ends(model.inner)
-    if isinstance(model, Series):
-        return _ends(model.parts[0])
-    if isinstance(model, Sum):
-        found = [ends for part in model.parts if (ends := _ends(part)) is not None]
-        return (max(x for x, _ in found), min(x for _, x in found)) if found else None
-    return range_of(model)
+    factor = last_factor(model)
+    return is_concrete(factor) and float(factor) < 0

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, register
 from hysteresis.curves import Clip, FoamCurve, MonotoneCurve, MonotoneSpline, PolynomialCurve
+from hysteresis.trees import FLAT_WIDTH, ROUNDING
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-from ._bisection import FLAT_WIDTH, ROUNDING
 from ._inverse_of import inverse_of
 
 NEWTON_STEPS = 100

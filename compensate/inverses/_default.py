@@ -9,13 +9,10 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError, is_concrete, parameters
+from hysteresis.trees import ROUNDING
 
-from ._bisection import ROUNDING, BracketedCompensator
-from ._compose import range_of
+from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
-
-REACH = 1024.0
-"""Inputs looked for, in parts of the largest size that a parameter gives to them."""
 
 WALKS, STEPS, GRID = 16, 24, 65
 """Histories of the check, samples of each, and inputs whose outputs are compared at every sample."""
@@ -46,7 +43,7 @@ def _(model: AbstractModel) -> BracketedCompensator:
             fix="give the inverse: EnsembleCompensator(..., inverse=lambda m: BracketedCompensator(m, low,"
             " high)).",
         )
-    low, high = range_of(model) or (-REACH * size_of_inputs(model), REACH * size_of_inputs(model))
+    low, high = map(float, model.search_range())
     fall = _largest_fall(model, *_histories(low, high))
     if not fall.finite or fall.size > 0:
         problem = (
@@ -63,18 +60,6 @@ def _(model: AbstractModel) -> BracketedCompensator:
             f" inverse of its own: compensate.inverse_of.register({name}, ...).",
         )
     return BracketedCompensator(model, low, high)
-
-
-def size_of_inputs(model: AbstractModel) -> float:
-    """The largest size that a parameter gives to inputs; 1 where none has their unit."""
-    sizes = [1e-300]
-    for _, info, value in parameters(model):
-        if value is None or info.unit not in ("input", "1 / input"):
-            continue
-        each = np.abs(np.asarray(value, float)).ravel()
-        each = each[np.isfinite(each) & (each > 0)]
-        sizes += [*(each if info.unit == "input" else 1 / each)]
-    return max(sizes) if len(sizes) > 1 else 1.0
 
 
 def _histories(low: float, high: float) -> tuple[Array, Array, Array]:

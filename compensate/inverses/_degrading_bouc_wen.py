@@ -6,16 +6,14 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from hysteresis import DegradingBoucWen, DegradingState, InputError, is_concrete, register
+from hysteresis.models._degrading_bouc_wen import LEAST_SLOPE
+from hysteresis.trees import ROUNDING
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
-from ._bisection import ROUNDING
 from ._inverse_of import inverse_of
 
 MOST_STEPS = 200
 """Each halves the bounds or what is missing; ten do, as a rule."""
-
-LEAST_SLOPE = 1e-6
-"""In parts of k: where there is no more, z gives nothing more either."""
 
 
 @register

@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete, register
 from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
+from hysteresis.preisach._tree import Branches, branches_of, first_branch
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import BracketedCompensator
@@ -68,28 +68,15 @@ class PreisachCompensator(AbstractCompensator[InverseState, Estimate]):
     def __init__(self, model: Preisach):
         self.model = model
         cells = self._grid.cells
-        self.table = model.density.tabulate()
-        none = model.reversible is None
-        self.increment = jnp.zeros(cells) if none else jnp.asarray(model.reversible)
-        self.begin = jnp.append(0.0, jnp.cumsum(self.increment))
-        mass = model.density.mass(self.table)
-        self.floor = -model.orientation * mass
-        self.ceiling = self.begin[-1] + model.orientation * mass
+        self.table, self.begin, self.increment, self.floor, self.ceiling = branches_of(model)
         # A millionth of a millionth of the mean slope is rounding, not slope.
         self.flat_slope = 1e-12 * (self.ceiling - self.floor) / cells
         self.margin = 4 * jnp.finfo(self.floor.dtype).eps * (self.ceiling - self.floor)
 
     def init(self) -> InverseState:
-        past = self.model.init()
-        loops = past.loops._replace(level=self._whole(past.loops.extremum, past.loops.level))
-        return InverseState(loops, past.u, self._whole(past.u, past.y), past.rising, past.u)
-
-    @eqx.filter_jit
-    def _whole(self, u: Array, relays: Array) -> Array:
-        """The output of relays and reversible part."""
-        cell, fraction = self._grid.locate(u)
-        reversible = self.begin[cell] + fraction * self.increment[cell]
-        return reversible + self.model.orientation * relays
+        of = Branches(self.table, self.begin, self.increment, self.floor, self.ceiling)
+        begin = first_branch(self.model, of)
+        return InverseState(*begin, begin.u)
 
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: InverseState | None = None
@@ -218,8 +205,7 @@ def _(model: Preisach) -> PreisachCompensator | BracketedCompensator:
         )
     if isinstance(density, AbstractGridDensity) and model.up is None and not model.dead_band:
         return PreisachCompensator(model)
-    low, high = density.low - model.dead_band, density.high + model.dead_band
-    return BracketedCompensator(model, low, high)
+    return BracketedCompensator(model, *model.search_range())
 
 
 def _check_slopes(model: Preisach) -> None:

@@ -12,9 +12,9 @@ from hysteresis import AbstractModel, InputError, Scaled, Series
 from hysteresis.networks import StaircaseNetwork
 
 from ..export._document import write
-from ..export._element_tree import tree_of
 from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest, longest_step
 from ..export._precision import require_double
+from ..export._trees import tree_of
 from ..inverses._compose import ScaledCompensator, SeriesCompensator
 from ..inverses._viscoelastic import ViscoelasticCompensator
 from ..runtime._file import SCHEMA, number

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._type_variables import PyTree
+from hysteresis.trees import ROUNDING
 
 from .._contract import AbstractCompensator, Estimate, Status
-from ..inverses._bisection import ROUNDING, BracketedState, bracketed
+from ..inverses._bisection import BracketedState, bracketed
 from . import _recursion
 from ._recursion import Recursion, Settings
 

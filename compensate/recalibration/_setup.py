@@ -12,7 +12,6 @@ from .._contract import Status
 from .._estimate import estimate
 from ..inverses import inverse_of
 from ..inverses._bisection import BracketedCompensator
-from ..inverses._compose import range_of
 from ._adaptive import AdaptiveCompensator
 from ._parts import split
 from ._recursion import Settings
@@ -228,8 +227,8 @@ def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float
     inverse = inverse_of(model)
     if isinstance(inverse, BracketedCompensator):
         return inverse.low, inverse.high
-    if (ends := range_of(model)) is not None:
-        return ends
+    if (ends := model.input_range()) is not None:
+        return float(ends[0]), float(ends[1])
     low, high = float(record.input[used].min()), float(record.input[used].max())
     return low - (high - low) / 2, high + (high - low) / 2
 

@@ -3,11 +3,15 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from .._model import AbstractModel
+from .._parameter import array_module, is_concrete
 from ..models._compose import Sum
+from ..models._viscoelastic_chain import Known
 from ._generalized_plays import GeneralizedPlays
 from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
 
@@ -16,16 +20,18 @@ from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
 class Layout:
     """Knots of f+ and f-, and plays with the knots of their curves, with all heights in one array.
 
+    Arrays are NumPy's where the parameters are known.
+
     - `rate`: (2, knots), of no knot where there is no part in rate form. `limit`: the outermost of them.
     - `radii`, `reach`: (plays,). `counts`: (plays,) knots of each curve. `heights`: of all curves.
     """
 
-    rate: Float[np.ndarray, "2 knots"] = field(default_factory=lambda: np.zeros((2, 0)))
-    limit: float = 1.0
-    radii: Float[np.ndarray, " plays"] = field(default_factory=lambda: np.zeros(0))
-    reach: Float[np.ndarray, " plays"] = field(default_factory=lambda: np.zeros(0))
+    rate: Float[Known, "2 knots"] = field(default_factory=lambda: np.zeros((2, 0)))
+    limit: Any = 1.0
+    radii: Float[Known, " plays"] = field(default_factory=lambda: np.zeros(0))
+    reach: Float[Known, " plays"] = field(default_factory=lambda: np.zeros(0))
     counts: Any = field(default_factory=lambda: np.zeros(0, np.int64))
-    heights: Float[np.ndarray, " heights"] = field(default_factory=lambda: np.zeros(0))
+    heights: Float[Known, " heights"] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def first(self) -> np.ndarray:
@@ -43,30 +49,31 @@ class Layout:
 def layout_of(model: AbstractModel) -> Layout | None:
     """The arrays of a hysteresis of one part in rate form at most and any plays; None of others."""
     parts = model.parts if isinstance(model, Sum) else (model,)
-    found = Layout()
+    found, xp = Layout(), array_module(*jax.tree.leaves(model))
     for part in parts:
         if isinstance(part, AbstractRateForm):
-            rate = _rate_of(part)
+            rate = _rate_of(part, xp)
             if rate is None or found.rate.size:
                 return None
             found.rate, found.limit = rate
         elif isinstance(part, GeneralizedPlays):
-            found.radii = np.append(found.radii, np.asarray(part.radii, float))
-            found.reach = np.append(found.reach, np.asarray(part.reach, float))
+            found.radii = xp.append(found.radii, xp.asarray(part.radii, float))
+            found.reach = xp.append(found.reach, xp.asarray(part.reach, float))
             found.counts = np.append(found.counts, part.knots).astype(np.int64)
-            found.heights = np.append(found.heights, np.asarray(part.values, float))
+            found.heights = xp.append(found.heights, xp.asarray(part.values, float))
         else:
             return None
     return found
 
 
-def _rate_of(part: AbstractRateForm) -> tuple[np.ndarray, float] | None:
-    """Values at knots and the outermost knot; None where f is not straight between knots."""
+def _rate_of(part: AbstractRateForm, xp: Any) -> tuple[Any, Any] | None:
+    """Values at knots and the outermost knot; None where f is not straight between knots, and NaN where
+    that is not known yet."""
     if isinstance(part, DuhemForce):
-        return np.stack([np.asarray(part.rising, float), np.asarray(part.falling, float)]), float(
-            part.limit
-        )
-    if isinstance(part, BoucWenForce) and float(part.n) == 1.0:
-        a, g, d = (float(x) for x in (part.alpha, part.beta_gamma, part.beta_delta))
-        return np.array([[a + g - d, a, a - g - d], [a - g - d, a, a + g - d]]), 1.0
-    return None
+        both = xp.stack([xp.asarray(part.rising, float), xp.asarray(part.falling, float)])
+        return both, float(part.limit) if xp is np else part.limit
+    if not isinstance(part, BoucWenForce) or (is_concrete(part.n) and float(part.n) != 1.0):
+        return None
+    a, g, d = (xp.asarray(x, float) for x in (part.alpha, part.beta_gamma, part.beta_delta))
+    rate = xp.array([[a + g - d, a, a - g - d], [a - g - d, a, a + g - d]])
+    return rate if is_concrete(part.n) else jnp.where(part.n == 1.0, rate, jnp.nan), 1.0

@@ -10,11 +10,13 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import AbstractModel, AbstractSteppedModel
+from .._model import DOUBLE, AbstractModel, AbstractSteppedModel, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
+from ..trees import node
 from ._fast_path import Compiled
+from ._layout import layout_of
 from ._rate_form import AbstractRateForm
 from ._runge_kutta import runge_kutta
 
@@ -166,6 +168,37 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
             jump = (u - jnp.where(new, u, state.force)) / self.mass
             after = after._replace(acceleration=after.acceleration + jump)
         return after, after.displacement
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """Its `find` goes from force to displacement."""
+        layout = layout_of(self.hysteresis)
+        if layout is None or self.integrator != "newmark" or self.between != "linear":
+            raise InputError(
+                "not-exportable",
+                "this oscillator cannot be exported.",
+                cause="its hysteresis is not made of plays and one BoucWenForce (n = 1) or DuhemForce, or"
+                " it is not integrated by Newmark's method with a straight force.",
+                fix="fit it with identify.fit(record, 'Oscillator').",
+            )
+        arrays = layout.rate, layout.limit, layout.radii, layout.reach, layout.heights
+        rate, limit, radii, reach, heights = map(jnp.asarray, arrays)
+        knots, plays = rate.shape[1], len(radii)
+        cells, none = np.asarray(layout.counts, float) - 1, np.zeros(max(plays, 1))
+        return node(
+            "oscillator",
+            {
+                "substeps": self.substeps, "mass": self.mass, "damping": self.damping,
+                "stiffness": self.stiffness, "knots": knots, "limit": limit,
+                "per": (knots - 1) / (2 * limit) if knots else 0.0, "rate": rate,
+                "plays": plays, "radii": radii, "low": -reach,
+                "scale": cells / (2 * reach), "first": layout.first[:-1].astype(float),
+                "cells": cells, "heights": heights,
+            },
+            {
+                "begun": 0, "y": 0.0, "v": 0.0, "a": 0.0, "z": 0.0, "force": 0.0, "play": none,
+                "next": none, "f": 0.0, "steep": 0.0, "total": 0.0, "stretch": 0.0,
+            },
+        )  # fmt: skip
 
     def _at_rest(self, state: OscillatorState, u: Array, new: Array) -> OscillatorState:
         """The state with the acceleration that the first force gives."""

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractSteppedModel
-from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._parameter import Scalar, array_module, is_concrete, parameter, parameters
 from .._registry import register
+from ..trees import ROUNDING, node
 
 NODES = 40
 NEWTON_STEPS = 8
@@ -107,6 +108,20 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
         w = sign * self.after(sign * state.w, sign * du / self.yield_at)
         return BoucWenState(u, w), self.output(u, w)
 
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        x, weights = _gauss()
+        xp = array_module(self.n)
+        return node(
+            "bouc_wen",
+            {
+                "nodes": NODES, "powers": jnp.asarray(x ** (3 * xp.asarray(self.n))), "cubes": x**3,
+                "weights": weights, "k": self.k, "alpha": self.alpha, "yield_at": self.yield_at,
+                "n": self.n, "descent": self.descent(), "offset": self.offset,
+                "rounding": ROUNDING * eps, "finest": max(1e-12, 32 * eps),
+            },
+            {"u": 0.0, "w": 0.0},
+        )  # fmt: skip
+
     def output(self, u: Array, w: Array) -> Float[Array, ""]:
         """y of the input and z / yield_at."""
         return self.offset + self.k * (self.alpha * u + (1 - self.alpha) * self.yield_at * w)
@@ -127,7 +142,7 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
         v / n + G(w): the singular logarithm at w = 1 is v, and G is smooth. Both functions are concave,
         in v too, so Newton's method converges from one side, whatever it starts from.
         """
-        powers = _gauss(w.dtype)[0] ** (3 * self.n)
+        powers = jnp.asarray(_gauss()[0], w.dtype) ** (3 * self.n)
         w_up, down = jnp.where(w < 0, 0.0, w), jnp.where(w < 0, -w, 0.0)
         rest = way - self._below(down, powers)
         way_up = jnp.where(w < 0, jnp.maximum(rest, 0.0), way)
@@ -158,12 +173,12 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
 
     def _below(self, size: Array, powers: Array) -> Array:
         """Integral of 1 / (1 + q s^n) from 0 to `size`, with s = size x^3."""
-        _, weights = _gauss(size.dtype)
+        weights = jnp.asarray(_gauss()[1], size.dtype)
         return size * jnp.sum(weights / (1 + self.descent() * self._power(size) * powers))
 
     def _above(self, size: Array, powers: Array) -> Array:
         """Integral of 1 / (1 - s^n) - 1 / (n (1 - s)) from 0 to `size` <= 1."""
-        x, weights = _gauss(size.dtype)
+        x, weights = (jnp.asarray(one, size.dtype) for one in _gauss())
         smooth = 1 / (1 - self._power(size) * powers) - 1 / (self.n * (1 - size * x**3))
         return size * jnp.sum(weights * smooth)
 
@@ -192,8 +207,8 @@ def check_bounds(model: eqx.Module, **closed: tuple[bool, bool]) -> None:
             )
 
 
-def _gauss(dtype: Any) -> tuple[Array, Array]:
+def _gauss() -> tuple[np.ndarray, np.ndarray]:
     """Nodes x in (0, 1) and weights 3 x^2 dx: of s = x^3, so that s^n is smooth in x."""
     x, weights = np.polynomial.legendre.leggauss(NODES)
     x = (1 + x) / 2
-    return jnp.asarray(x, dtype), jnp.asarray(1.5 * x**2 * weights, dtype)
+    return x, 1.5 * x**2 * weights

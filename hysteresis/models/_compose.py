@@ -12,11 +12,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel
+from .._model import DOUBLE, AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..preisach import Preisach
+from ..trees import common_range, looked_for, node, part_tree, series, widened
 
 
 def _given(models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
@@ -94,6 +95,19 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
         pairs = zip(self.parts, prepared, strict=True)
         return reduce(add, (part.evaluate(own) for part, own in pairs))
 
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        if len(self.parts) == 1:
+            return self.parts[0].tree(eps, depth)
+        parts = [part_tree(part, eps, depth) for part in self.parts]
+        if any(part["kind"] == "moving" for part in parts):
+            raise InputError("not-exportable", "a MovingPreisach within a sum cannot be exported.")
+        return looked_for(self, parts, eps)
+
+    def search_range(self) -> tuple[Any, Any]:
+        """Where the ranges of all parts are, as far as they have some, and a little beyond."""
+        ends = [found for part in self.parts if (found := part.input_range()) is not None]
+        return widened(*common_range(ends)) if ends else super().search_range()
+
 
 @register
 class Scaled(AbstractModel[Any, Any]):
@@ -140,6 +154,10 @@ class Scaled(AbstractModel[Any, Any]):
 
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
         return self.offset + self.factor * self.inner.evaluate(prepared)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        parameters = {"factor": self.factor, "offset": self.offset}
+        return node("scaled", parameters, parts=[self.inner.tree(eps, depth)])
 
 
 class SeriesInput(eqx.Module):
@@ -218,6 +236,9 @@ class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
             y = part.evaluate(_again(part, stage, y, ordered, (prepared.t, state, prepared.starts)))
             ordered = ordered and _is_memoryless(part)
         return y
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        return series(*(part.tree(eps, depth) for part in self.parts))
 
 
 def _again(part: Any, prepared: Any, u: Array, ordered: bool, how: tuple[Any, Any, Any]) -> Any:

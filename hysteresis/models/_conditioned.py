@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series
-from .._parameter import is_concrete, parameter
+from .._model import DOUBLE, REACH, AbstractModel, Series, Tree
+from .._parameter import array_module, is_concrete, parameter, size_of_inputs
 from .._registry import register
 from ..numerics._hats import hats
 from ..records._record import Record
-from ._compose import Scaled
+from ..trees import common_range, looked_for, node
+from ._compose import Scaled, Sum
 from ._compose import Series as Chain
 from ._curves import Values
 
@@ -142,6 +143,49 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         pairs = zip(self.models, prepared.models, strict=True)
         outputs = jnp.stack([model.evaluate(own) for model, own in pairs], 1)
         return (outputs * prepared.shares).sum(1)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """A sum of shares, which is looked for as a whole; turned where the models fall."""
+        xp = array_module(self.knots)
+        knots, axis = xp.asarray(self.knots), AXES.index(self.axis)
+        at = knots if axis == 0 else xp.log(knots) if axis == 1 else -1 / knots
+        around = jnp.asarray(xp.concatenate([at[:1] - 1, at, at[-1:] + 1]))
+        factors = [x for one in self.models if (x := last_factor(one)) is not None]
+        sign = {"factor": jnp.where(factors[0] < 0, -1.0, 1.0), "offset": 0.0} if factors else None
+        ends, parts = {"axis": axis, "low": self.knots[0], "high": self.knots[-1]}, []
+        for k, one in enumerate(self.models):
+            own = {"before": around[k], "at": around[k + 1], "after": around[k + 2]}
+            inner = one.tree(eps, depth)
+            inner = node("scaled", sign, parts=[inner]) if sign else inner
+            parts.append(node("share", ends | own, {"share": 0.0}, [inner]))
+        whole = looked_for(self, parts, eps, alone=self.models)
+        return node("scaled", sign, parts=[whole]) if sign else whole
+
+    def search_range(self) -> tuple[Any, Any]:
+        """What the ranges of all models have in common, else as far as their parameters reach."""
+        if ends := [found for one in self.models if (found := _range_of(one)) is not None]:
+            return common_range(ends)
+        reach = REACH * jnp.stack([size_of_inputs(one) for one in self.models]).max()
+        return -reach, reach
+
+
+def last_factor(model: AbstractModel) -> Any:
+    """The factor of a model that is scaled at last; None of others."""
+    if isinstance(model, Chain):
+        return last_factor(model.parts[-1])
+    return model.factor if isinstance(model, Scaled) else None
+
+
+def _range_of(model: AbstractModel) -> tuple[Any, Any] | None:
+    """The inputs that a model was made for, as far as its parts say."""
+    if isinstance(model, Scaled):
+        return _range_of(model.inner)
+    if isinstance(model, Chain):
+        return _range_of(model.parts[0])
+    if isinstance(model, Sum):
+        found = [ends for part in model.parts if (ends := _range_of(part)) is not None]
+        return common_range(found) if found else None
+    return model.input_range()
 
 
 # Not compiled, each of its operations is compiled by itself for every length: 0.7 s.

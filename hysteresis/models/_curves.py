@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
-from .._model import AbstractModel, Series
+from .._model import DOUBLE, AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from ..trees import ROUNDING, curve, node
 
 Values = Float[Array, " _"] | Any
 """A one-dimensional parameter: given as numbers, kept as an array."""
@@ -72,6 +73,9 @@ class AbstractMonotoneCurve(AbstractCurve):
         """The output at every node."""
         rises = self.rises()
         return self.offset + jnp.append(jnp.zeros_like(rises[:1]), rises.cumsum())
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        return curve(self.nodes, self.outputs(), *self.cell_slopes(), eps)
 
     def cell_of(self, u: Float[Array, "*samples"]) -> Int[Array, "*samples"]:
         """The cell of each input; beyond the nodes the nearest."""
@@ -210,6 +214,17 @@ class PolynomialCurve(AbstractCurve):
         slope = jnp.polyval(jnp.polyder(powers), inside)
         return jnp.polyval(powers, inside) + slope * (x - inside)
 
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        first, last = self.curve(jnp.stack([self.low, self.high]))
+        return node(
+            "polynomial",
+            {
+                "degree": len(self.coefficients) - 1, "coefficients": self.coefficients,
+                "low": self.low, "high": self.high, "first": first, "last": last,
+                "margin": ROUNDING * eps * jnp.maximum(jnp.abs(first), jnp.abs(last)),
+            },
+        )  # fmt: skip
+
 
 @register
 class Clip(AbstractCurve):
@@ -235,6 +250,10 @@ class Clip(AbstractCurve):
 
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         return jnp.clip(u, self.low, self.high)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        ends = {"low": jnp.maximum(self.low, -1e30), "high": jnp.minimum(self.high, 1e30)}
+        return node("clip", ends)
 
 
 def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:

@@ -7,15 +7,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._model import AbstractSteppedModel
+from .._model import DOUBLE, AbstractSteppedModel, Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
+from ..trees import ROUNDING, node
 from ._bouc_wen import BoucWen, check_bounds
 
 SUBSTEPS = 16
 """Of every sample's way, however long: see `DegradingBoucWen` for what they leave."""
 
 POSITIVE = (0.0, float("inf"))
+LEAST_SLOPE = 1e-6
+"""In parts of k: where there is no more, z gives nothing more either."""
+
 LEAST_SIZE = 1e-30
 """Of z, for its logarithm: its n-th power is nothing beside 1."""
 
@@ -151,6 +155,28 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
         start = sign * state.w, state.energy
         w, energy = jax.lax.fori_loop(0, SUBSTEPS, lambda _, at: self._substep(at, way), start)
         return DegradingState(u, sign * w, energy), self.inner.output(u, sign * w)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        inner, slip = self.inner, self.pinching
+        losses = {"strength_loss": self.strength_loss, "stiffness_loss": self.stiffness_loss}
+        pinching = {
+            "slip": 0.0, "onset": 0.0, "level": 0.0, "spread": 1.0, "severity": 1.0, "widening": 0.0,
+        }  # fmt: skip
+        if slip is not None:
+            given = {name: getattr(slip, name) for name in pinching}
+            pinching |= {name: x for name, x in given.items() if x is not None}
+        return node(
+            "degrading_bouc_wen",
+            {
+                "substeps": SUBSTEPS, "ahead": [0.5, 0.5, 1.0], "weights": [1 / 6, 1 / 3, 1 / 3, 1 / 6],
+                "k": inner.k, "alpha": inner.alpha, "yield_at": inner.yield_at, "n": inner.n,
+                "descent": inner.descent(), "offset": inner.offset,
+                **{name: 0.0 if x is None else x for name, x in losses.items()}, **pinching,
+                "least": jnp.maximum(self.least_slope(), LEAST_SLOPE * inner.k),
+                "rounding": ROUNDING * eps,
+            },
+            {"u": 0.0, "w": 0.0, "energy": 0.0, "rate": 0.0, "drive": 0.0},
+        )  # fmt: skip
 
     def least_slope(self) -> Float[Array, ""]:
         """A bound from below of dy/dx: strength is lost no faster than z falls by strength_loss / n.

@@ -10,11 +10,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, before_each, is_start
+from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..numerics._recurrence import linear_recurrence
+from ..trees import node
 
 Values = Float[Array, "..."] | Any
 
@@ -121,6 +122,18 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     def evaluate(self, prepared: DriftInput) -> Float[Array, " samples"]:
         return jax.vmap(self._output)(prepared.before, prepared.path)
 
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """Part of a sum: alone it has no inverse."""
+        return node(
+            "drift",
+            {
+                "count": len(self.levels), "levels": self.levels, "drift": self.rates,
+                "least": self.least, "most": min(self.most - self.least, 1e30),
+                "length": self.length + self.least, "offset": self.offset,
+            },
+            {"begun": 0, "u": 0.0, "path": 0.0},
+        )  # fmt: skip
+
     def _output(self, before: Array, path: Array) -> Array:
         rate = jnp.dot(jnp.asarray(self.rates), hats(before, jnp.asarray(self.levels)))
         further = jnp.clip(path, self.least, self.most) - self.least
@@ -217,6 +230,17 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
 
     def evaluate(self, prepared: ClockInput) -> Float[Array, " samples"]:
         return jax.vmap(self._output)(prepared.elapsed)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """Part of a sum: alone it has no inverse."""
+        return node(
+            "time_drift",
+            {
+                "count": len(self.times), "rates": 1 / self.times, "ends": self.rates,
+                "most": min(self.most, 1e30), "offset": self.offset,
+            },
+            {"begun": 0, "elapsed": 0.0},
+        )  # fmt: skip
 
     def _output(self, elapsed: Array) -> Array:
         gone = -jnp.expm1(-jnp.minimum(elapsed, self.most) / jnp.asarray(self.times))

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractSteppedModel
+from .._model import DOUBLE, AbstractSteppedModel, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from ..trees import node
 
 Slopes = Float[Array, " knots"] | Any
 
@@ -97,6 +98,18 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
         y = self._reached(slopes, self._way(slopes, state.y) + way)
         y = jnp.where(way == 0, state.y, y)
         return DuhemState(u, y), y
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """Both directions' slopes, one after the other."""
+        both = self.rising, self.falling
+        return node(
+            "duhem",
+            {
+                "knots": self.rising.shape[0], "low": self.low, "width": self._width,
+                "slopes": jnp.stack(both), "ways": jnp.stack([self._knots(one) for one in both]),
+            },
+            {"u": 0.0, "y": self.offset},
+        )  # fmt: skip
 
     def way_to(self, y: Array, target: Array) -> Array:
         """The change of the input that brings the output from y to a target."""

@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._model import DOUBLE, Tree
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
+from ..trees import node
 from ._curves import AbstractCurve
 
 _POSITIVE = (0.0, float("inf"))
@@ -76,6 +78,20 @@ class FoamCurve(AbstractCurve):
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         risen = self._integral(u) - self._integral(jnp.zeros_like(u))
         return self.offset + self.linear * risen
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        u1 = self.toe_length
+        u2 = u1 + self.linear_length
+        return node(
+            "foam",
+            {
+                "linear": self.linear, "toe": self.toe, "plateau": self.plateau, "u1": u1, "u2": u2,
+                "u3": u2 + self.plateau_length, "rounding": self.rounding,
+                "densification": self.densification, "offset": self.offset,
+                "least": self.linear * jnp.minimum(self.toe, self.plateau),
+                "origin": self._integral(jnp.zeros(())),
+            },
+        )  # fmt: skip
 
     def of_thickness(self, new: float, old: float) -> "FoamCurve":
         """The same foam in another thickness: equal force at equal strain."""

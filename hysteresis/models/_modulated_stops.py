@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, before_each, is_start
+from .._model import Series, Tree, before_each, is_start
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._clamps import clamps
 from ..numerics._hats import hats
+from ..trees import AbstractSearchedModel, node
 
 Modulator = Literal["position", "span"]
 Values = Float[Array, "..."] | Any
@@ -38,7 +39,7 @@ class StopInput(NamedTuple):
 
 
 @register
-class ModulatedStops(AbstractModel[StopState, StopInput]):
+class ModulatedStops(AbstractSearchedModel[StopState, StopInput]):
     """Stop and play operators in parallel whose stiffnesses change with the past of the input:
 
         y_t = offset + sum_k h_k(m_(t-1)) f_k,t,
@@ -169,6 +170,22 @@ class ModulatedStops(AbstractModel[StopState, StopInput]):
         r = jnp.asarray(self.thresholds)[None]
         z = clamps(u[:, None] - r, u[:, None] + r, state.z, start)
         return jax.vmap(self._output)(u, z, modulator)
+
+    def law(self) -> Tree:
+        slopes, springs = self.of_stops()
+        n, rest = len(self.thresholds), self.rest
+        return node(
+            "stops",
+            {
+                "stops": n, "count": len(self.levels), "thresholds": self.thresholds,
+                "levels": self.levels, "slopes": slopes, "springs": springs, "offset": self.offset,
+                "rest": rest, "by_position": self.by == "position",
+            },
+            {
+                "u": rest, "least": rest, "largest": rest, "z": np.full(n, rest), "level": -1.0,
+                "spring": 0.0, "weights": np.zeros(n),
+            },
+        )  # fmt: skip
 
     def _modulator(self, u: Array, least: Array, largest: Array) -> Array:
         return u if self.by == "position" else largest - least

@@ -8,11 +8,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, before_each, is_start, time_steps
-from .._parameter import Scalar, is_concrete, parameter
+from .._model import Series, Tree, before_each, is_start, time_steps
+from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
 from ..numerics._recurrence import linear_recurrence
 from ..numerics._relaxation import decay_and_gain
+from ..trees import AbstractSearchedModel, node
 
 
 class BranchState(NamedTuple):
@@ -40,7 +41,7 @@ class BranchInput(NamedTuple):
 
 
 @register
-class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
+class NonlinearMaxwell(AbstractSearchedModel[BranchState, BranchInput]):
     """Branches of a spring and a dashpot in series, in parallel with each other:
 
         y = offset + sum_k Q_k[g_k(u)] + c_k(u) Q_k[v],      Q_k' = -Q_k / tau_k + (its argument)',
@@ -140,8 +141,7 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
     def init(self, t0: Any = None, u0: Any = None) -> BranchState:
         none = jnp.zeros_like(jnp.asarray(self.times))
         t = jnp.asarray(jnp.nan if t0 is None else t0, none.dtype)
-        rest = self.low if self.rest is None else self.rest
-        return BranchState(t, jnp.full_like(t, rest), none, none)
+        return BranchState(t, jnp.full_like(t, self._rest), none, none)
 
     def step(self, state: BranchState, t: Any, u: Any) -> tuple[BranchState, Float[Array, ""]]:
         t, u = jnp.asarray(t, state.t.dtype), jnp.asarray(u, state.u.dtype)
@@ -195,6 +195,34 @@ class NonlinearMaxwell(AbstractModel[BranchState, BranchInput]):
             for new, old, begin in zip(now, before, (state.spring, state.linear), strict=True)
         )
         return self._output((cell, within), now[0], spring, linear)
+
+    def law(self) -> Tree:
+        n, cells = len(self.times), self.cells
+        increments: Any = np.zeros((n, cells)) if self.increments is None else self.increments
+        xp = array_module(increments)
+        springs: Any = xp.pad(xp.cumsum(xp.asarray(increments), 1), ((0, 0), (1, 0)))
+        strengths = np.zeros((n, cells + 1)) if self.strengths is None else self.strengths
+        module = np if self.strengths is None else jnp
+        above, below = module.broadcast_to(strengths, (2, n, cells + 1))
+        none = np.zeros(n)
+        return node(
+            "maxwell",
+            {
+                "branches": n, "cells": cells, "low": self.low,
+                "scale": cells / (self.high - self.low), "rates": 1 / self.times,
+                "springs": springs if self.increments is None else jnp.asarray(springs),
+                "increments": increments, "above": above, "below": below, "offset": self.offset,
+                "leading": self.leading, "sprung": self.increments is not None,
+            },
+            {
+                "u": self._rest, "spring": none, "linear": none, "dt": -1.0, "decay": none,
+                "gain": none, "begun": 0, "held": none, "rise": none, "rest": 0.0,
+            },
+        )  # fmt: skip
+
+    @property
+    def _rest(self) -> float:
+        return self.low if self.rest is None else self.rest
 
     def _step(self, dt: Array) -> tuple[Array, Array]:
         """exp(-x) and (1 - exp(-x)) / x of x = dt / tau, (samples, branches)."""

@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, before_each, is_start, time_steps
+from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
 from ..numerics._clamps import clamps
+from ..trees import node, polygon, series
 
 Values = Float[Array, " _"] | Any
 """A one-dimensional parameter: given as numbers, kept as an array."""
@@ -145,6 +146,26 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         u, speed, start, state = prepared
         z = clamps(*jax.vmap(self.reach)(u, speed), state.z, start)
         return jax.vmap(self._output)(u, z)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        none = np.zeros(len(self.thresholds))
+        plays = node(
+            "plays",
+            {
+                "plays": len(none), "thresholds": self.thresholds, "weights": self.weights,
+                "slope": self.slope, "rates": none if self.rates is None else self.rates,
+                "offset": self.offset if self.bends is None else 0.0, "leading": self.leading,
+                "nested": self.rates is None,
+            },
+            {"u": 0.0, "speed": 0.0, "z": none},
+        )  # fmt: skip
+        if self.bends is None:
+            return plays
+        # The bends are a polygon, which goes on beyond its ends as it begins.
+        d = self.bends
+        nodes = jnp.concatenate([d[:1] - 1.0, d, d[-1:] + 1.0])
+        outputs = jnp.stack([self.bend(x) for x in nodes])
+        return series(plays, polygon(nodes, jnp.diff(outputs), self.offset + outputs[0], eps))
 
     # One sample
 

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
-from .._parameter import Scalar, is_concrete, parameter
+from .._model import Series, Tree, is_start, time_steps
+from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
+from ..trees import AbstractSearchedModel, node
 
 
 class SofteningState(NamedTuple):
@@ -31,7 +32,7 @@ class SofteningInput(NamedTuple):
 
 
 @register
-class Softening(AbstractModel[SofteningState, SofteningInput]):
+class Softening(AbstractSearchedModel[SofteningState, SofteningInput]):
     """Conditioning by the largest input so far (Mullins effect), with recovery at rest:
 
         y = sum_{i <= j} d_ij r_i(u) S_j,
@@ -137,6 +138,20 @@ class Softening(AbstractModel[SofteningState, SofteningInput]):
             return first[0] * second[0], jnp.maximum(second[1], second[0] * first[1])
 
         return jax.lax.associative_scan(then, pairs)[1]
+
+    def law(self) -> Tree:
+        xp = array_module(self.weights)
+        weights = xp.triu(xp.asarray(self.weights))
+        n = len(weights)
+        return node(
+            "softening",
+            {
+                "cells": n, "low": self.low, "scale": n / (self.high - self.low),
+                "weights": jnp.asarray(weights), "columns": jnp.asarray(weights.sum(0)),
+                "forgetting": 1 / self.recovery, "leading": self.leading,
+            },
+            {"reached": np.zeros(n)},
+        )  # fmt: skip
 
     def _filled(self, u: Array) -> Array:
         n = self.weights.shape[-1]

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, before_each, is_start, time_steps
+from .._model import Series, Tree, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..numerics._recurrence import linear_recurrence
 from ..numerics._relaxation import decay_and_gain
+from ..trees import AbstractSearchedModel, node
 
 Values = Float[Array, "..."] | Any
 
@@ -38,7 +39,7 @@ class FrictionInput(NamedTuple):
 
 
 @register
-class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
+class VelocityFriction(AbstractSearchedModel[FrictionState, FrictionInput]):
     """Viscous and Coulomb friction with a velocity v that is filtered causally:
 
         y_t = offset + sum_k h_k(u_(t-1)) (c_k v_t + sum_j w_jk tanh(v_t / f_j)),
@@ -160,6 +161,17 @@ class VelocityFriction(AbstractModel[FrictionState, FrictionInput]):
         drive = gain * rise + start * decay * state.lead
         (lead,) = linear_recurrence((decay * (1 - start),), (drive,))
         return lead / self.smoothing
+
+    def law(self) -> Tree:
+        return node(
+            "friction",
+            {
+                "speeds_count": len(self.speeds), "count": len(self.levels), "speeds": self.speeds,
+                "levels": self.levels, "weights": self.weights, "viscous": self.viscous,
+                "rate": 1 / self.smoothing, "offset": self.offset,
+            },
+            {"begun": 0, "u": 0.0, "lead": 0.0, "dt": -1.0, "decay": 0.0, "gain": 0.0},
+        )  # fmt: skip
 
     def _output(self, v: Array, before: Array) -> Array:
         sliding = jnp.tanh(v / jnp.asarray(self.speeds)) @ jnp.asarray(self.weights)

@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
+from .._model import DOUBLE, AbstractModel, Series, Tree, is_start, time_steps
 from .._parameter import Scalar, array_module, is_concrete
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, coupled_recurrence, even_recurrence, linear_recurrence
+from ..trees import node
 from ._viscoelastic_chain import SOLVED, Chain, Hold, Known, against, along, exact_step
 
 POSITIVE = (0.0, float("inf"))
@@ -165,6 +166,19 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         drive += start[:, None] * (matrix * begin[None, None]).sum(-1)
         x = coupled_recurrence(matrix * (1 - start)[:, None, None], drive)
         return (u - x.sum(-1)) / direct + self.offset
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        chain = self._traced_chain()
+        none = np.zeros(len(chain.all_rates))
+        return node(
+            "chain",
+            {
+                "branches": len(none), "direct": chain.direct, "rates": chain.all_rates,
+                "drives": chain.all_drives, "against": self.against_chain,
+                "constant": self.hold == "constant", "offset": self.offset,
+            },
+            {"load": 0.0, "x": none, "dt": -1.0, "decay": none, "before": none, "now": none},
+        )  # fmt: skip
 
     def answer(self, state: State) -> Known:
         """What the chain answers after a sample: displacement where it creeps, else force."""

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series
+from .._model import DOUBLE, AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from ..trees import node
 from ._density import AbstractDensity, GridDensity
 from ._everett import read, tabulate_once
 from ._preisach import Preisach, _to_device
@@ -170,6 +171,11 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
         branch = _Branch(*(read(part, anchor) for part in (h, relays, sign)))
         h, relays = self._solve(table, branch, inside)
         return whole_output(self.inner, relays, h) + self._beyond(u - inside)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        floor, ceiling = saturated_outputs(self.inner)
+        parameters = {"feedback": self.feedback, "floor": floor, "ceiling": ceiling}
+        return node("moving", parameters, parts=[self.inner.tree(eps, depth)])
 
     # Parts
 

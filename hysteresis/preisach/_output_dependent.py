@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series
-from .._parameter import Scalar, is_concrete, parameter
+from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
+from ..trees import polygon, series
 from ._everett import read
 from ._preisach import Preisach, PreisachInput, PreisachState
 from ._saturation import saturated_outputs
@@ -81,6 +82,14 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
 
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
         return self.rescale(self.inner.evaluate(prepared))
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """Its relays, then its polygon."""
+        ends = saturated_outputs(self.inner)
+        xp = array_module(*ends)
+        nodes = jnp.asarray(xp.linspace(*map(xp.asarray, ends), len(self.increments) + 1))
+        bent = polygon(nodes, jnp.asarray(self.increments), self.offset, eps)
+        return series(self.inner.tree(eps, depth), bent)
 
     def rescale(self, inner_output: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         """g, by element."""

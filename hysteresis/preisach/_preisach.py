@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series
+from .._model import DOUBLE, AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from ..trees import looked_for
 from ._dead_band import play, play_step
 from ._density import AbstractCellDensity, AbstractDensity, AbstractGridDensity
 from ._everett import bilinear, everett_terms, materialise, read, tabulate_once
@@ -21,6 +22,7 @@ from ._memory import MemoryTree
 from ._occupancy import Visited, check_up, occupancy_table, running_extremes
 from ._sequences import hang, past_inputs
 from ._stack import OpenLoops
+from ._tree import grid_tree, parts_of
 
 SMALL_TABLE = 100_000
 """Tables with fewer entries than this are stored once more where they are read. That also stores their
@@ -302,6 +304,21 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             up = materialise(occupancy_table(jnp.asarray(self.up)), true)
             relays += 2 * bilinear(up, prepared.unvisited)
         return self._output(relays, prepared.cell, prepared.within)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        if not isinstance(self.density, AbstractGridDensity):
+            raise InputError(
+                "not-exportable",
+                f"a Preisach model with a {type(self.density).__name__} has no tree of laws.",
+                cause="the law knows densities on a grid alone.",
+                fix="fit a GridDensity.",
+            )
+        if self.up is None and not self.dead_band:
+            return grid_tree(self, eps, depth)
+        return looked_for(self, parts_of(self, eps, depth), eps)
+
+    def search_range(self) -> tuple[float, float]:
+        return self.density.low - self.dead_band, self.density.high + self.dead_band
 
     # Parts
 
