@@ -117,10 +117,16 @@ def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
     return valid, jax.lax.cummax(jnp.where(valid, index, -1))
 
 
-@eqx.filter_jit
 def scan_steps(
     compensator: Any, t: ArrayLike | None, y: Array, state: PyTree
 ) -> tuple[PyTree, PyTree]:
-    """`step` over all samples of anything that has one, compiled once per length: state, estimates."""
+    """All samples of anything that has a `stream` or a `step`: state, estimates."""
+    own = getattr(compensator, "stream", None)
+    return _scan(compensator, t, y, state) if own is None else own(t, y, state)
+
+
+@eqx.filter_jit
+def _scan(compensator: Any, t: ArrayLike | None, y: Array, state: PyTree) -> tuple[PyTree, PyTree]:
+    """`step` over all samples, compiled once per length."""
     t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
     return jax.lax.scan(lambda carry, sample: compensator.step(carry, *sample), state, (t, y))

@@ -111,7 +111,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         Python or NumPy. Kinds, lengths and the integers among parameters do not depend on values.
 
         - `eps`: the rounding of the numbers that it is run with.
-        - `depth`: reversals that a Preisach model remembers.
+        - `depth`: reversals that a Preisach model remembers; 0: as many as its own `capacity`.
 
         Raises `InputError` `not-exportable` where no law is known for the model or one of its parts.
 

@@ -22,7 +22,7 @@ from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..guards._guarded import longest_step as longest_step
 from ..guards._run_in import Past
-from ..inverses._viscoelastic import stable_step
+from ..inverses._law import stable_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number

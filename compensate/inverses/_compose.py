@@ -1,26 +1,24 @@
-"""Inverses of composed models: of a chain the chain of inverses, of a sum by bisection."""
+"""Inverses of composed models of which a part is no law: of a chain the chain of inverses."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import (
-    CyclicDrift,
     InputError,
     Scaled,
     Series,
     Sum,
-    TimeDrift,
     is_concrete,
     register,
 )
 from hysteresis._type_variables import PyTree
-from hysteresis.trees import AbstractSearchedModel
 
 from .._contract import AbstractCompensator, Estimate, State, Status
 from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
+from ._law import LawCompensator, has_laws
 
 
 @register
@@ -95,15 +93,18 @@ def _first_said(before: Estimate, now: Estimate) -> Estimate:
 
 
 @inverse_of.register
-def _(model: Series) -> SeriesCompensator:
-    return SeriesCompensator(tuple(inverse_of(part) for part in reversed(model.parts)))
+def _(model: Series) -> AbstractCompensator:
+    inverses = tuple(inverse_of(part) for part in reversed(model.parts))
+    laws = all(isinstance(one, LawCompensator) for one in inverses)
+    return LawCompensator(model) if laws else SeriesCompensator(inverses)
 
 
 @inverse_of.register
-def _(model: Scaled) -> ScaledCompensator:
-    return ScaledCompensator(
-        inverse_of(model.inner), jnp.asarray(model.factor), jnp.asarray(model.offset)
-    )
+def _(model: Scaled) -> AbstractCompensator:
+    inner = inverse_of(model.inner)
+    if isinstance(inner, LawCompensator):
+        return LawCompensator(model)
+    return ScaledCompensator(inner, jnp.asarray(model.factor), jnp.asarray(model.offset))
 
 
 @inverse_of.register
@@ -117,18 +118,4 @@ def _(model: Sum) -> AbstractCompensator:
             "no part of the sum says over which inputs it holds, so none can be looked for.",
             fix="BracketedCompensator(model, low, high).",
         )
-    return BracketedCompensator(model, *ends)
-
-
-@inverse_of.register
-def _(model: AbstractSearchedModel) -> BracketedCompensator:
-    return BracketedCompensator(model, *model.search_range())
-
-
-@inverse_of.register
-def _(model: CyclicDrift | TimeDrift) -> AbstractCompensator:
-    raise InputError(
-        "not-invertible",
-        f"the output of a {type(model).__name__} does not depend on the present input.",
-        fix="add a part that rises with it: Sum([part, drift]).",
-    )
+    return LawCompensator(model) if has_laws(model) else BracketedCompensator(model, *ends)

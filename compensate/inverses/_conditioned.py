@@ -22,6 +22,7 @@ from hysteresis.trees import size_of
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import BracketedState, bracketed
 from ._inverse_of import inverse_of
+from ._law import LawCompensator, has_laws
 
 
 @register
@@ -87,7 +88,7 @@ class ConditionedCompensator(AbstractCompensator[BracketedState, Estimate]):
 
 
 @inverse_of.register
-def _(model: Conditioned) -> ConditionedCompensator:
+def _(model: Conditioned) -> AbstractCompensator:
     for one in model.models:
         inverse_of(one)  # refuses a model that has no inverse
     falls = {_falls(one) for one in model.models}
@@ -97,6 +98,8 @@ def _(model: Conditioned) -> ConditionedCompensator:
             f"the output rises with the input at some values of {model.condition}, and falls at others.",
             fix="fit the conditions apart (--each COL).",
         )
+    if has_laws(model):
+        return LawCompensator(model)
     return ConditionedCompensator(model, *model.search_range(), falls.pop())
 
 

@@ -1,4 +1,4 @@
-"""The inverse of a model that has none of its own: by bisection, after a check that its output rises."""
+"""The inverse of a model that is no law of ours: by bisection, after a check that its output rises."""
 
 from typing import Any, NamedTuple
 
@@ -11,8 +11,10 @@ from jaxtyping import Array
 from hysteresis import AbstractModel, InputError, is_concrete, parameters
 from hysteresis.trees import ROUNDING
 
+from .._contract import AbstractCompensator
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
+from ._law import LawCompensator, has_laws
 
 WALKS, STEPS, GRID = 16, 24, 65
 """Histories of the check, samples of each, and inputs whose outputs are compared at every sample."""
@@ -28,13 +30,15 @@ class _Fall(NamedTuple):
 
 
 @inverse_of.register
-def _(model: AbstractModel) -> BracketedCompensator:
+def _(model: AbstractModel) -> AbstractCompensator:
     """Between the ends that the model names (`low`, `high`, `nodes`), else as far as its parameters reach.
 
     The check is no proof: it looks at random histories of every size. Raises `InputError` where one
     of them shows a falling output, and where the parameters are not known yet, under `jit` or `vmap`.
     """
     name = type(model).__name__
+    if has_laws(model):
+        return LawCompensator(model)
     values = [value for _, _, value in parameters(model) if value is not None]
     if not all(is_concrete(value) for value in values):
         raise InputError(

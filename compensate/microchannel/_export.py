@@ -1,7 +1,6 @@
 """Export of a force estimator to a file that runs without JAX."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest, longes
 from ..export._precision import require_double
 from ..export._trees import tree_of
 from ..inverses._compose import ScaledCompensator, SeriesCompensator
-from ..inverses._viscoelastic import ViscoelasticCompensator
 from ..runtime._file import SCHEMA, number
 from ..runtime._network import KIND
 from ._everett_network import EverettNetwork
@@ -136,9 +134,6 @@ def _behind(compensator: Any) -> AbstractModel:
         return Series([_behind(part) for part in reversed(compensator.inverses)])
     if isinstance(compensator, ScaledCompensator):
         return Scaled(_behind(compensator.inner), compensator.factor, compensator.offset)
-    if isinstance(compensator, ViscoelasticCompensator):
-        turned = compensator.element
-        return replace(turned, leading=not turned.leading, offset=compensator.offset)
     if not isinstance(getattr(compensator, "model", None), AbstractModel):
         raise InputError(
             "not-exportable", f"a {type(compensator).__name__} cannot be exported.",

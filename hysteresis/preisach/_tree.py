@@ -70,7 +70,7 @@ def grid_tree(model: Any, eps: float, depth: int) -> Tree:
 
     Raises `InputError` where the first staircase alone is deeper than the stack.
     """
-    grid, of = model.density, branches_of(model)
+    grid, of, depth = model.density, branches_of(model), depth or model.capacity
     begin = first_branch(model, of)
     held, n = begin.loops.depth, grid.cells
     if is_concrete(held) and int(held) > depth:

@@ -1,1 +1,8 @@
 """Trees of laws over time: run, inverted and differentiated by what is compiled from the laws' own text."""
+
+from ._numbers import Known as Known
+from ._numbers import Numbers as Numbers
+from ._numbers import held_at_first as held_at_first
+from ._numbers import numbers_of as numbers_of
+from ._traced import estimates as estimates
+from ._traced import outputs as outputs

@@ -31,15 +31,26 @@ class Structure(NamedTuple):
         return Structure(self.kind, (), tuple(part.bare for part in self.parts))
 
 
-class Numbers(NamedTuple):
-    """A tree in numbers. `m`: (reals,), the last `states` of them its state; `n`: whole numbers, at the end
-    of which stands where the state begins; `free`: which of m JAX has made."""
+class Known(NamedTuple):
+    """What is known of a tree before JAX runs; it can be hashed. `whole`: its whole numbers, at the end of
+    which stands where in m the state begins; `states`: how many of m are its state; `free`: places in m of
+    the numbers that JAX has made."""
 
     structure: Structure
-    m: Any
-    n: np.ndarray
+    whole: tuple[int, ...]
     states: int
-    free: np.ndarray
+    free: tuple[int, ...]
+
+    @property
+    def n(self) -> np.ndarray:
+        return np.array(self.whole, np.int64)
+
+
+class Numbers(NamedTuple):
+    """A tree in numbers: `m`, its reals, the state last, and what else is known."""
+
+    known: Known
+    m: Any
 
 
 def with_laws(tree: Tree) -> list[Tree]:
@@ -80,8 +91,17 @@ def numbers_of(tree: Tree) -> Numbers:
     traced = any(isinstance(value, jax.core.Tracer) for value in values)
     m = _joined(values, jnp if traced else np)
     free = np.repeat([isinstance(v, jax.Array) for v in values], [np.size(v) for v in values])
-    n = np.array([*(i for row in rows for i in row), states], np.int64)
-    return Numbers(structure_of(tree), m, n, size - states, free)
+    whole = (*(i for row in rows for i in row), states)
+    places = tuple(np.flatnonzero(free).tolist())
+    return Numbers(Known(structure_of(tree), whole, size - states, places), m)
+
+
+def held_at_first(tree: Tree) -> Any:
+    """What is estimated before the first reading: where the law of the input begins."""
+    if tree["kind"] == "sum" or not tree.get("parts"):
+        state = tree["state"]
+        return state.get("value", state.get("u", 0.0))
+    return held_at_first(tree["parts"][0])
 
 
 def _joined(values: list[Any], xp: Any) -> Any:

@@ -49,7 +49,7 @@ def find(numbers: Numbers, y: Any, dt: Any, starts: Any = (0,)) -> Ran:
 
 
 def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
-    key, count = (numbers.structure.bare, wanted), len(rows.x)
+    key, count = (numbers.known.structure.bare, wanted), len(rows.x)
     first, m = _own(numbers.m), np.array(numbers.m, float)
     value, status = np.empty(count), np.zeros(count)
     outputs = (value, status) if wanted == "find" else (value,)
@@ -60,9 +60,11 @@ def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
         done, taken = advance(wanted, numbers, m, rows, outputs, left)
         _spent[key] = _spent.get(key, 0.0) + taken
     if done < count:
-        rest = Rows(*(column[done:] for column in rows[:3]), rows.starts[rows.starts >= done] - done)
+        rest = Rows(
+            *(column[done:] for column in rows[:3]), rows.starts[rows.starts >= done] - done
+        )
         loop_of(*key)(
-            m, numbers.n, first, len(m), rest.x, rest.dt, rest.condition, np.append(rest.starts, -1),
+            m, numbers.known.n, first, len(m), rest.x, rest.dt, rest.condition, np.append(rest.starts, -1),
             count - done, *(column[done:] for column in outputs),
         )  # fmt: skip
     return Ran(value, status.astype(int), m)
@@ -83,13 +85,13 @@ def tangents(
     first, m, rows = _own(numbers.m), np.array(numbers.m, float), _rows(x, dt, starts)
     (size, columns), count = dm.shape, len(rows.x)
     width = -(-(columns + inverse) // WIDE) * WIDE
-    D, dfirst = np.zeros((reals_of(numbers.structure) + size, width)), np.zeros((size, width))
+    D, dfirst = np.zeros((reals_of(numbers.known.structure) + size, width)), np.zeros((size, width))
     dfirst[:, :columns] = dm
     value, status, found = np.empty(count), np.zeros(count), np.empty((count, columns))
     given = np.zeros((1, 1)) if dx is None else _own(dx)
     outputs = (value, status, found, np.empty(2 * size)) if inverse else (value, found)
-    loop_of(numbers.structure, "find_tangents" if inverse else "tangents")(
-        m, numbers.n, first, size, rows.x, rows.dt, rows.condition, np.append(rows.starts, -1), count,
+    loop_of(numbers.known.structure, "find_tangents" if inverse else "tangents")(
+        m, numbers.known.n, first, size, rows.x, rows.dt, rows.condition, np.append(rows.starts, -1), count,
         table_of(D), D, width, columns, dfirst, int(dx is not None), given, *outputs,
     )  # fmt: skip
     return Tangents(value, status.astype(int), found)

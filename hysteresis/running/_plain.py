@@ -25,7 +25,12 @@ class Rows(NamedTuple):
 
 
 def advance(
-    wanted: str, numbers: Numbers, m: np.ndarray, rows: Rows, outputs: tuple[np.ndarray, ...], budget: float
+    wanted: str,
+    numbers: Numbers,
+    m: np.ndarray,
+    rows: Rows,
+    outputs: tuple[np.ndarray, ...],
+    budget: float,
 ) -> tuple[int, float]:
     """Run ("run") or invert ("find") from m on until the rows or the seconds are used up: how many rows, and
     how long they took. m moves on with them."""
@@ -38,7 +43,9 @@ def advance(
             break
         some = slice(first, min(first + SOME, count))
         table = (rows.x[some], rows.dt[some], rows.condition[some])
-        for k, (x, dt, c) in enumerate(zip(*(column.tolist() for column in table), strict=True), first):
+        for k, (x, dt, c) in enumerate(
+            zip(*(column.tolist() for column in table), strict=True), first
+        ):
             if k in starts:
                 opened = _open(numbers, numbers.m)
                 step, said = _step(opened.node, wanted), opened.node.status
@@ -66,15 +73,17 @@ class _Opened(NamedTuple):
 
 
 def _open(numbers: Numbers, m: np.ndarray) -> _Opened:
-    laws, values = _laws(numbers.structure), m.tolist()
-    begins = _begins(laws, numbers.n.tolist())
+    laws, values = _laws(numbers.known.structure), m.tolist()
+    begins = _begins(laws, numbers.known.whole)
     ends = dict(zip(begins, [*list(begins.values())[1:], len(values)], strict=True))
 
     def part(k: int, structure: str) -> Tree:
         own: Tree = {}
         for name, kind in laws[k].fields[structure].items():
             if structure == "Parameters" and kind == "int":
-                own[name] = int(numbers.n[_row(laws, k) + laws[k].place("Parameters", name)])
+                own[name] = int(
+                    numbers.known.whole[_row(laws, k) + laws[k].place("Parameters", name)]
+                )
                 continue
             begin = begins[k, structure, name]
             found = values[begin : ends[k, structure, name]]
@@ -91,19 +100,14 @@ def _open(numbers: Numbers, m: np.ndarray) -> _Opened:
         own = {"parameters": part(k, "Parameters"), "state": part(k, "State")}
         return {"kind": structure.kind, **own, **({"parts": parts} if parts else {})}
 
-    opened = _Opened(*_made(tree(numbers.structure)))
-    return opened
-
-
-def _made(tree: Tree) -> tuple[Node, list[Any], list[Callable[[float], float]]]:
     states: list[Any] = []
     takes: list[Callable[[float], float]] = []
-    return node_of(tree, states, takes), states, takes
+    return _Opened(node_of(tree(numbers.known.structure), states, takes), states, takes)
 
 
 def _close(opened: _Opened, numbers: Numbers, m: np.ndarray) -> None:
-    laws = _laws(numbers.structure)
-    begins = _begins(laws, numbers.n.tolist())
+    laws = _laws(numbers.known.structure)
+    begins = _begins(laws, numbers.known.whole)
     for k, state in enumerate(opened.states):
         for name in laws[k].fields["State"]:
             value, begin = np.ravel(getattr(state, name)), begins[k, "State", name]
@@ -119,7 +123,7 @@ def _row(laws: list[Law], k: int) -> int:
     return sum(one.row for one in laws[:k])
 
 
-def _begins(laws: list[Law], n: list[int]) -> dict[tuple[int, str, str], int]:
+def _begins(laws: list[Law], n: tuple[int, ...]) -> dict[tuple[int, str, str], int]:
     """Where in m every field begins, in the order in which they lie there."""
     found: dict[tuple[int, str, str], int] = {}
     for structure, first in (("Parameters", 0), ("State", 1)):

@@ -16,82 +16,63 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
+from .._parameter import is_concrete
 from . import _over_time as over_time
 from . import _readings as readings
-from ._numbers import Numbers, Structure
+from ._numbers import Known, Numbers
 
 _EACH = "expand_dims"
 """Of `vmap`: what all lanes share has one."""
 
 
-def outputs(numbers: Numbers, x: Any, dt: Any, starts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:
-    """Outputs of a tree at the inputs x, (rows,) or (rows, 2), and the numbers m after the last one. Any of
-    these and of the numbers may be traced."""
-    law = _outputs(_known(numbers), starts)
-    m, x, dt = (jnp.asarray(z, float) for z in (numbers.m, x, dt))
-    return law(m, x, dt)
+def outputs(
+    numbers: Numbers, x: Any, dt: Any, starts: tuple[int, ...] = (0,)
+) -> over_time.Ran | tuple[Any, Any]:
+    """Outputs of a tree at the inputs x, (rows,) or (rows, 2), and the numbers m after the last one."""
+    given = numbers.m, x, dt
+    if all(map(is_concrete, given)):
+        found = over_time.run(numbers, x, dt, starts)
+        return found.value, found.m
+    return _outputs(numbers.known, starts)(*(jnp.asarray(z, float) for z in given))
 
 
-def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> tuple[Any, Any, Any]:
-    """Estimates, status and last m, as `estimated` says."""
-    law = _estimates(_known(numbers))
-    m, y, dt, held = (jnp.asarray(z, float) for z in (numbers.m, y, dt, held))
-    return law(m, y, dt, held)
-
-
-class _Known(tuple):
-    """Numbers without m: all that is known before JAX runs; it can be hashed."""
-
-    def __call__(self, m: Any) -> Numbers:
-        structure, n, states, free = self
-        mask = np.zeros(len(m), bool)
-        mask[list(free)] = True
-        return Numbers(structure, m, np.array(n, np.int64), states, mask)
-
-    @property
-    def free(self) -> np.ndarray:
-        return np.array(self[3], int)
-
-
-def _known(numbers: Numbers) -> _Known:
-    structure: Structure = numbers.structure
-    free = tuple(np.flatnonzero(numbers.free).tolist())
-    return _Known((structure, tuple(numbers.n.tolist()), numbers.states, free))
+def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> readings.Estimated:
+    """Estimates, their status and the last m, as `estimated` says."""
+    given = numbers.m, y, dt, held
+    if all(map(is_concrete, given)):
+        return readings.estimated(numbers, y, dt, held)
+    law = _estimates(numbers.known)
+    value, m, status = law(*(jnp.asarray(z, float) for z in given))
+    return readings.Estimated(value, status, m)
 
 
 @cache
-def _outputs(known: _Known, starts: tuple[int, ...]) -> Callable[..., Any]:
+def _outputs(known: Known, starts: tuple[int, ...]) -> Callable[..., Any]:
     def run(m: Any, x: Any, dt: Any) -> Any:
-        found = over_time.run(known(m), x, dt, starts)
+        found = over_time.run(Numbers(known, m), x, dt, starts)
         return found.value, found.m
 
     def tangents(dm: Any, m: Any, x: Any, dt: Any, dx: Any) -> Any:
-        return over_time.tangents(known(m), dm, x, dt, dx, starts).columns
+        return over_time.tangents(Numbers(known, m), dm, x, dt, dx, starts).columns
 
     return _differentiable(known, run, tangents)
 
 
 @cache
-def _estimates(known: _Known) -> Callable[..., Any]:
+def _estimates(known: Known) -> Callable[..., Any]:
     def run(m: Any, y: Any, dt: Any, held: Any) -> Any:
-        found = readings.estimated(known(m), y, dt, held)
+        found = readings.estimated(Numbers(known, m), y, dt, held)
         return found.value, found.m, found.status
 
     def tangents(dm: Any, m: Any, y: Any, dt: Any, dy: Any) -> Any:
-        return readings.tangents_of(known(m), dm, y, dt, dy)
+        return readings.tangents_of(Numbers(known, m), dm, y, dt, dy)
 
-    law = _differentiable(known, run, tangents)
-
-    def in_order(*given: Any) -> Any:
-        value, m, status = law(*given)
-        return value, status, m
-
-    return in_order
+    return _differentiable(known, run, tangents)
 
 
-def _differentiable(known: _Known, run: Callable[..., Any], tangents: Callable[..., Any]) -> Any:
+def _differentiable(known: Known, run: Callable[..., Any], tangents: Callable[..., Any]) -> Any:
     """`run` of (m, x, dt, ...) to (value, last m, ...) with derivatives of the value by m and x."""
-    index = known.free
+    index = np.array(known.free, int)
 
     @jax.custom_jvp
     def law(*given: Any) -> Any:
@@ -99,7 +80,9 @@ def _differentiable(known: _Known, run: Callable[..., Any], tangents: Callable[.
         kinds = (jax.ShapeDtypeStruct(dt.shape, dt.dtype), jax.ShapeDtypeStruct(m.shape, m.dtype))
         if len(given) > 3:
             kinds = (*kinds, jax.ShapeDtypeStruct(dt.shape, jnp.zeros(0, int).dtype))
-        return jax.pure_callback(partial(_lanes, run, _axes(given)), kinds, *given, vmap_method=_EACH)
+        return jax.pure_callback(
+            partial(_lanes, run, _axes(given)), kinds, *given, vmap_method=_EACH
+        )
 
     def by_numbers(m: Any, x: Any, dt: Any) -> Any:
         dm = np.zeros((len(m), len(index)))
