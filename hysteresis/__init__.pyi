@@ -33,7 +33,6 @@ from .dynamics._recorder import decimated as decimated
 from .dynamics._recorder import interpolated as interpolated
 from .dynamics._recorder import stages_of as stages_of
 from .models._bouc_wen import BoucWen as BoucWen
-from .models._bouc_wen import BoucWenState as BoucWenState
 from .models._burgers import Burgers as Burgers
 from .models._burgers import BurgersState as BurgersState
 from .models._burgers import StandardLinearSolid as StandardLinearSolid
@@ -46,12 +45,10 @@ from .models._conditioned import condition_of as condition_of
 from .models._conditioned import with_condition as with_condition
 from .models._curves import MonotoneCurve as MonotoneCurve
 from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
-from .models._degrading_bouc_wen import DegradingState as DegradingState
 from .models._degrading_bouc_wen import Pinching as Pinching
 from .models._drift import CyclicDrift as CyclicDrift
 from .models._drift import TimeDrift as TimeDrift
 from .models._duhem import DuhemOperator as DuhemOperator
-from .models._duhem import DuhemState as DuhemState
 from .models._extrapolation import extended as extended
 from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge

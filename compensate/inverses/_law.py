@@ -107,6 +107,7 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
             [xp.asarray(self.numbers)[: self.numbers.shape[-1] - own.shape[-1]], own]
         )
         dt = xp.diff(t, prepend=before)
+        dt = xp.where(dt < 0, 0.0, dt)
         found = estimates(Numbers(self.known, m), y, dt, held)
         valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
         latest = xp.where(valid, xp.arange(len(t)), -1).max(initial=-1)

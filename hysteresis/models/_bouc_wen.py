@@ -1,32 +1,22 @@
 """The Bouc-Wen model, integrated exactly along its input's path."""
 
-from typing import Any, NamedTuple
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._law_model import AbstractLawModel
+from .._model import DOUBLE, Tree
 from .._parameter import Scalar, array_module, is_concrete, parameter, parameters
 from .._registry import register
 from ..trees import ROUNDING, node
 
 NODES = 40
-NEWTON_STEPS = 8
-
-
-class BoucWenState(NamedTuple):
-    """The input, and z divided by its largest value, in [-1, 1]."""
-
-    u: Array
-    w: Array
 
 
 @register
-class BoucWen(AbstractSteppedModel[BoucWenState]):
+class BoucWen(AbstractLawModel):
     """Bouc-Wen model: a spring beside one that yields.
 
         y = offset + alpha k x + (1 - alpha) k z
@@ -97,17 +87,6 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
         beta = self.yield_at**-self.n / (1 + self.gamma_over_beta)
         return beta, self.gamma_over_beta * beta
 
-    def init(self, t0: Any = None, u0: Any = None) -> BoucWenState:
-        zero = jnp.zeros_like(self.k)
-        return BoucWenState(zero, zero)
-
-    def step(self, state: BoucWenState, t: Any, u: Any) -> tuple[BoucWenState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        du = u - state.u
-        sign = jnp.where(du < 0, -1.0, 1.0)
-        w = sign * self.after(sign * state.w, sign * du / self.yield_at)
-        return BoucWenState(u, w), self.output(u, w)
-
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
         x, weights = _gauss()
         xp = array_module(self.n)
@@ -122,70 +101,9 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
             {"u": 0.0, "w": 0.0},
         )  # fmt: skip
 
-    def output(self, u: Array, w: Array) -> Float[Array, ""]:
-        """y of the input and z / yield_at."""
-        return self.offset + self.k * (self.alpha * u + (1 - self.alpha) * self.yield_at * w)
-
-    def slope(self, w: Array) -> Float[Array, ""]:
-        """dw/dx yield_at on the way up: positive, and falling on the way."""
-        power = self._power(jnp.abs(w))
-        return jnp.where(w < 0, 1 + self.descent() * power, 1 - power)
-
-    def after(self, w: Array, way: Array) -> Float[Array, ""]:
-        """w after a `way` up, in parts of yield_at: the exact solution of
-
-            dw = (1 - w^n) dx  from 0 up,     dw = (1 + q |w|^n) dx  below 0
-
-        with q = (beta - gamma) / (beta + gamma).
-
-        The way from w to 0 is an integral, H(|w|). Above 0, the substitution 1 - w = e^-v turns it into
-        v / n + G(w): the singular logarithm at w = 1 is v, and G is smooth. Both functions are concave,
-        in v too, so Newton's method converges from one side, whatever it starts from.
-        """
-        powers = jnp.asarray(_gauss()[0], w.dtype) ** (3 * self.n)
-        w_up, down = jnp.where(w < 0, 0.0, w), jnp.where(w < 0, -w, 0.0)
-        rest = way - self._below(down, powers)
-        way_up = jnp.where(w < 0, jnp.maximum(rest, 0.0), way)
-        way_down = jnp.maximum(-rest, 0.0)
-        goal = powers, 1 - w_up, way_up + self._above(w_up, powers), way_down
-
-        # The loop carries no derivative: that of the root is that of one more step from where it is.
-        frozen, fixed, start = jax.lax.stop_gradient((self, goal, (way_up, way_down)))
-        root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, at: frozen._newton(at, fixed), start)
-        v, size = self._newton(root, goal)
-        return jnp.where(rest < 0, -size, 1 - (1 - w_up) * jnp.exp(-v))
-
-    def _newton(
-        self, at: tuple[Array, Array], goal: tuple[Array, Array, Array, Array]
-    ) -> tuple[Array, Array]:
-        """One step to v / n + G(1 - gap e^-v) = wanted_v and to H(size) = wanted_size."""
-        (v, size), (powers, gap, wanted_v, wanted_size) = at, goal
-        left = gap * jnp.exp(-v)
-        some = left > 1e-12
-        by_v = jnp.where(some, self.slope(1 - left) / jnp.where(some, left, 1.0), self.n)
-        by_v, by_size = jax.lax.stop_gradient((by_v, self.slope(-size)))
-        error = v / self.n + self._above(1 - left, powers) - wanted_v
-        return v - error * by_v, size - (self._below(size, powers) - wanted_size) * by_size
-
     def descent(self) -> Scalar:
         """q: how much steeper z is at -yield_at, on the way up, than at 0."""
         return (1 - self.gamma_over_beta) / (1 + self.gamma_over_beta)
-
-    def _below(self, size: Array, powers: Array) -> Array:
-        """Integral of 1 / (1 + q s^n) from 0 to `size`, with s = size x^3."""
-        weights = jnp.asarray(_gauss()[1], size.dtype)
-        return size * jnp.sum(weights / (1 + self.descent() * self._power(size) * powers))
-
-    def _above(self, size: Array, powers: Array) -> Array:
-        """Integral of 1 / (1 - s^n) - 1 / (n (1 - s)) from 0 to `size` <= 1."""
-        x, weights = (jnp.asarray(one, size.dtype) for one in _gauss())
-        smooth = 1 / (1 - self._power(size) * powers) - 1 / (self.n * (1 - size * x**3))
-        return size * jnp.sum(weights * smooth)
-
-    def _power(self, size: Array) -> Array:
-        """size^n; at 0, where that may have no derivative in its base, 0."""
-        some = size > 0
-        return jnp.where(some, jnp.where(some, size, 1.0) ** self.n, 0.0)
 
 
 def check_bounds(model: eqx.Module, **closed: tuple[bool, bool]) -> None:

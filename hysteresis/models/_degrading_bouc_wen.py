@@ -1,13 +1,11 @@
 """The Bouc-Wen model that loses strength and stiffness and slips, integrated by a relaxing Runge-Kutta."""
 
-from typing import Any, NamedTuple
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._law_model import AbstractLawModel
+from .._model import DOUBLE, Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
 from ..trees import ROUNDING, node
@@ -19,25 +17,6 @@ SUBSTEPS = 16
 POSITIVE = (0.0, float("inf"))
 LEAST_SLOPE = 1e-6
 """In parts of k: where there is no more, z gives nothing more either."""
-
-LEAST_SIZE = 1e-30
-"""Of z, for its logarithm: its n-th power is nothing beside 1."""
-
-
-class DegradingState(NamedTuple):
-    """The input, z in parts of yield_at, and the energy eps that went into z."""
-
-    u: Array
-    w: Array
-    energy: Array
-
-
-class Pull(NamedTuple):
-    """What z follows for a while: w' = drive - rate w, energy' = power, per way in parts of yield_at."""
-
-    rate: Array
-    drive: Array
-    power: Array
 
 
 @register
@@ -93,7 +72,7 @@ class Pinching(eqx.Module):
 
 
 @register
-class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
+class DegradingBoucWen(AbstractLawModel):
     """Bouc-Wen model whose yielding spring wears (Bouc-Wen-Baber-Noori):
 
         y = offset + alpha k x + (1 - alpha) k z
@@ -140,22 +119,6 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
     def __check_init__(self) -> None:
         check_bounds(self, strength_loss=(True, False), stiffness_loss=(True, False))
 
-    def init(self, t0: Any = None, u0: Any = None) -> DegradingState:
-        u, w = self.inner.init()
-        return DegradingState(u, w, jnp.zeros_like(w))
-
-    def step(
-        self, state: DegradingState, t: Any, u: Any
-    ) -> tuple[DegradingState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        du = u - state.u
-        sign = jnp.where(du < 0, -1.0, 1.0)
-        way = sign * du / (self.inner.yield_at * SUBSTEPS)
-        # Up and down are mirror images, energy included.
-        start = sign * state.w, state.energy
-        w, energy = jax.lax.fori_loop(0, SUBSTEPS, lambda _, at: self._substep(at, way), start)
-        return DegradingState(u, sign * w, energy), self.inner.output(u, sign * w)
-
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
         inner, slip = self.inner, self.pinching
         losses = {"strength_loss": self.strength_loss, "stiffness_loss": self.stiffness_loss}
@@ -187,45 +150,3 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
         inner = self.inner
         loss = 0.0 if self.strength_loss is None else self.strength_loss
         return jnp.asarray(inner.k * (inner.alpha - (1 - inner.alpha) * loss / inner.n))
-
-    def _substep(self, at: tuple[Array, Array], way: Array) -> tuple[Array, Array]:
-        first = self._pull(at)
-        second = self._pull(_follow(first, at, way / 2))
-        third = self._pull(_follow(second, at, way / 2))
-        last = self._pull(_follow(third, at, way))
-        mean = jax.tree.map(
-            lambda a, b, c, d: (a + 2 * (b + c) + d) / 6, first, second, third, last
-        )
-        return _follow(mean, at, way)
-
-    def _pull(self, at: tuple[Array, Array]) -> Pull:
-        """dw = rate (limit - w) on the way up, with r = w / limit:
-
-        rate = h / (eta limit) (1 - r^n) / (1 - r) from 0 up,    (1 + q |r|^n) / (1 + |r|) below
-        """
-        w, energy = at
-        # Where pinching comes fast, unloading may give back more than went in.
-        spent = jnp.where(energy > 0, energy, 0.0)
-        n, limit, h = self.inner.n, jnp.ones_like(w), jnp.ones_like(w)
-        if self.strength_loss is not None:
-            limit = (1 + self.strength_loss * spent) ** (-1 / n)
-        if self.pinching is not None:
-            h = self.pinching.factor(w, limit, spent)
-        if self.stiffness_loss is not None:
-            h = h / (1 + self.stiffness_loss * spent)
-        size = jnp.abs(w / limit)
-        log = jnp.log(jnp.maximum(size, LEAST_SIZE))
-        apart = jnp.where(log == 0, 1.0, log)
-        above = jnp.where(log == 0, n, jnp.expm1(n * apart) / jnp.expm1(apart))
-        below = (1 + self.inner.descent() * jnp.exp(n * log)) / (1 + size)
-        drive = h * jnp.where(w < 0, below, above)
-        return Pull(drive / limit, drive, w)
-
-
-def _follow(pull: Pull, at: tuple[Array, Array], way: Array) -> tuple[Array, Array]:
-    """w and energy after a way under this pull: exact."""
-    w, energy = at
-    turns = pull.rate * way
-    some = turns > 1e-8
-    share = jnp.where(some, -jnp.expm1(-turns) / jnp.where(some, turns, 1.0), 1 - turns / 2)
-    return w + (pull.drive - pull.rate * w) * way * share, energy + pull.power * way

@@ -1,13 +1,14 @@
 """Duhem's operator with positive slopes: the slope depends on the output and on the direction."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._law_model import AbstractLawModel
+from .._model import DOUBLE, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
@@ -18,15 +19,8 @@ SMALL = 1e-8
 """Of the quantities whose first terms then are a series to rounding."""
 
 
-class DuhemState(NamedTuple):
-    """The input and the output."""
-
-    u: Array
-    y: Array
-
-
 @register
-class DuhemOperator(AbstractSteppedModel[DuhemState]):
+class DuhemOperator(AbstractLawModel):
     """Duhem's operator: the slope of the output depends on the output itself and on the direction.
 
         dy = rising(y) du  while u rises,     dy = falling(y) du  while u falls
@@ -88,17 +82,6 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
                 fix="give a high end above the low one.",
             )
 
-    def init(self, t0: Any = None, u0: Any = None) -> DuhemState:
-        return DuhemState(jnp.zeros_like(self.offset), jnp.asarray(self.offset))
-
-    def step(self, state: DuhemState, t: Any, u: Any) -> tuple[DuhemState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        way = u - state.u
-        slopes = self.slopes(way < 0)
-        y = self._reached(slopes, self._way(slopes, state.y) + way)
-        y = jnp.where(way == 0, state.y, y)
-        return DuhemState(u, y), y
-
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
         """Both directions' slopes, one after the other."""
         both = self.rising, self.falling
@@ -111,15 +94,6 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
             {"u": 0.0, "y": self.offset},
         )  # fmt: skip
 
-    def way_to(self, y: Array, target: Array) -> Array:
-        """The change of the input that brings the output from y to a target."""
-        slopes = self.slopes(target < y)
-        return self._way(slopes, target) - self._way(slopes, y)
-
-    def slopes(self, falls: Array) -> Slopes:
-        """The slopes at the knots, of one direction."""
-        return jnp.where(falls, self.falling, self.rising)
-
     @property
     def _width(self) -> Scalar:
         return (self.high - self.low) / (self.rising.shape[-1] - 1)
@@ -128,30 +102,6 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
         """The input's way to each knot from the first one."""
         each = _integral(slopes[:-1], slopes[1:] / slopes[:-1] - 1, self._width)
         return jnp.concatenate([jnp.zeros_like(each[:1]), jnp.cumsum(each)])
-
-    def _way(self, slopes: Slopes, y: Array) -> Array:
-        """Integral of dy / slope from the first knot to y."""
-        knots, width = self._knots(slopes), self._width
-        cell = jnp.clip(jnp.floor((y - self.low) / width), 0.0, slopes.shape[-1] - 2.0)
-        place = cell.astype(int)
-        inside = jnp.clip(y, self.low, self.high) - (self.low + cell * width)
-        bend = (slopes[place + 1] / slopes[place] - 1) * inside / width
-        within = knots[place] + _integral(slopes[place], bend, inside)
-        below, above = jnp.minimum(y - self.low, 0.0), jnp.maximum(y - self.high, 0.0)
-        return within + below / slopes[0] + above / slopes[-1]
-
-    def _reached(self, slopes: Slopes, way: Array) -> Array:
-        """y after a way from the first knot: the inverse of `_way`."""
-        knots, width = self._knots(slopes), self._width
-        place = jnp.sum(way >= knots[1:-1])
-        inside = jnp.clip(way, 0.0, knots[-1]) - knots[place]
-        x = (slopes[place + 1] - slopes[place]) / width * inside
-        small = jnp.abs(x) < SMALL
-        safe = jnp.where(small, 1.0, x)
-        growth = jnp.where(small, 1 + x / 2, jnp.expm1(safe) / safe)
-        y = self.low + place.astype(way.dtype) * width + slopes[place] * inside * growth
-        below, above = jnp.minimum(way, 0.0), jnp.maximum(way - knots[-1], 0.0)
-        return y + below * slopes[0] + above * slopes[-1]
 
 
 def _integral(slope: Array, bend: Array, length: Scalar) -> Array:

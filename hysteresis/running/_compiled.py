@@ -102,7 +102,7 @@ def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     )
 
 
-_TABLE = 9
+_TABLE = 8
 """The argument of the loops that marks are given."""
 
 

@@ -1,119 +1,99 @@
 """Loops over time, appended to the text of a tree: STATE, take, move, found, move_r, ... are the tree's.
 
 All arguments are addresses and lengths; c are the conditions. m holds `size` reals; from whole(n, STATE) on
-they are the state, which begins again as in `first` at every row of `starts`, a list that ends in -1.
+they are the state. A sequence begins, in the state of `first`, at every row whose dt is not 0 or more: where
+it is NaN at once, where it is negative after that time.
 """
 # pyright: basic, reportUndefinedVariable=false
 
 
 @loop
-def run(m, n, first, size, u, dt, c, starts, rows, y):
-    at = 0
+def run(m, n, first, size, u, dt, c, rows, y):
     for k in range(rows):
-        if k == whole(starts, at):
-            at += 1
+        h = get(dt, k)
+        if not h >= 0.0:
+            h = -h if h < 0.0 else 0.0
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
         take(m, n, get(c, k))
-        put(y, k, move(m, n, get(dt, k), get(u, k)))
+        put(y, k, move(m, n, h, get(u, k)))
 
 
 @loop
-def find(m, n, first, size, y, dt, c, starts, rows, u, status):
-    at = 0
+def find(m, n, first, size, y, dt, c, rows, u, status):
     for k in range(rows):
-        if k == whole(starts, at):
-            at += 1
+        h = get(dt, k)
+        if not h >= 0.0:
+            h = -h if h < 0.0 else 0.0
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
         take(m, n, get(c, k))
-        put(u, k, found(m, n, get(dt, k), get(y, k)))
+        put(u, k, found(m, n, h, get(y, k)))
         put(status, k, 1.0 * status_of(m, n))
 
 
 @loop
-def tangents(
-    m, n, first, size, u, dt, c, starts, rows, t, D, width, columns, dfirst, moved, du, y, dy
-):
+def tangents(m, n, first, size, u, dt, c, rows, t, D, width, columns, dfirst, moved, du, y, dy):
     """D: a row of `width` for every real; dfirst (size, width) its rows of m at first; du (rows, columns),
     tangents of the input, where it is `moved`; dy (rows, columns) those of the output."""
-    at = 0
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
     for k in range(rows):
-        if k == whole(starts, at):
-            at += 1
+        h = get(dt, k)
+        if not h >= 0.0:
+            h = -h if h < 0.0 else 0.0
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
             for i in range(whole(n, STATE) * width, size * width):
                 put(D, LOCALS * width + i, get(dfirst, i))
         if moved:
-            for c in range(columns):
-                put(D, U * width + c, get(du, k * columns + c))
+            for j in range(columns):
+                put(D, U * width + j, get(du, k * columns + j))
         take(m, n, get(c, k))
-        put(y, k, move_r(m, n, t, get(dt, k), get(u, k)))
-        for c in range(columns):
-            put(dy, k * columns + c, get(D, Y * width + c))
+        put(y, k, move_r(m, n, t, h, get(u, k)))
+        for j in range(columns):
+            put(dy, k * columns + j, get(D, Y * width + j))
 
 
 @loop
 def find_tangents(
-    m,
-    n,
-    first,
-    size,
-    y,
-    dt,
-    c,
-    starts,
-    rows,
-    t,
-    D,
-    width,
-    columns,
-    dfirst,
-    moved,
-    dy,
-    u,
-    status,
-    du,
-    kept,
+    m, n, first, size, y, dt, c, rows, t, D, width, columns, dfirst, moved, dy, u, status, du, kept
 ):
     """As `tangents`, of the inverse. One column more is that by the input, of which the output has the
     tangent dy:  du = (dy - rest) / slope.  `kept`: place for two states."""
-    at = 0
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
     for k in range(rows):
-        if k == whole(starts, at):
-            at += 1
+        h = get(dt, k)
+        if not h >= 0.0:
+            h = -h if h < 0.0 else 0.0
             for i in range(whole(n, STATE), size):
                 put(m, i, get(first, i))
             for i in range(whole(n, STATE) * width, size * width):
                 put(D, LOCALS * width + i, get(dfirst, i))
-        for c in range(width):
-            put(D, U * width + c, 1.0 if c == columns else 0.0)
+        for j in range(width):
+            put(D, U * width + j, 1.0 if j == columns else 0.0)
         take(m, n, get(c, k))
         for i in range(whole(n, STATE), size):
             put(kept, i, get(m, i))
-        x = found(m, n, get(dt, k), get(y, k))
+        x = found(m, n, h, get(y, k))
         put(u, k, x)
         put(status, k, 1.0 * status_of(m, n))
         # Marks are those of the move to that input; numbers stay as the search has left them.
         for i in range(whole(n, STATE), size):
             put(kept, size + i, get(m, i))
             put(m, i, get(kept, i))
-        move_r(m, n, t, get(dt, k), x)
+        move_r(m, n, t, h, x)
         slope = get(D, Y * width + columns)
-        for c in range(columns):
-            wanted = get(dy, k * columns + c) if moved else 0.0
-            rest = wanted - get(D, Y * width + c)
-            put(du, k * columns + c, rest / slope if slope != 0.0 else 0.0)
+        for j in range(columns):
+            wanted = get(dy, k * columns + j) if moved else 0.0
+            rest = wanted - get(D, Y * width + j)
+            put(du, k * columns + j, rest / slope if slope != 0.0 else 0.0)
         for i in range(whole(n, STATE), size):
             put(m, i, get(kept, size + i))
             row = (LOCALS + i) * width
             by_input = get(D, row + columns)
             if by_input != 0.0:
-                for c in range(columns):
-                    put(D, row + c, get(D, row + c) + by_input * get(du, k * columns + c))
+                for j in range(columns):
+                    put(D, row + j, get(D, row + j) + by_input * get(du, k * columns + j))
                 put(D, row + columns, 0.0)

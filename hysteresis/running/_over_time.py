@@ -37,15 +37,15 @@ class Tangents(NamedTuple):
     columns: np.ndarray
 
 
-def run(numbers: Numbers, x: Any, dt: Any, starts: Any = (0,)) -> Ran:
+def run(numbers: Numbers, x: Any, dt: Any) -> Ran:
     """Outputs at every input, (rows,) or, with a condition, (rows, 2), dt after the row before. A sequence
-    begins at each of `starts`."""
-    return _over_time("run", numbers, _rows(x, dt, starts))
+    begins where dt is NaN, or negative: so long after the first state."""
+    return _over_time("run", numbers, _rows(x, dt))
 
 
-def find(numbers: Numbers, y: Any, dt: Any, starts: Any = (0,)) -> Ran:
+def find(numbers: Numbers, y: Any, dt: Any) -> Ran:
     """The inputs behind outputs."""
-    return _over_time("find", numbers, _rows(y, dt, starts))
+    return _over_time("find", numbers, _rows(y, dt))
 
 
 def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
@@ -60,12 +60,10 @@ def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
         done, taken = advance(wanted, numbers, m, rows, outputs, left)
         _spent[key] = _spent.get(key, 0.0) + taken
     if done < count:
-        rest = Rows(
-            *(column[done:] for column in rows[:3]), rows.starts[rows.starts >= done] - done
-        )
+        rest = Rows(*(column[done:] for column in rows))
         loop_of(*key)(
-            m, numbers.known.n, first, len(m), rest.x, rest.dt, rest.condition, np.append(rest.starts, -1),
-            count - done, *(column[done:] for column in outputs),
+            m, numbers.known.n, first, len(m), rest.x, rest.dt, rest.condition, count - done,
+            *(column[done:] for column in outputs),
         )  # fmt: skip
     return Ran(value, status.astype(int), m)
 
@@ -76,13 +74,12 @@ def tangents(
     x: Any,
     dt: Any,
     dx: np.ndarray | None = None,
-    starts: Any = (0,),
     *,
     inverse: bool = False,
 ) -> Tangents:
     """Outputs, or with `inverse` inputs, and their tangents: dm (numbers, columns) and dx (rows, columns)
     are those of the numbers, and of what is given."""
-    first, m, rows = _own(numbers.m), np.array(numbers.m, float), _rows(x, dt, starts)
+    first, m, rows = _own(numbers.m), np.array(numbers.m, float), _rows(x, dt)
     (size, columns), count = dm.shape, len(rows.x)
     width = -(-(columns + inverse) // WIDE) * WIDE
     D, dfirst = np.zeros((reals_of(numbers.known.structure) + size, width)), np.zeros((size, width))
@@ -91,17 +88,17 @@ def tangents(
     given = np.zeros((1, 1)) if dx is None else _own(dx)
     outputs = (value, status, found, np.empty(2 * size)) if inverse else (value, found)
     loop_of(numbers.known.structure, "find_tangents" if inverse else "tangents")(
-        m, numbers.known.n, first, size, rows.x, rows.dt, rows.condition, np.append(rows.starts, -1), count,
+        m, numbers.known.n, first, size, rows.x, rows.dt, rows.condition, count,
         table_of(D), D, width, columns, dfirst, int(dx is not None), given, *outputs,
     )  # fmt: skip
     return Tangents(value, status.astype(int), found)
 
 
-def _rows(x: Any, dt: Any, starts: Any) -> Rows:
+def _rows(x: Any, dt: Any) -> Rows:
     """Without a condition the input stands in its place, where nothing looks at it."""
     x = np.asarray(x, float)
     own, condition = (x[:, 0], x[:, 1]) if x.ndim == 2 else (x, x)
-    return Rows(_own(own), _own(dt), _own(condition), np.asarray(starts, np.int64))
+    return Rows(_own(own), _own(dt), _own(condition))
 
 
 def _own(x: Any) -> np.ndarray:

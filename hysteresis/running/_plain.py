@@ -15,13 +15,11 @@ SOME = 64
 
 
 class Rows(NamedTuple):
-    """What is run through: inputs or readings, times since the row before, conditions, and where sequences
-    start."""
+    """What is run through: inputs or readings, times since the row before, and conditions."""
 
     x: np.ndarray
     dt: np.ndarray
     condition: np.ndarray
-    starts: np.ndarray
 
 
 def advance(
@@ -35,7 +33,6 @@ def advance(
     """Run ("run") or invert ("find") from m on until the rows or the seconds are used up: how many rows, and
     how long they took. m moves on with them."""
     begun, done, count = perf_counter(), 0, len(rows.x)
-    starts = set(rows.starts.tolist())
     opened = _open(numbers, m)
     step, said = _step(opened.node, wanted), opened.node.status
     for first in range(0, count, SOME):
@@ -46,7 +43,8 @@ def advance(
         for k, (x, dt, c) in enumerate(
             zip(*(column.tolist() for column in table), strict=True), first
         ):
-            if k in starts:
+            if not dt >= 0.0:
+                dt = -dt if dt < 0.0 else 0.0
                 opened = _open(numbers, numbers.m)
                 step, said = _step(opened.node, wanted), opened.node.status
             for take in opened.takes:

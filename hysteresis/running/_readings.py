@@ -61,7 +61,7 @@ def _valid(y: Any, dt: Any) -> _Valid:
         until = np.append(0.0, np.cumsum(passed))
         passed = np.diff(until[rows + 1], prepend=0.0)
     if len(rows) and np.isnan(dt[0]):
-        passed[0] = 0.0
+        passed[0] = np.nan
     order = np.cumsum(finite) - 1
     return _Valid(rows, y[rows], passed, np.where(latest < 0, -1, order[latest]))
 

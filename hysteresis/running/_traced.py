@@ -25,15 +25,13 @@ _EACH = "expand_dims"
 """Of `vmap`: what all lanes share has one."""
 
 
-def outputs(
-    numbers: Numbers, x: Any, dt: Any, starts: tuple[int, ...] = (0,)
-) -> over_time.Ran | tuple[Any, Any]:
+def outputs(numbers: Numbers, x: Any, dt: Any) -> over_time.Ran | tuple[Any, Any]:
     """Outputs of a tree at the inputs x, (rows,) or (rows, 2), and the numbers m after the last one."""
     given = numbers.m, x, dt
     if all(map(is_concrete, given)):
-        found = over_time.run(numbers, x, dt, starts)
+        found = over_time.run(numbers, x, dt)
         return found.value, found.m
-    return _outputs(numbers.known, starts)(*(jnp.asarray(z, float) for z in given))
+    return _outputs(numbers.known)(*(jnp.asarray(z, float) for z in given))
 
 
 def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> readings.Estimated:
@@ -47,13 +45,13 @@ def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> readings.Estimate
 
 
 @cache
-def _outputs(known: Known, starts: tuple[int, ...]) -> Callable[..., Any]:
+def _outputs(known: Known) -> Callable[..., Any]:
     def run(m: Any, x: Any, dt: Any) -> Any:
-        found = over_time.run(Numbers(known, m), x, dt, starts)
+        found = over_time.run(Numbers(known, m), x, dt)
         return found.value, found.m
 
     def tangents(dm: Any, m: Any, x: Any, dt: Any, dx: Any) -> Any:
-        return over_time.tangents(Numbers(known, m), dm, x, dt, dx, starts).columns
+        return over_time.tangents(Numbers(known, m), dm, x, dt, dx).columns
 
     return _differentiable(known, run, tangents)
 

@@ -1,0 +1,128 @@
+"""Models that are their laws: everything over time runs the text of `hysteresis/laws`."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._errors import InputError
+from ._model import AbstractModel, Series, Tree
+from ._parameter import is_concrete
+from ._precision import in_own_precision
+from .running import Numbers, numbers_of, outputs
+
+OWN = 0
+"""Reversals that a Preisach model remembers: as many as it says itself."""
+
+
+class LawState(NamedTuple):
+    """What the laws remember, and the time of the last sample: NaN before the first, and without a clock."""
+
+    numbers: Float[Array, " state"]
+    t: Float[Array, ""]
+
+
+class LawInput(NamedTuple):
+    """Inputs, times since the samples before (NaN or negative where a sequence begins), and the state in
+    which sequences begin."""
+
+    u: Float[Array, " samples *condition"]
+    dt: Float[Array, " samples"]
+    state: LawState
+
+
+class AbstractLawModel(AbstractModel[LawState, LawInput]):
+    """A model that is a tree of laws: `tree` says which, with which numbers, and all else follows from it.
+
+    Outputs have exact derivatives by the parameters, forwards and backwards, and by inputs forwards.
+    """
+
+    @property
+    def needs_time(self) -> bool:
+        """Whether outputs depend on the rate."""
+        return False
+
+    def init(self, t0: Any = None, u0: Any = None) -> LawState:
+        known, m = self._numbers()
+        t = jnp.asarray(jnp.nan if t0 is None else t0, float)
+        return LawState(jnp.asarray(m[len(m) - known.states :], float), t)
+
+    def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
+        if t is None:
+            self._require_time()
+        now = state.t if t is None else jnp.asarray(t, float)
+        dt = jnp.zeros(()) if t is None else now - state.t
+        y, after = self._run(jnp.asarray(u, float)[None], dt[None], state.numbers)
+        return LawState(after, now), y[0]
+
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: LawState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> LawInput:
+        if t is None:
+            self._require_time()
+        state = self.init() if state is None else state
+        xp: Any = np if all(map(is_concrete, (t, u, state.t))) else jnp
+        u, first = xp.asarray(u, float), np.asarray(starts)
+        times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
+        dt = xp.diff(times, prepend=times[:1])
+        since = xp.where(xp.isnan(xp.asarray(state.t)), xp.nan, -(times[first] - state.t))
+        begin = since if t is not None else xp.full(first.shape, xp.nan)
+        if xp is np:
+            dt[first] = begin
+        else:
+            dt = dt.at[first].set(begin)
+        return LawInput(jnp.asarray(u), jnp.asarray(dt), state)
+
+    def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
+        return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
+
+    @in_own_precision
+    def simulate(
+        self,
+        t: Series | None,
+        u: Series,
+        state: LawState | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Float[Array, " samples"]:
+        """`evaluate(prepare(t, u, state, starts=starts))`."""
+        return self.evaluate(self.prepare(t, u, state, starts=starts))
+
+    @in_own_precision
+    def stream(
+        self, t: Series | None, u: Series, state: LawState | None = None
+    ) -> tuple[LawState, Float[Array, " samples"]]:
+        """`step` over all samples, at once: (state after the last one, outputs)."""
+        prepared = self.prepare(t, u, state)
+        y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
+        last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]
+        return LawState(after, last), y
+
+    def forwards(self) -> Tree:
+        """The laws from input to output, without what only a search for the input needs."""
+        return self.tree(depth=OWN)
+
+    def _numbers(self) -> Numbers:
+        return numbers_of(self.forwards())
+
+    def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
+        known, m = self._numbers()
+        known_now = all(map(is_concrete, (m, state)))
+        xp: Any = np if known_now else jnp
+        m = xp.concatenate([xp.asarray(m)[: len(m) - known.states], xp.asarray(state)])
+        y, after = outputs(Numbers(known, m), u, dt)
+        return jnp.asarray(y), jnp.asarray(after[len(m) - known.states :])
+
+    def _require_time(self) -> None:
+        if self.needs_time:
+            raise InputError(
+                "no-time",
+                f"{type(self).__name__} depends on the rate, and this record has no time.",
+                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+            )
