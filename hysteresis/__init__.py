@@ -1,83 +1,25 @@
-"""What a material or a sensor does: models with memory, records of measurements, virtual rigs."""
+"""What a material or a sensor does: models with memory, records of measurements, virtual rigs.
+
+`hysteresis.laws` runs without JAX, so each name loads its file when it is first used.
+"""
 
 # hysid:own-package, which hysid/_packages.py looks for
 
-from . import _start_values as _start_values  # registers where our own fits start
-from ._drawing import html_of as html_of
-from ._drawing import plot_of as plot_of
-from ._errors import InputError as InputError
-from ._model import AbstractModel as AbstractModel
-from ._model import AbstractSteppedModel as AbstractSteppedModel
-from ._note import Note as Note
-from ._parameter import ParameterInfo as ParameterInfo
-from ._parameter import Scalar as Scalar
-from ._parameter import is_concrete as is_concrete
-from ._parameter import parameter as parameter
-from ._parameter import parameter_at as parameter_at
-from ._parameter import parameters as parameters
-from ._quantities import Units as Units
-from ._quantities import conversion as conversion
-from ._quantities import with_units as with_units
-from ._registry import model_names as model_names
-from ._registry import register as register
-from .dynamics._coupled import CoupledOscillators as CoupledOscillators
-from .dynamics._coupled import CoupledState as CoupledState
-from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
-from .dynamics._input_force import InputForce as InputForce
-from .dynamics._input_force import input_force as input_force
-from .dynamics._oscillator import Oscillator as Oscillator
-from .dynamics._oscillator import OscillatorState as OscillatorState
-from .dynamics._rate_form import AbstractRateForm as AbstractRateForm
-from .dynamics._rate_form import BoucWenForce as BoucWenForce
-from .dynamics._rate_form import DuhemForce as DuhemForce
-from .dynamics._rate_form import RateState as RateState
-from .dynamics._recorder import decimated as decimated
-from .dynamics._recorder import interpolated as interpolated
-from .dynamics._recorder import stages_of as stages_of
-from .models._bouc_wen import BoucWen as BoucWen
-from .models._bouc_wen import BoucWenState as BoucWenState
-from .models._burgers import Burgers as Burgers
-from .models._burgers import BurgersState as BurgersState
-from .models._burgers import StandardLinearSolid as StandardLinearSolid
-from .models._channel_map import ChannelMap as ChannelMap
-from .models._compose import Scaled as Scaled
-from .models._compose import Series as Series
-from .models._compose import Sum as Sum
-from .models._conditioned import Conditioned as Conditioned
-from .models._conditioned import condition_of as condition_of
-from .models._conditioned import with_condition as with_condition
-from .models._curves import MonotoneCurve as MonotoneCurve
-from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
-from .models._degrading_bouc_wen import DegradingState as DegradingState
-from .models._degrading_bouc_wen import Pinching as Pinching
-from .models._drift import CyclicDrift as CyclicDrift
-from .models._drift import TimeDrift as TimeDrift
-from .models._duhem import DuhemOperator as DuhemOperator
-from .models._duhem import DuhemState as DuhemState
-from .models._extrapolation import extended as extended
-from .models._foam_curve import FoamCurve as FoamCurve
-from .models._linear_sponge import LinearSponge as LinearSponge
-from .models._modulated_stops import ModulatedStops as ModulatedStops
-from .models._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
-from .models._prandtl_ishlinskii import PlayState as PlayState
-from .models._prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii
-from .models._prony import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
-from .models._prony import GeneralizedMaxwell as GeneralizedMaxwell
-from .models._softening import Softening as Softening
-from .models._velocity_friction import VelocityFriction as VelocityFriction
-from .models._viscoelastic import AbstractViscoelastic as AbstractViscoelastic
-from .models._viscoelastic import ViscoelasticState as ViscoelasticState
-from .numerics._recurrence import linear_recurrence as linear_recurrence
-from .numerics._squared_exponential import Kernel as Kernel
-from .preisach import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
-from .preisach import MovingPreisach as MovingPreisach
-from .preisach import OutputDependentPreisach as OutputDependentPreisach
-from .preisach import Preisach as Preisach
-from .records._csv import parse_condition as parse_condition
-from .records._csv import read_csv as read_csv
-from .records._data_warnings import loop_direction as loop_direction
-from .records._excitation import check_identifiable as check_identifiable
-from .records._read_table import read_table as read_table
-from .records._record import Record as Record
-from .records._row_blocks import row_blocks as row_blocks
-from .records._table import Table as Table
+from importlib import import_module
+from typing import Any
+
+from ._lazy import homes as _homes
+
+_HOME = _homes(__file__)
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(_HOME[name], __name__)
+    return globals().setdefault(name, getattr(module, name, module))
+
+
+def __dir__() -> list[str]:
+    return __all__

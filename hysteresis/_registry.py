@@ -12,6 +12,8 @@ import difflib
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar, overload
 
@@ -73,6 +75,15 @@ _BY_CLASS: dict[str, Registered] = {}
 _BY_NAME: dict[str, Registered] = {}
 
 
+@cache
+def _load_ours() -> None:
+    """Import the files of this package, which register their classes and say where fits of them start."""
+    package = import_module("hysteresis")
+    for name in package.__all__:
+        getattr(package, name)
+    import_module("hysteresis._start_values")
+
+
 @overload
 def register(model: Class, /, guess: Guess | None = None, name: str | None = None) -> Class: ...
 
@@ -117,7 +128,10 @@ def register(model: Any = None, /, guess: Guess | None = None, name: str | None 
             f"{model!r} cannot be registered.",
             fix="register a class that is not abstract, of a model or of a part with fields.",
         )
-    key, known = class_key(model), _BY_CLASS.get(class_key(model))
+    key = class_key(model)
+    if key.partition(":")[0] not in OURS:
+        _load_ours()
+    known = _BY_CLASS.get(key)
     if known is not None and not _is_same(known.kind, model):
         raise _taken(key, known.kind)
     if known is not None:
@@ -149,6 +163,7 @@ def model_names() -> tuple[str, ...]:
         >>> "Burgers" in hysteresis.model_names()
         True
     """
+    _load_ours()
     ours = [entry.name for entry in _BY_NAME.values() if entry.can_start]
     known = {name.casefold() for name in ours}
     return (*ours, *(p.name for p in _entry_points() if p.name.casefold() not in known))
@@ -156,6 +171,7 @@ def model_names() -> tuple[str, ...]:
 
 def known_models() -> tuple[Registered, ...]:
     """Every registered model, whether a fit can start from its name or not."""
+    _load_ours()
     return tuple(_BY_NAME.values())
 
 
@@ -164,6 +180,7 @@ def find_model(name: str) -> Registered | None:
 
     Raises `InputError` where its distribution cannot be imported.
     """
+    _load_ours()
     known = _BY_NAME.get(name.casefold())
     if known is not None:
         return known
@@ -175,6 +192,7 @@ def find_model(name: str) -> Registered | None:
 
 def registered(kind: type) -> Registered | None:
     """What is registered of this very class; None where it is not."""
+    _load_ours()
     known = _BY_CLASS.get(class_key(kind))
     return known if known is not None and known.kind is kind else None
 
@@ -186,6 +204,7 @@ def class_of(key: str) -> type:
 
     Raises `InputError` `unknown-model` for a class that is not registered.
     """
+    _load_ours()
     package, colon, name = key.rpartition(":")
     keys = [key] if colon else [f"{ours}:{name}" for ours in OURS]
     for found in filter(None, map(_BY_CLASS.get, keys)):

@@ -8,8 +8,9 @@ from functools import cache
 from types import FrameType
 from typing import NamedTuple
 
+from hysteresis.laws import _search, module_of
+
 from ..runtime._compensator import Compensator
-from ..runtime._elements import _search, module_of
 from ..runtime._tree import KINDS, Tree
 from ._operation_count import CALL, OF_A_NODE, own_operations
 

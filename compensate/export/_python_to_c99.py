@@ -12,8 +12,7 @@ from typing import Any
 
 from hysteresis import InputError
 from hysteresis._escape import c_comment
-
-from ..runtime._elements import _codes, module_of
+from hysteresis.laws import _codes, module_of
 
 _INDENT = "    "
 _OPERATORS = {
@@ -40,7 +39,7 @@ class Expression:
 
 @dataclass
 class Element:
-    """A module of `runtime._elements` in C: names begin with `stem` and `kind`, numbers are `real`."""
+    """A module of `hysteresis.laws` in C: names begin with `stem` and `kind`, numbers are `real`."""
 
     module: ModuleType
     stem: str

@@ -85,7 +85,7 @@ class Recursion(NamedTuple):
 
 
 class Settings(eqx.Module):
-    """What a recursion starts from and is judged by; see `compensate.runtime._adaptation.adaptive`."""
+    """What a recursion starts from and is judged by; see `hysteresis.laws.adaptive`."""
 
     zero: Float[Array, ""]
     nominal: Float[Array, " parts"]

@@ -6,8 +6,9 @@ from functools import partial
 from math import nan
 from typing import Any, NamedTuple, get_type_hints
 
-from ._elements import module_of
-from ._elements._codes import OK
+from hysteresis.laws import module_of
+from hysteresis.laws._codes import OK
+
 from ._shape import check_fields
 
 Function = Callable[[float, float], float]
@@ -46,7 +47,7 @@ class Guard(NamedTuple):
 
 
 def guard_of(tree: Tree) -> Guard:
-    """The guard of a file, see `_elements/guard.py`."""
+    """The guard of a file, see `hysteresis/laws/guard.py`."""
     element: Any = module_of("guard")
     p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
     return Guard(partial(element.limited, p, s), s, tree["beyond"] == "nan")

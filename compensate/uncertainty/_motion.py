@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from hysteresis.laws.error import ANY_MOTION
+
 from .._contract import Status
-from ..runtime._elements.error import ANY_MOTION
 
 NEAR = 0.15
 """Part of the trained range by which a reversal has to be away from those seen for half of the growth."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis.laws._codes import EXTRAPOLATED, FLAT, OK
 
-from ...runtime._elements._codes import EXTRAPOLATED, FLAT, OK
 from ...runtime._file import LONGEST
 from ...runtime._status import Status
 from ...runtime._tree import begun

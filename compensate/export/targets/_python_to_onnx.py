@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis.laws import _codes
 
-from ...runtime._elements import _codes
 from .._python_to_c99 import Element, Function, element
 from ._onnx_graph import TYPES, Graph, Value
 

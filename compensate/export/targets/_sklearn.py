@@ -2,21 +2,15 @@
 
 from pathlib import Path
 
+from hysteresis import laws
+
 from ...runtime import _file
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 
 RUNTIME = Path(_file.__file__).parent
-MODULES = (
-    "_compensator.py",
-    "_file.py",
-    "_shape.py",
-    "_status.py",
-    "_tree.py",
-    "_elements/*.py",
-    "_adaptation/*.py",
-    "_operators/*.py",
-)
+MODULES = ("_compensator.py", "_file.py", "_shape.py", "_status.py", "_tree.py")
+LAWS = Path(laws.__file__).parent
 
 
 def sklearn(program: Program, out: Path, real: str) -> Exported:
@@ -28,8 +22,9 @@ def sklearn(program: Program, out: Path, real: str) -> Exported:
     made.files["runtime/__init__.py"] = (
         '"""As much of compensate.runtime as a compensator needs."""\n'
     )
-    for pattern in MODULES:
-        for file in sorted(RUNTIME.glob(pattern)):
-            made.files[f"runtime/{file.relative_to(RUNTIME)}"] = file.read_text("utf-8")
+    for file in (*map(RUNTIME.joinpath, MODULES), *sorted(LAWS.glob("*.py"))):
+        name = file.name if file.parent == RUNTIME else f"laws/{file.name}"
+        text = file.read_text("utf-8").replace("from hysteresis.laws", "from .laws")
+        made.files[f"runtime/{name}"] = text
     made.add_runtime()
     return Exported(made.write_folder(out), (*program.notes, *made.notes))

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from math import fabs, log, sqrt
 from typing import Any
 
-from .._elements._codes import SATURATED, Reals
-from .._elements.sum import is_there as is_there
-from .._elements.sum import sought as sought
+from ._codes import SATURATED, Reals
+from .sum import is_there as is_there
+from .sum import sought as sought
 
 
 class Parameters:

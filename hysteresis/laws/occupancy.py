@@ -1,7 +1,7 @@
 """Relays that are up before the first sample: what they add until the input has visited them."""
 
-from .._elements._codes import Reals
-from .._elements._search import cell_of
+from ._codes import Reals
+from ._search import cell_of
 
 
 class Parameters:

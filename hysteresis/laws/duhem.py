@@ -2,7 +2,7 @@
 
 from math import expm1, log1p
 
-from .._elements._codes import OK, Reals
+from ._codes import OK, Reals
 
 
 class Parameters:

@@ -2,7 +2,7 @@
 
 from math import exp, expm1, fabs, log
 
-from .._elements._codes import OK, SATURATED, Reals
+from ._codes import OK, SATURATED, Reals
 
 
 class Parameters:

@@ -1,6 +1,6 @@
 """A mass on a spring, a damper and a hysteretic force, by Newmark's method: force in, displacement out."""
 
-from .._elements._codes import OK, Reals
+from ._codes import OK, Reals
 
 
 class Parameters:

@@ -2,7 +2,7 @@
 
 from math import exp
 
-from .._elements._codes import Reals
+from ._codes import Reals
 
 
 class Parameters:

@@ -16,21 +16,7 @@ included.
 from importlib import import_module
 from types import ModuleType
 
-HOMES = {"adaptive": "_adaptation"} | dict.fromkeys(
-    (
-        "bouc_wen",
-        "dead_band",
-        "degrading_bouc_wen",
-        "duhem",
-        "occupancy",
-        "oscillator",
-        "time_drift",
-    ),
-    "_operators",
-)
-"""Folders of the elements that are not in this one."""
-
 
 def module_of(kind: str) -> ModuleType:
     """The file of an element."""
-    return import_module(f"..{HOMES.get(kind, '_elements')}.{kind}", __package__)
+    return import_module(f".{kind}", __package__)

@@ -1,1 +1,0 @@
-"""Elements that change while they run, written as those of `compensate.runtime._elements` are."""
