@@ -17,7 +17,7 @@ OWN = 0
 
 
 class LawState(NamedTuple):
-    """What the laws remember, and the time of the last sample: NaN before the first, and without a clock."""
+    """What the laws remember, and the time of the last sample: NaN before the first one."""
 
     numbers: Float[Array, " state"]
     t: Float[Array, ""]

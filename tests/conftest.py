@@ -32,12 +32,9 @@ os.environ["MPLBACKEND"] = "Agg"  # no window, no display
 _PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 if early := set(_PACKAGES) & set(sys.modules):
     raise RuntimeError(f"{sorted(early)} imported before their types could be checked")
-# `compensate.runtime` has no arrays, and its steps would take ten times as long.
-install(
-    lambda name: (
-        name.split(".")[0] in _PACKAGES and name.split(".")[:2] != ["compensate", "runtime"]
-    )
-)
+# Laws and `compensate.runtime`, which runs them, have no arrays, and steps would take ten times as long.
+_PLAIN = (["compensate", "runtime"], ["hysteresis", "laws"])
+install(lambda name: name.split(".")[0] in _PACKAGES and name.split(".")[:2] not in _PLAIN)
 
 import jax  # noqa: E402
 from jax._src.interpreters import mlir  # noqa: E402

@@ -100,19 +100,19 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         """All readings at once: the state after them, and the estimates."""
         xp: Any = np if all(map(is_concrete, (t, y, *state, self.numbers))) else jnp
         y, (own, before, held) = xp.asarray(y), (xp.asarray(x) for x in state)
-        t = xp.zeros(y.shape[:1]) if t is None else xp.asarray(t, y.dtype)
+        times: Any = xp.zeros(y.shape[:1]) if t is None else xp.asarray(t, y.dtype)
         if xp is np:
-            self._check_steps(t)
+            self._check_steps(times)
         m = xp.concatenate(
             [xp.asarray(self.numbers)[: self.numbers.shape[-1] - own.shape[-1]], own]
         )
-        dt = xp.diff(t, prepend=before)
+        dt = xp.diff(times, prepend=before)
         dt = xp.where(dt < 0, 0.0, dt)
         found = estimates(Numbers(self.known, m), y, dt, held)
         valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
-        latest = xp.where(valid, xp.arange(len(t)), -1).max(initial=-1)
-        last = xp.where(latest < 0, before, t[latest] if len(t) else before)
-        held = found.value[-1] if len(t) else held
+        latest = xp.where(valid, xp.arange(len(times)), -1).max(initial=-1)
+        last = xp.where(latest < 0, before, times[latest] if len(times) else before)
+        held = found.value[-1] if len(times) else held
         after = LawState(*(jnp.asarray(x) for x in (found.m[-own.shape[-1] :], last, held)))
         status = found.status
         if (conditioned := condition_of(self.model)) is not None:

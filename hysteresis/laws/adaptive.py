@@ -1,6 +1,8 @@
 """A sum of parts whose zero and weights are learnt, while it runs, from inputs that are known at times.
 
 sign y = zero + drift t + sum of weight_k part_k + noise, where it is `floored` the sum not below 0
+
+Source: Kulhavy 1987 (restricted exponential forgetting), Page 1954 and Lorden 1971 (the alarm).
 """
 
 from collections.abc import Callable

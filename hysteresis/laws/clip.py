@@ -1,4 +1,7 @@
-"""The input itself between two limits, and the nearer of them beyond."""
+"""The input itself between two limits, and the nearer of them beyond.
+
+y = min(max(u, low), high)
+"""
 
 from ._codes import FLAT, OK, SATURATED
 

@@ -1,4 +1,9 @@
-"""A play in front of what it is followed by: inputs that move by less than its width are held."""
+"""A play in front of what it is followed by: inputs that move by less than its width are held.
+
+held = min(max(held before, u - width), u + width), which is what follows takes
+
+Source: Krasnosel'skii and Pokrovskii 1989, for the play.
+"""
 
 
 class Parameters:

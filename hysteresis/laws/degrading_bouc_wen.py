@@ -1,4 +1,7 @@
-"""The Bouc-Wen model that loses strength and stiffness and slips, in substeps along the input's path."""
+"""The Bouc-Wen model that loses strength and stiffness and slips, in substeps along the input's path.
+
+Source: Baber and Wen, J. Eng. Mech. Div. 107 (1981); pinching: Foliente, J. Struct. Eng. 121 (1995).
+"""
 
 from math import exp, expm1, fabs, log
 

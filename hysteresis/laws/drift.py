@@ -1,4 +1,7 @@
-"""A drift with the path travelled, different from place to place."""
+"""A drift with the path travelled, different from place to place.
+
+Source: Diani, Fayolle and Gilormini, European Polymer Journal 45 (2009), for the logarithm of cycles.
+"""
 
 from math import fabs, log1p
 

@@ -1,4 +1,7 @@
-"""Duhem's operator: the slope of the output depends on the output and on the direction of the input."""
+"""Duhem's operator: the slope of the output depends on the output and on the direction of the input.
+
+Source: Duhem 1897; Macki, Nistri and Zecca 1993.
+"""
 
 from math import expm1, log1p
 

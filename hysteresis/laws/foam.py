@@ -1,4 +1,7 @@
-"""Force over compression of a foam: toe, linear part, plateau, densification."""
+"""Force over compression of a foam: toe, linear part, plateau, densification.
+
+Source: Gibson and Ashby, Cellular Solids (1997), for the stages; the rounded passages are ours.
+"""
 
 from math import asinh, sqrt
 

@@ -1,4 +1,7 @@
-"""Viscous and Coulomb friction that depend on the place, with a filtered velocity."""
+"""Viscous and Coulomb friction that depend on the place, with a filtered velocity.
+
+Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994), without the Stribeck fall.
+"""
 
 from math import exp, tanh
 

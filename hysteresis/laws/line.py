@@ -1,4 +1,7 @@
-"""A line above a threshold: the linear sponge."""
+"""A line above a threshold: the linear sponge.
+
+Source: Tsuji 2014, equation (8).
+"""
 
 from ._codes import BELOW_THRESHOLD, OK
 

@@ -1,4 +1,9 @@
-"""The moving Preisach model: the output adds to the input."""
+"""The moving Preisach model: the output adds to the input.
+
+y = f[u + feedback y], f the inner model
+
+Source: Della Torre 1966.
+"""
 
 from ._codes import SATURATED
 

@@ -1,4 +1,7 @@
-"""A mass on a spring, a damper and a hysteretic force, by Newmark's method: force in, displacement out."""
+"""A mass on a spring, a damper and a hysteretic force, by Newmark's method: force in, displacement out.
+
+Source: Newmark 1959.
+"""
 
 from ._codes import OK, Reals
 

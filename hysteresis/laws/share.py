@@ -1,4 +1,7 @@
-"""The share of a model of one value of a condition: 1 there, and straight to 0 at the next values."""
+"""The share of a model of one value of a condition: 1 there, and straight to 0 at the next values.
+
+y = share f[u], f the inner model
+"""
 
 from math import log
 

@@ -1,4 +1,7 @@
-"""First-cycle conditioning: what an input has never reached is stiffer than what it has."""
+"""First-cycle conditioning: what an input has never reached is stiffer than what it has.
+
+Source: Ogden and Roxburgh, Proc. R. Soc. A 455 (1999), for the largest deformation so far.
+"""
 
 from math import exp
 

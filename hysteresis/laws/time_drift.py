@@ -1,4 +1,7 @@
-"""A drift with the time since the first sample, as of a zero that warms up."""
+"""A drift with the time since the first sample, as of a zero that warms up.
+
+Source: Doebelin, Measurement Systems (2003), for the response to a step of temperature.
+"""
 
 from math import exp
 

@@ -1,7 +1,7 @@
 """Loops over time, appended to the text of a tree: STATE, take, move, found, move_r, ... are the tree's.
 
-All arguments are addresses and lengths; c are the conditions. m holds `size` reals; from whole(n, STATE) on
-they are the state. A sequence begins, in the state of `first`, at every row whose dt is not 0 or more: where
+All arguments are addresses and lengths; c are the conditions. m holds `size` reals, from whole(n, STATE) on
+the state. A sequence begins, in the state of `first`, at every row whose dt is not 0 or more: where
 it is NaN at once, where it is negative after that time.
 """
 # pyright: basic, reportUndefinedVariable=false

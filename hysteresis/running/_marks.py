@@ -6,10 +6,10 @@ A mark says which real became something (its number), and by which factors it no
 What becomes of it is not decided here: `_memory.py` adds up tangents at once. Numbers of locals come first,
 then those of m: LOCALS + address.
 
-A real has a number only where it can depend on something that is asked for: `constant` parameters and what is
-made of them have none. A loop with the comment "settles" finds a root by Newton's method. It runs without
-marks, and then its body once more with them: the derivative of a root is that of one step from there, because
-a step there changes nothing else (implicit function theorem).
+A real has a number only where it can depend on something that is asked for: `constant` parameters and what
+is made of them have none. A loop with the comment "settles" finds a root by Newton's method. It runs
+without marks, and then its body once more with them: the derivative of a root is that of one step from
+there, because a step there changes nothing else (implicit function theorem).
 """
 
 import ast
@@ -164,7 +164,8 @@ class _Recording(Function):
         number = f"LOCALS + {self.address(e)}"
         if isinstance(base, ast.Name):  # an array that has a name here, of whatever structure
             return ("", "array"), number
-        assert isinstance(base, ast.Attribute) and isinstance(base.value, ast.Name)
+        assert isinstance(base, ast.Attribute)
+        assert isinstance(base.value, ast.Name)
         return (self.of.kind, f"{self.kinds[base.value.id]}.{base.attr}"), number
 
     def is_active(self, key: Key) -> bool:

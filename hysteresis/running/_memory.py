@@ -2,8 +2,8 @@
 
 `get(m, i)`, `put(m, i, x)`, `whole(n, i)`: the i-th number at an address, without a check of bounds.
 
-`mark k(t, x, a_1, d_1, ..., a_k, d_k)`: the tangents of the real x are the sum of d_i times those of a_i. At
-the address t stand the address of the table of tangents (reals, columns) and its number of columns, a
+`mark k(t, x, a_1, d_1, ..., a_k, d_k)`: the tangents of the real x are the sum of d_i times those of a_i.
+At the address t stand the address of the table of tangents (reals, columns) and its number of columns, a
 multiple of four: numba makes no vectors of loops this short, so they are written here.
 
 Nothing here knows a law, so that all laws share it.
@@ -29,7 +29,7 @@ def _at(builder: Any, base: Any, index: Any, kind: Any) -> Any:
 @intrinsic
 def get(typing: Any, m: Any, i: Any) -> Any:
     def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.load(_at(builder, *given, _REAL))
+        return builder.load(_at(builder, given[0], given[1], _REAL))
 
     return types.float64(types.int64, types.int64), make
 
@@ -37,7 +37,7 @@ def get(typing: Any, m: Any, i: Any) -> Any:
 @intrinsic
 def whole(typing: Any, n: Any, i: Any) -> Any:
     def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.load(_at(builder, *given, _WORD))
+        return builder.load(_at(builder, given[0], given[1], _WORD))
 
     return types.int64(types.int64, types.int64), make
 
@@ -45,7 +45,7 @@ def whole(typing: Any, n: Any, i: Any) -> Any:
 @intrinsic
 def put(typing: Any, m: Any, i: Any, x: Any) -> Any:
     def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        builder.store(given[2], _at(builder, *given[:2], _REAL))
+        builder.store(given[2], _at(builder, given[0], given[1], _REAL))
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.float64), make

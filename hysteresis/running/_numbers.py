@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ..laws._tree import Tree
 from ._law import law
@@ -88,7 +89,7 @@ def numbers_of(tree: Tree) -> Numbers:
         for name in of.named("State", "int", "float"):
             add(own[name])
         row += [add(own[name]) for name in of.named("State", "Reals")]
-    traced = any(isinstance(value, jax.core.Tracer) for value in values)
+    traced = any(isinstance(value, Tracer) for value in values)
     m = _joined(values, jnp if traced else np)
     free = np.repeat([isinstance(v, jax.Array) for v in values], [np.size(v) for v in values])
     whole = (*(i for row in rows for i in row), states)

@@ -1,8 +1,8 @@
 """A tree of laws over a record: outputs, the inputs behind outputs, and the tangents of both.
 
-Compiling a tree that this machine has not seen takes seconds, which a short record is not worth. How much is
-still to come is not known, so plain Python goes on until it has taken as long as compiling would: no more than
-twice the time of whoever had known (the ski-rental problem; Karlin et al. 1988).
+Compiling a tree that this machine has not seen takes seconds, which a short record is not worth. How much
+is still to come is not known, so plain Python goes on until it has taken as long as compiling would: no
+more than twice the time of whoever had known (the ski-rental problem; Karlin et al. 1988).
 """
 
 from typing import Any, NamedTuple

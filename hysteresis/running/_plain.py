@@ -30,8 +30,8 @@ def advance(
     outputs: tuple[np.ndarray, ...],
     budget: float,
 ) -> tuple[int, float]:
-    """Run ("run") or invert ("find") from m on until the rows or the seconds are used up: how many rows, and
-    how long they took. m moves on with them."""
+    """Run ("run") or invert ("find") from m on until the rows or the seconds are used up: how many rows,
+    and how long they took. m moves on with them."""
     begun, done, count = perf_counter(), 0, len(rows.x)
     opened = _open(numbers, m)
     step, said = _step(opened.node, wanted), opened.node.status

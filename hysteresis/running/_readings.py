@@ -44,7 +44,7 @@ def estimated(numbers: Numbers, y: Any, dt: Any, held: Any) -> Estimated:
 
 
 def tangents_of(numbers: Numbers, dm: np.ndarray, y: Any, dt: Any, dy: Any) -> np.ndarray:
-    """Derivatives of the estimates, (rows, columns): by directions dm of the numbers, dy of the readings."""
+    """Derivatives of the estimates, (rows, columns): in directions dm of numbers, dy of readings."""
     valid = _valid(y, dt)
     dy = None if dy is None else np.asarray(dy)[valid.rows]
     found = over_time.tangents(numbers, dm, valid.y, valid.dt, dy, inverse=True).columns

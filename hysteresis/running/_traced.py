@@ -2,9 +2,9 @@
 
     d y = J(m) d m + (d y / d u) d u,      J from the marks, one column for every number that JAX has made
 
-The compiled loop is called back from JAX's program, and computes in double precision. Its columns are exact,
-and the product with d m is JAX's, so it is transposed for reverse mode. Derivatives by what is given over time
-are forward only, and second derivatives of a law are not known.
+The loop is called back from JAX's program, and computes in double precision. Its columns are exact, and the
+product with d m is JAX's, so it is transposed for reverse mode. Derivatives by what is given over time are
+forward only, and second derivatives of a law are not known.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ _EACH = "expand_dims"
 """Of `vmap`: what all lanes share has one."""
 
 
-def outputs(numbers: Numbers, x: Any, dt: Any) -> over_time.Ran | tuple[Any, Any]:
+def outputs(numbers: Numbers, x: Any, dt: Any) -> tuple[Any, Any]:
     """Outputs of a tree at the inputs x, (rows,) or (rows, 2), and the numbers m after the last one."""
     given = numbers.m, x, dt
     if all(map(is_concrete, given)):
@@ -74,7 +74,7 @@ def _differentiable(known: Known, run: Callable[..., Any], tangents: Callable[..
 
     @jax.custom_jvp
     def law(*given: Any) -> Any:
-        m, x, dt = given[:3]
+        m, dt = given[0], given[2]
         kinds = (jax.ShapeDtypeStruct(dt.shape, dt.dtype), jax.ShapeDtypeStruct(m.shape, m.dtype))
         if len(given) > 3:
             kinds = (*kinds, jax.ShapeDtypeStruct(dt.shape, jnp.zeros(0, int).dtype))

@@ -34,7 +34,7 @@ class Translation:
 
 
 class Function:
-    """One function of a law. Locals are whole numbers, unless a real or an array is ever assigned to them."""
+    """One function of a law. Locals are whole numbers, unless a real or an array is assigned to them."""
 
     def __init__(self, home: Translation, of: Law, name: str, given: dict[str, str] | None = None):
         self.home, self.of, self.node = home, of, of.functions[name]

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from compensate.runtime._tree import node_of
+
 from hysteresis import (
     AbstractModel,
     BoucWen,
