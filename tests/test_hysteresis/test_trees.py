@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compensate.runtime._tree import node_of
 
 from hysteresis import (
     AbstractModel,
@@ -29,6 +28,7 @@ from hysteresis import (
     is_concrete,
 )
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
+from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GaussianDensity, GridDensity
 from hysteresis.trees import Tree, plain
 from tests import compositions
@@ -104,8 +104,8 @@ def whole(tree: Tree) -> Any:
 
 @every
 def test_run_forwards_it_is_the_model(problem: Problem):
-    """To 1e-9 of the range. An oscillator goes from force to displacement by its `find`; what a moving model
-    adds to its input is known backwards alone, so there the inputs are those of the outputs."""
+    """To 1e-9 of the range. An oscillator goes from force to displacement by its `find`; what a moving
+    model adds to its input is known backwards alone, so there the inputs are those of the outputs."""
     model = problem.model()
     u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, ROWS))[0]
     t = clock(1, ROWS)
