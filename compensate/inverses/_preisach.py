@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, is_concrete, register
 from hysteresis.preisach import AbstractGridDensity, EverettTable, OpenLoops, Preisach, read
 from hysteresis.preisach._tree import Branches, branches_of, first_branch
+from hysteresis.trees import search_range
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import BracketedCompensator
@@ -205,7 +206,7 @@ def _(model: Preisach) -> PreisachCompensator | BracketedCompensator:
         )
     if isinstance(density, AbstractGridDensity) and model.up is None and not model.dead_band:
         return PreisachCompensator(model)
-    return BracketedCompensator(model, *model.search_range())
+    return BracketedCompensator(model, *search_range(model))
 
 
 def _check_slopes(model: Preisach) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._model import AbstractSteppedModel, Tree
 from .._parameter import Scalar, array_module, is_concrete, parameter, parameters
 from .._registry import register
 from ..trees import ROUNDING, node
@@ -108,7 +108,7 @@ class BoucWen(AbstractSteppedModel[BoucWenState]):
         w = sign * self.after(sign * state.w, sign * du / self.yield_at)
         return BoucWenState(u, w), self.output(u, w)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         x, weights = _gauss()
         xp = array_module(self.n)
         return node(

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._model import AbstractSteppedModel, Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
 from ..trees import ROUNDING, node
@@ -156,7 +156,7 @@ class DegradingBoucWen(AbstractSteppedModel[DegradingState]):
         w, energy = jax.lax.fori_loop(0, SUBSTEPS, lambda _, at: self._substep(at, way), start)
         return DegradingState(u, sign * w, energy), self.inner.output(u, sign * w)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         inner, slip = self.inner, self.pinching
         losses = {"strength_loss": self.strength_loss, "stiffness_loss": self.stiffness_loss}
         pinching = {

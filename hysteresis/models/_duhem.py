@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractSteppedModel, Tree
+from .._model import AbstractSteppedModel, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
@@ -99,7 +99,7 @@ class DuhemOperator(AbstractSteppedModel[DuhemState]):
         y = jnp.where(way == 0, state.y, y)
         return DuhemState(u, y), y
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Both directions' slopes, one after the other."""
         both = self.rising, self.falling
         return node(
