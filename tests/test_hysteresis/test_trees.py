@@ -110,8 +110,8 @@ def whole(tree: Tree) -> Any:
 
 @every
 def test_run_forwards_it_is_the_model(problem: Problem):
-    """To 1e-9 of the range. An oscillator goes from force to displacement by its `find`; the law of a moving
-    model goes backwards, so there the inputs are those of the outputs."""
+    """To 1e-9 of the range. An oscillator goes from force to displacement by its `find`. A moving model's
+    law goes backwards, so there the inputs are those of the outputs."""
     model = problem.model()
     u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, ROWS))[0]
     t = clock(1, ROWS)
