@@ -202,9 +202,3 @@ def test_a_density_without_a_grid_has_no_tree():
     with pytest.raises(InputError, match="GaussianDensity") as refused:
         Preisach(density).tree()
     assert refused.value.code == "not-exportable"
-
-
-def test_a_first_state_that_the_stack_cannot_hold_is_refused():
-    with pytest.raises(InputError, match="8 or more") as refused:
-        _demagnetised(np.random.default_rng(0)).tree(depth=4)
-    assert refused.value.code == "bad-option"
