@@ -99,7 +99,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
-        return _evaluate(self, self.prepare(t, u, state, starts=starts))
+        evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(_evaluate, self)
+        return evaluate(self.prepare(t, u, state, starts=starts))
 
     @in_own_precision
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
@@ -157,7 +158,10 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def stream(
         self, t: Series | None, u: Series, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
-        """`step` over all samples: (state after the last one, outputs). Slower than `simulate`."""
+        """`step` over all samples: (state after the last one, outputs). Slower than `simulate`, but for
+        models that run their laws."""
+        if (follow := getattr(self, "follow", None)) is not None:
+            return follow(t, u, state)
         u = jnp.asarray(u)
         if t is None:
             self.prepare(None, u)  # raises where the rate matters
