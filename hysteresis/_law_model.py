@@ -1,6 +1,6 @@
 """Models that are their laws: everything over time runs the text of `hysteresis/laws`."""
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +38,9 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     Outputs have exact derivatives by the parameters, forwards and backwards, and by inputs forwards.
     """
 
+    may_jump: ClassVar[bool] = True
+    """Whether two samples may have one time: not where a speed is taken from them."""
+
     @property
     def needs_time(self) -> bool:
         """Whether outputs depend on the rate."""
@@ -74,6 +77,7 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         since = xp.where(xp.isnan(xp.asarray(state.t)), xp.nan, -(times[first] - state.t))
         begin = since if t is not None else xp.full(first.shape, xp.nan)
         if xp is np:
+            self._check_steps(np.delete(dt, first))
             dt[first] = begin
         else:
             dt = dt.at[first].set(begin)
@@ -125,4 +129,13 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
                 "no-time",
                 f"{type(self).__name__} depends on the rate, and this record has no time.",
                 fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+            )
+
+    def _check_steps(self, dt: np.ndarray) -> None:
+        if self.needs_time and not ((dt > 0) | (self.may_jump & (dt == 0))).all():
+            raise InputError(
+                "time-backwards",
+                "time does not increase from every sample to the next.",
+                cause="rows written twice, or several runs in one sequence.",
+                fix="drop repeated rows, and begin a sequence where a clock begins.",
             )

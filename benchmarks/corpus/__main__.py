@@ -112,7 +112,7 @@ def _law(problem: Problem) -> Numbers:
     leaves = [np.ravel(leaf) for leaf in jax.tree.leaves(by_parameters)]
     found: Numbers = {
         "output": y,
-        "by input": np.asarray(jax.grad(lambda u: summed(model, u))(jnp.asarray(u))),
+        "by input": np.asarray(jax.jacfwd(lambda u: summed(model, u))(jnp.asarray(u))),
         "by parameters": np.concatenate(leaves) if leaves else np.zeros(0),
     }
     if "no-inverse" in problem.tags:

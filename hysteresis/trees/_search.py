@@ -9,25 +9,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._law_model import AbstractLawModel
 from .._model import DOUBLE, AbstractModel, Tree
 from .._parameter import is_concrete
-from .._type_variables import Prepared, State
 from ._node import FLAT_WIDTH, ROUNDING, node
 
 BEYOND = 0.25
 """Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
 
 
-class AbstractSearchedModel(AbstractModel[State, Prepared]):
+class AbstractSearchedModel(AbstractLawModel):
     """A model for inputs from `low` to `high` whose law goes forwards: the input behind an output is looked
     for, a little beyond them too."""
 
     @abc.abstractmethod
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         """The node of its law, which is a part of a sum."""
 
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
-        return looked_for(self, [self.law()], eps)
+        return looked_for(self, [self.forwards()], eps)
 
     def search_range(self) -> tuple[Any, Any]:
         return widened(*super().search_range())
@@ -50,7 +50,7 @@ def common_range(ranges: Iterable[tuple[Any, Any]]) -> tuple[Any, Any]:
 
 def part_tree(model: AbstractModel, eps: float, depth: int) -> Tree:
     """The tree of a model in a sum: one that is only looked for is its law."""
-    return model.law() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
+    return model.forwards() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
 
 
 def looked_for(
