@@ -144,7 +144,7 @@ def test_wear_softens_and_weakens():
 @pytest.mark.thorough
 def test_no_way_is_too_long_and_gradients_stay_finite():
     u = jnp.array([0.0, 0.0, 40.0, 1e8, 1e8, -1e8, -79.9999, 3.0, 3.0, 0.0])
-    gradient = eqx.filter_jit(jax.grad(lambda point: point[0].simulate(None, point[1]).sum()))
+    gradient = eqx.filter_jit(jax.jacfwd(lambda point: point[0].simulate(None, point[1]).sum()))
     for n in (0.5, 1.0, 10.0):
         inner = BoucWen(2.0, 0.2, 0.5, n, -0.9, 0.1)
         model = DegradingBoucWen(inner, 0.05, 0.1, SLIP)
@@ -172,7 +172,7 @@ def test_inverse_has_the_slope_of_the_inverse_function():
     state, _ = model.stream(None, [1.0, -1.0])
     x = jnp.asarray(-0.3)
     y, there = jax.jvp(lambda x: model.step(state, None, x)[1], (x,), (jnp.ones_like(x),))
-    back = jax.grad(lambda y: invert(model).step(state, None, y)[1].value)(y)
+    back = jax.jacfwd(lambda y: invert(model).step(state, None, y)[1].value)(y)
     assert float(there * back) == pytest.approx(1.0, rel=1e-9)
 
 
