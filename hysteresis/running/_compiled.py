@@ -7,8 +7,10 @@ import hashlib
 import importlib.util
 import math
 import os
+import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -17,13 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from ._cache_folder import forget_oldest, own_folder
+from .._cache_folder import forget_oldest, own_folder
 from ._numbers import Structure
 from ._text import text_of
 from ._values import MATHS
 
 MOST = 200_000_000
 """Bytes of compiled laws that are kept; one takes some hundred thousand."""
+
+_ENTRY = re.compile(r"\w+_[0-9a-f]{24}\..*")
+"""Names of our files, and of those that numba puts beside them."""
 
 _HEADER = f"""\
 from math import {", ".join(MATHS)}
@@ -110,7 +115,8 @@ _TABLE = 8
 def _folder() -> Path | None:
     folder, _ = own_folder("laws")
     if folder is not None:
-        forget_oldest(folder, MOST)
+        with suppress(OSError):
+            forget_oldest(folder, MOST, _ENTRY)
     return folder
 
 
@@ -123,14 +129,20 @@ def _name(structure: Structure, wanted: str) -> str:
 
 
 def _module(structure: Structure, wanted: str) -> ModuleType:
-    name, folder = _name(structure, wanted), _folder()
-    text = _HEADER.replace("CACHED", str(folder is not None)) + text_of(structure, wanted)
-    if folder is None:
-        module = ModuleType(name)
-        exec(compile(text, f"<{name}>", "exec"), vars(module))
-        return module
-    path = folder / f"{name}.py"
-    if not path.exists():
+    name, folder, text = _name(structure, wanted), _folder(), text_of(structure, wanted)
+    if folder is not None:
+        # What a full disk or another process has left half done is compiled again.
+        with suppress(Exception):
+            return _kept(name, folder / f"{name}.py", _HEADER.replace("CACHED", "True") + text)
+    module = ModuleType(name)
+    text = _HEADER.replace("CACHED", "False") + text
+    exec(compile(text, f"<{name}>", "exec"), vars(module))
+    return module
+
+
+def _kept(name: str, path: Path, text: str) -> ModuleType:
+    """A module from disk, beside which numba keeps what it has compiled."""
+    if not path.exists() or path.read_text("utf-8") != text:
         half = path.with_suffix(f".{os.getpid()}")
         half.write_text(text, "utf-8")
         half.replace(path)
@@ -138,6 +150,10 @@ def _module(structure: Structure, wanted: str) -> ModuleType:
     assert specification is not None
     assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module
-    specification.loader.exec_module(module)
+    sys.modules[name] = module  # numba looks a kept function's module up
+    try:
+        specification.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
     return module

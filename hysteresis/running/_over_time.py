@@ -14,7 +14,7 @@ from ._memory_sizes import WIDE
 from ._numbers import Numbers, Structure
 from ._plain import Rows, advance
 
-COMPILING = {True: 0.5, False: 5.0}
+COMPILING = {True: 0.3, False: 3.0}
 """Seconds until a loop is there: from disk, or compiled."""
 
 _spent: dict[tuple[Structure, str], float] = {}

@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import os
 import platform
+import re
 import stat
 from pathlib import Path
 
@@ -26,10 +27,12 @@ def own_folder(name: str) -> tuple[Path | None, str]:
     return folder, ""
 
 
-def forget_oldest(folder: Path, most: int) -> None:
-    """Down to half of what may be kept, in bytes, once there is more; links are left alone."""
+def forget_oldest(folder: Path, most: int, named: re.Pattern[str]) -> None:
+    """Down to half of what may be kept, in bytes, once there is more; only files with such names."""
     files = [
-        (about, file) for file in folder.rglob("*") if stat.S_ISREG((about := file.lstat()).st_mode)
+        (about, file)
+        for file in folder.rglob("*")
+        if named.fullmatch(file.name) and stat.S_ISREG((about := file.lstat()).st_mode)
     ]
     size = sum(about.st_size for about, _ in files)
     least = most / 2 if size > most else most
