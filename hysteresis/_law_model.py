@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 from ._errors import InputError
 from ._model import AbstractModel, Series, Tree
 from ._parameter import is_concrete
-from ._precision import in_own_precision
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -86,7 +85,6 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
         return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
 
-    @in_own_precision
     def simulate(
         self,
         t: Series | None,
@@ -98,7 +96,6 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         """`evaluate(prepare(t, u, state, starts=starts))`."""
         return self.evaluate(self.prepare(t, u, state, starts=starts))
 
-    @in_own_precision
     def stream(
         self, t: Series | None, u: Series, state: LawState | None = None
     ) -> tuple[LawState, Float[Array, " samples"]]:
