@@ -71,10 +71,10 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         state = self.init() if state is None else state
         xp: Any = np if all(map(is_concrete, (t, u, state.t))) else jnp
         u, first = xp.asarray(u, float), np.asarray(starts)
-        times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
-        dt = xp.diff(times, prepend=times[:1])
-        since = xp.where(xp.isnan(xp.asarray(state.t)), xp.nan, -(times[first] - state.t))
-        begin = since if t is not None else xp.full(first.shape, xp.nan)
+        times = xp.asarray(t, float) if self.needs_time else xp.zeros(u.shape[:1])
+        dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
+        # At once, but for a clock that has gone on since the state.
+        begin = xp.where(since > 0, -since, xp.nan)
         if xp is np:
             self._check_steps(np.delete(dt, first))
             dt[first] = begin

@@ -67,7 +67,7 @@ def is_kept(structure: Structure, wanted: str) -> bool:
 
 @cache
 def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
-    """The loop `wanted` of a tree, as `_loops.py` says; of arrays in place of addresses."""
+    """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     if not available():
         return _in_python(structure, wanted)
     compiled = getattr(_module(structure, wanted), wanted)
