@@ -2,8 +2,10 @@
 
 from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
@@ -69,7 +71,8 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         if t is None:
             self._require_time()
         state = self.init() if state is None else state
-        xp: Any = np if all(map(is_concrete, (t, u, state.t))) else jnp
+        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
+        xp: Any = jnp if traced else np
         u, first = xp.asarray(u, float), np.asarray(starts)
         times = xp.asarray(t, float) if self.needs_time else xp.zeros(u.shape[:1])
         dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
