@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 from ._errors import InputError
 from ._model import AbstractModel, Series, Tree
 from ._parameter import is_concrete
-from ._precision import in_own_precision
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -82,23 +81,10 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
         return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
 
-    @in_own_precision
-    def simulate(
-        self,
-        t: Series | None,
-        u: Series,
-        state: LawState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state, starts=starts))`."""
-        return self.evaluate(self.prepare(t, u, state, starts=starts))
-
-    @in_own_precision
-    def stream(
+    def follow(
         self, t: Series | None, u: Series, state: LawState | None = None
     ) -> tuple[LawState, Float[Array, " samples"]]:
-        """`step` over all samples, at once: (state after the last one, outputs)."""
+        """All samples at once: (state after the last one, outputs)."""
         prepared = self.prepare(t, u, state)
         y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
         last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]

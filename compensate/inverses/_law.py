@@ -73,6 +73,11 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         self.numbers = jnp.asarray(numbers.m, float)
         self.held = jnp.asarray(held_at_first(tree), float)
 
+    @property
+    def searches(self) -> bool:
+        """Whether inputs are looked for, because some law has no inverse of its own."""
+        return "sum" in self.known.structure.kinds()
+
     def init(self) -> LawState:
         first = self.numbers[len(self.numbers) - self.known.states :]
         return LawState(first, jnp.asarray(jnp.nan, float), self.held)
@@ -108,7 +113,6 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
             [xp.asarray(self.numbers)[: self.numbers.shape[-1] - own.shape[-1]], own]
         )
         dt = xp.diff(times, prepend=before)
-        dt = xp.where(dt < 0, 0.0, dt)
         found = estimates(Numbers(self.known, m), y, dt, held)
         valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
         latest = xp.where(valid, xp.arange(len(times)), -1).max(initial=-1)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from hysteresis import AbstractModel, InputError, Record, Scaled, Series
+from hysteresis.trees import input_range
 
 from .._contract import Status
 from .._estimate import estimate
@@ -223,7 +224,7 @@ def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float
     """The inputs to look for: those that the model names, else the record's and half as much more."""
     while isinstance(model, Scaled | Series):
         model = model.inner if isinstance(model, Scaled) else model.parts[0]
-    if (ends := model.input_range()) is not None:
+    if (ends := input_range(model)) is not None:
         return float(ends[0]), float(ends[1])
     low, high = float(record.input[used].min()), float(record.input[used].max())
     return low - (high - low) / 2, high + (high - low) / 2

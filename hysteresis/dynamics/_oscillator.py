@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, AbstractSteppedModel, Tree
+from .._model import AbstractModel, AbstractSteppedModel, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
@@ -169,7 +169,7 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
             after = after._replace(acceleration=after.acceleration + jump)
         return after, after.displacement
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
         layout = layout_of(self.hysteresis)
         if layout is None or self.integrator != "newmark" or self.between != "linear":

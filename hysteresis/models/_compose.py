@@ -12,12 +12,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Tree
+from .._model import AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..preisach import Preisach
-from ..trees import common_range, looked_for, node, part_tree, series, widened
+from ..trees import (
+    common_range,
+    input_range,
+    looked_for,
+    node,
+    part_tree,
+    reach_of,
+    series,
+    widened,
+)
 
 
 def _given(models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
@@ -95,7 +104,7 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
         pairs = zip(self.parts, prepared, strict=True)
         return reduce(add, (part.evaluate(own) for part, own in pairs))
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         if len(self.parts) == 1:
             return self.parts[0].tree(eps, depth)
         parts = [part_tree(part, eps, depth) for part in self.parts]
@@ -105,8 +114,8 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
 
     def search_range(self) -> tuple[Any, Any]:
         """Where the ranges of all parts are, as far as they have some, and a little beyond."""
-        ends = [found for part in self.parts if (found := part.input_range()) is not None]
-        return widened(*common_range(ends)) if ends else super().search_range()
+        ends = [found for part in self.parts if (found := input_range(part)) is not None]
+        return widened(*common_range(ends)) if ends else reach_of(self)
 
 
 @register
@@ -155,7 +164,7 @@ class Scaled(AbstractModel[Any, Any]):
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
         return self.offset + self.factor * self.inner.evaluate(prepared)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         parameters = {"factor": self.factor, "offset": self.offset}
         return node("scaled", parameters, parts=[self.inner.tree(eps, depth)])
 
@@ -237,7 +246,7 @@ class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
             ordered = ordered and _is_memoryless(part)
         return y
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         return series(*(part.tree(eps, depth) for part in self.parts))
 
 

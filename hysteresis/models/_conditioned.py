@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, REACH, AbstractModel, Series, Tree
-from .._parameter import array_module, is_concrete, parameter, size_of_inputs
+from .._model import AbstractModel, Series, Tree
+from .._parameter import array_module, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..records._record import Record
-from ..trees import common_range, looked_for, node
+from ..trees import common_range, input_range, looked_for, node, reach_of
 from ._compose import Scaled, Sum
 from ._compose import Series as Chain
 from ._curves import Values
@@ -144,7 +144,7 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         outputs = jnp.stack([model.evaluate(own) for model, own in pairs], 1)
         return (outputs * prepared.shares).sum(1)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """A sum of shares, which is looked for as a whole; turned where the models fall."""
         xp = array_module(self.knots)
         knots, axis = xp.asarray(self.knots), AXES.index(self.axis)
@@ -165,8 +165,7 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         """What the ranges of all models have in common, else as far as their parameters reach."""
         if ends := [found for one in self.models if (found := _range_of(one)) is not None]:
             return common_range(ends)
-        reach = REACH * jnp.stack([size_of_inputs(one) for one in self.models]).max()
-        return -reach, reach
+        return reach_of(*self.models)
 
 
 def last_factor(model: AbstractModel) -> Any:
@@ -185,7 +184,7 @@ def _range_of(model: AbstractModel) -> tuple[Any, Any] | None:
     if isinstance(model, Sum):
         found = [ends for part in model.parts if (ends := _range_of(part)) is not None]
         return common_range(found) if found else None
-    return model.input_range()
+    return input_range(model)
 
 
 # Not compiled, each of its operations is compiled by itself for every length: 0.7 s.

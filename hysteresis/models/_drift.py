@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start
+from .._model import AbstractModel, Series, Tree, before_each, is_start
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
@@ -122,7 +122,7 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
     def evaluate(self, prepared: DriftInput) -> Float[Array, " samples"]:
         return jax.vmap(self._output)(prepared.before, prepared.path)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""
         return node(
             "drift",
@@ -231,7 +231,7 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
     def evaluate(self, prepared: ClockInput) -> Float[Array, " samples"]:
         return jax.vmap(self._output)(prepared.elapsed)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""
         return node(
             "time_drift",

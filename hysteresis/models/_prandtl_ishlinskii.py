@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start, time_steps
+from .._model import AbstractModel, Series, Tree, before_each, is_start, time_steps
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
 from ..numerics._clamps import clamps
@@ -147,7 +147,7 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         z = clamps(*jax.vmap(self.reach)(u, speed), state.z, start)
         return jax.vmap(self._output)(u, z)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         none = np.zeros(len(self.thresholds))
         plays = node(
             "plays",

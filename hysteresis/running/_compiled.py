@@ -67,7 +67,7 @@ def is_kept(structure: Structure, wanted: str) -> bool:
 
 @cache
 def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
-    """The loop `wanted` of a tree, as `_loops.py` says; of arrays in place of addresses."""
+    """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     if not available():
         return in_python(structure, wanted)
     compiled = getattr(_module(structure, wanted), wanted)
@@ -130,6 +130,10 @@ def _kept(name: str, path: Path, text: str) -> ModuleType:
     assert specification is not None
     assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    sys.modules[name] = module
+    sys.modules[name] = module  # numba looks a kept function's module up
+    try:
+        specification.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
     return module

@@ -22,7 +22,7 @@ OUTPUTS = 8
 
 @cache
 def in_python(structure: Structure, wanted: str) -> Callable[..., None]:
-    """The loop `wanted` of a tree, as `_loops.py` says; of arrays in place of addresses."""
+    """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     text = ast.fix_missing_locations(_Lists().visit(ast.parse(text_of(structure, wanted))))
     space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
     space |= dict.fromkeys((f"mark{count}" for count in range(MOST + 1)), _mark)

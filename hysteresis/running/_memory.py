@@ -79,7 +79,7 @@ def _mark(count: int) -> Any:
     # numba asks for a function of as many arguments as the call has.
     names = ", ".join(f"a{k}, d{k}" for k in range(count))
     kinds = types.void(*[types.int64] * 2, *[types.int64, types.float64] * count)
-    space: dict[str, Any] = {"kinds": kinds, "make": make}
+    space: dict[str, Any] = {"__name__": __name__, "kinds": kinds, "make": make}
     exec(f"def mark{count}(typing, t, x, {names}):\n    return kinds, make", space)
     return intrinsic(space[f"mark{count}"])
 

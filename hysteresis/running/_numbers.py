@@ -31,6 +31,10 @@ class Structure(NamedTuple):
         """Without regard to what is free: for outputs alone."""
         return Structure(self.kind, (), tuple(part.bare for part in self.parts))
 
+    def kinds(self) -> set[str]:
+        """Of all nodes."""
+        return {self.kind}.union(*(part.kinds() for part in self.parts))
+
 
 class Known(NamedTuple):
     """What is known of a tree before JAX runs; it can be hashed. `whole`: its whole numbers, at the end of
@@ -111,7 +115,13 @@ def held_at_first(tree: Tree) -> Any:
     if tree["kind"] == "sum" or not tree.get("parts"):
         state = tree["state"]
         return state.get("value", state.get("u", 0.0))
-    return held_at_first(tree["parts"][0])
+    first = held_at_first(tree["parts"][0])
+    if tree["kind"] == "moving":
+        inner = tree["parts"][0]
+        first -= tree["parameters"]["feedback"] * (
+            inner["parameters"]["offset"] + inner["state"]["z"]
+        )
+    return first
 
 
 def _joined(values: list[Any], xp: Any) -> Any:

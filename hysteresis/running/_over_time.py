@@ -15,7 +15,7 @@ from ._in_python import in_python
 from ._memory_sizes import WIDE
 from ._numbers import Numbers, Structure
 
-COMPILING = {True: 0.5, False: 5.0}
+COMPILING = {True: 0.3, False: 3.0}
 """Seconds until a loop is there: from disk, or compiled."""
 
 SOME = 64

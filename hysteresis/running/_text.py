@@ -1,6 +1,6 @@
 """The source of a tree of laws: its functions, each node's from those of its parts, and the loop over time.
 
-What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_loops.py`.
+What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_kernels.py`.
 """
 
 from functools import cache
@@ -239,6 +239,6 @@ def _constants(structure: Structure) -> set[tuple[str, str]]:
 
 @cache
 def _loop(wanted: str) -> str:
-    """The text of one loop."""
-    text = (Path(__file__).parent / "_loops.py").read_text("utf-8")
+    """The text of one loop over time."""
+    text = (Path(__file__).parent / "_kernels.py").read_text("utf-8")
     return next(part for part in text.split("\n\n\n") if f"\ndef {wanted}(" in part)
