@@ -25,6 +25,7 @@ from hysteresis import (
 )
 from hysteresis.records._common_part import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
+from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Estimate, Status
 
@@ -118,13 +119,7 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         last = xp.where(latest < 0, before, times[latest] if len(times) else before)
         held = found.value[-1] if len(times) else held
         after = LawState(*(jnp.asarray(x) for x in (found.m[-own.shape[-1] :], last, held)))
-        status = found.status
-        if (conditioned := condition_of(self.model)) is not None:
-            knots, c = conditioned.knots, y[:, 1]
-            margin = STILL * (knots[-1] - knots[0])
-            beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)
-            sound = (status == Status.OK) | (status == Status.FLAT)
-            status = xp.where(beyond & sound, Status.EXTRAPOLATED, status)
+        status = told_of_condition(self.model, y, found.status)
         return after, Estimate(jnp.asarray(found.value), jnp.asarray(status))
 
     def _check_steps(self, t: np.ndarray) -> None:
@@ -136,6 +131,24 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
                 cause='with hold="constant" a step must stay short beside the element\'s own times.',
                 fix=f'sample at steps below {limit:.4g}, or use hold="linear".',
             )
+
+
+def told_of_condition(model: AbstractModel, y: Any, status: Any) -> Any:
+    """Statuses that say where the condition, the second column of y, is beyond the model's."""
+    if (conditioned := condition_of(model)) is None:
+        return status
+    knots, c = conditioned.knots, y[:, 1]
+    margin = STILL * (knots[-1] - knots[0])
+    beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)
+    sound = (status == Status.OK) | (status == Status.FLAT)
+    return jnp.where(beyond & sound, Status.EXTRAPOLATED, status)
+
+
+def goes_back_only(tree: Tree) -> bool:
+    """Whether a tree runs from outputs to inputs alone."""
+    return tree["kind"] in ("moving", "oscillator") or any(
+        map(goes_back_only, tree.get("parts", ()))
+    )
 
 
 def has_laws(model: AbstractModel) -> bool:

@@ -38,6 +38,19 @@ def find(m, n, first, size, y, dt, c, rows, u, status):
 
 
 @loop
+def find_told(m, n, first, size, y, dt, c, rows, u, status, said):
+    """As `find`, and what the law around the tree says then. Where y is not finite nothing moves. No
+    sequence begins."""
+    for k in range(rows):
+        x = get(y, k)
+        if x - x == 0.0:
+            take(m, n, get(c, k))
+            put(u, k, found(m, n, get(dt, k), x))
+            put(status, k, 1.0 * status_of(m, n))
+        told(m, n, said, k)
+
+
+@loop
 def tangents(m, n, first, size, u, dt, c, rows, t, D, width, columns, dfirst, moved, du, y, dy):
     """D: a row of `width` for every real; dfirst (size, width) its rows of m at first; du (rows, columns),
     tangents of the input, where it is `moved`; dy (rows, columns) those of the output."""
