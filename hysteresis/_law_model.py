@@ -47,6 +47,11 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         """Whether outputs depend on the rate."""
         return False
 
+    @property
+    def uses_time(self) -> bool:
+        """Whether outputs may depend on the rate: while JAX traces it may not be known."""
+        return self.needs_time
+
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         known, m = self._numbers()
         t = jnp.asarray(jnp.nan if t0 is None else t0, float)
@@ -74,7 +79,7 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
         xp: Any = jnp if traced else np
         u, first = xp.asarray(u, float), np.asarray(starts)
-        times = xp.asarray(t, float) if self.needs_time else xp.zeros(u.shape[:1])
+        times = xp.asarray(t, float) if t is not None and self.uses_time else xp.zeros(u.shape[:1])
         dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
         # At once, but for a clock that has gone on since the state.
         begin = xp.where(since > 0, -since, xp.nan)
