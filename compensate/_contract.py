@@ -109,14 +109,6 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
         return html_of(self)
 
 
-@jax.jit
-def last_valid(y: Float[Array, " samples"]) -> tuple[Array, Array]:
-    """Which samples are finite, and for each the latest one that is: -1 before the first."""
-    valid = jnp.isfinite(y)
-    index = jnp.arange(y.shape[0])
-    return valid, jax.lax.cummax(jnp.where(valid, index, -1))
-
-
 def scan_steps(
     compensator: Any, t: ArrayLike | None, y: Array, state: PyTree
 ) -> tuple[PyTree, PyTree]:

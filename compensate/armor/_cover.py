@@ -22,7 +22,6 @@ from hysteresis._quantities import FORCE, LENGTH, TIME
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status
-from ..inverses._linear_sponge import LinearSpongeCompensator
 from ._fields import AbstractField, Uniform, as_field
 
 HARD_PUSH = 20.0
@@ -235,7 +234,8 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
                     fix="leave the unit out.",
                 )
         return
-    if isinstance(material, LinearSpongeCompensator | FoamCurve):
+    inverted = getattr(material, "model", None)
+    if isinstance(material, FoamCurve) or isinstance(inverted, LinearSponge):
         raise wrong_way
     if length_unit is None and not isinstance(material, LinearSponge):
         raise InputError(

@@ -3,7 +3,6 @@
 from . import _compose as _compose
 from . import _conditioned as _conditioned
 from . import _default as _default
-from . import _linear_sponge as _linear_sponge
 from . import _refusals as _refusals
 from ._bisection import BracketedCompensator as BracketedCompensator
 from ._inverse_of import inverse_of as inverse_of

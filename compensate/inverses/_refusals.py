@@ -10,6 +10,7 @@ from hysteresis import (
     CyclicDrift,
     DegradingBoucWen,
     InputError,
+    LinearSponge,
     MonotoneCurve,
     MovingPreisach,
     Oscillator,
@@ -25,6 +26,17 @@ from .._contract import AbstractCompensator
 from ._bisection import BracketedCompensator
 from ._inverse_of import inverse_of
 from ._law import LawCompensator
+
+
+@inverse_of.register
+def _(model: LinearSponge) -> AbstractCompensator:
+    if is_concrete(model.K) and not np.all(np.asarray(model.K) != 0):
+        raise InputError(
+            "not-invertible",
+            "the line's slope K is 0, so the output says nothing about the input.",
+            fix="fit a record whose output changes with its input.",
+        )
+    return LawCompensator(model)
 
 
 @inverse_of.register
