@@ -69,10 +69,10 @@ class AbstractComposite(AbstractModel[State, Prepared]):
     def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
         return self._over(lambda model, v, own: model.step(own, t, v), u, state)
 
-    def stream(
+    def follow(
         self, t: Inputs | None, u: Inputs, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
-        """`step` over all samples, at once: (state after the last one, outputs)."""
+        """All samples at once: (state after the last one, outputs)."""
         return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
 
     def simulate(
