@@ -205,13 +205,6 @@ def time_steps(
     return dt.at[first].set(begin)
 
 
-def before_each(
-    values: Float[Array, " samples"], begin: Any, starts: tuple[int, ...]
-) -> Float[Array, " samples"]:
-    """The value of the sample before; `begin` where an independent sequence begins."""
-    return jnp.concatenate([values[:1], values[:-1]]).at[jnp.asarray(starts)].set(begin)
-
-
 @partial(jax.jit, static_argnames=("samples", "starts"))
 def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
     """1 where an independent sequence begins, else 0."""
