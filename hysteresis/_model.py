@@ -99,6 +99,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
+        if (simulated := getattr(self, "simulated", None)) is not None:
+            return simulated(t, u, state, starts)
         evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(_evaluate, self)
         return evaluate(self.prepare(t, u, state, starts=starts))
 
