@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._model import AbstractModel, Series, Tree
+from ._model import AbstractModel, Series
 from ._parameter import is_concrete
 from .running import Numbers, numbers_of, outputs
 
@@ -42,15 +42,8 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     may_jump: ClassVar[bool] = True
     """Whether two samples may have one time: not where a speed is taken from them."""
 
-    @property
-    def needs_time(self) -> bool:
-        """Whether outputs depend on the rate."""
-        return False
-
-    @property
-    def uses_time(self) -> bool:
-        """Whether outputs may depend on the rate: while JAX traces it may not be known."""
-        return self.needs_time
+    needs_time: ClassVar[Any] = False
+    """Whether outputs depend on the rate: a class says so, or a property where a parameter decides."""
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         known, m = self._numbers()
@@ -79,15 +72,16 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
         xp: Any = jnp if traced else np
         u, first = xp.asarray(u, float), np.asarray(starts)
-        times = xp.asarray(t, float) if t is not None and self.uses_time else xp.zeros(u.shape[:1])
+        times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
         dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
         # At once, but for a clock that has gone on since the state.
         begin = xp.where(since > 0, -since, xp.nan)
         if xp is np:
             self._check_steps(np.delete(dt, first))
+            dt = np.maximum(dt, 0.0)
             dt[first] = begin
         else:
-            dt = dt.at[first].set(begin)
+            dt = jnp.maximum(dt, 0.0).at[first].set(begin)
         return LawInput(jnp.asarray(u), jnp.asarray(dt), state)
 
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
@@ -102,12 +96,10 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]
         return LawState(after, last), y
 
-    def forwards(self) -> Tree:
-        """The laws from input to output, without what only a search for the input needs."""
-        return self.tree(depth=OWN)
-
     def _numbers(self) -> Numbers:
-        return numbers_of(self.forwards())
+        """Of the laws from input to output, without what only a search for the input needs."""
+        forwards = getattr(self, "forwards", None)
+        return numbers_of(self.tree(depth=OWN) if forwards is None else forwards())
 
     def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
         known, m = self._numbers()

@@ -99,6 +99,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
+        if (simulated := getattr(self, "simulated", None)) is not None:
+            return simulated(t, u, state, starts)
         evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(_evaluate, self)
         return evaluate(self.prepare(t, u, state, starts=starts))
 
@@ -203,13 +205,6 @@ def time_steps(
         dt[first] = begin
         return dt if own else jnp.asarray(dt)
     return dt.at[first].set(begin)
-
-
-def before_each(
-    values: Float[Array, " samples"], begin: Any, starts: tuple[int, ...]
-) -> Float[Array, " samples"]:
-    """The value of the sample before; `begin` where an independent sequence begins."""
-    return jnp.concatenate([values[:1], values[:-1]]).at[jnp.asarray(starts)].set(begin)
 
 
 @partial(jax.jit, static_argnames=("samples", "starts"))

@@ -69,21 +69,16 @@ class AbstractComposite(AbstractModel[State, Prepared]):
     def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
         return self._over(lambda model, v, own: model.step(own, t, v), u, state)
 
-    def stream(
+    def follow(
         self, t: Inputs | None, u: Inputs, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
-        """`step` over all samples, at once: (state after the last one, outputs)."""
+        """All samples at once: (state after the last one, outputs)."""
         return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
 
-    def simulate(
-        self,
-        t: Inputs | None,
-        u: Inputs,
-        state: State | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+    def simulated(
+        self, t: Inputs | None, u: Inputs, state: State | None, starts: tuple[int, ...]
     ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state, starts=starts))`."""
+        """What `simulate` gives."""
 
         def run(model: AbstractModel, v: Any, own: Any) -> tuple[Any, Any]:
             return None, model.simulate(t, v, own, starts=starts)

@@ -136,9 +136,7 @@ class TimeDrift(AbstractLawModel):
         if not self.most >= 0:
             raise InputError("parameter-out-of-bounds", f"most={self.most:g} is a time below 0.")
 
-    @property
-    def needs_time(self) -> bool:
-        return True
+    needs_time = True
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""

@@ -112,9 +112,7 @@ class NonlinearMaxwell(AbstractSearchedModel):
         assert self.strengths is not None
         return self.strengths.shape[-1] - 1
 
-    @property
-    def needs_time(self) -> bool:
-        return True
+    needs_time = True
 
     def forwards(self) -> Tree:
         n, cells = len(self.times), self.cells

@@ -73,10 +73,6 @@ class Softening(AbstractSearchedModel):
     def needs_time(self) -> bool:
         return is_concrete(self.recovery) and bool(np.isfinite(self.recovery))
 
-    @property
-    def uses_time(self) -> bool:
-        return self.needs_time or not is_concrete(self.recovery)
-
     def forwards(self) -> Tree:
         xp = array_module(self.weights)
         weights = xp.triu(xp.asarray(self.weights))

@@ -95,9 +95,7 @@ class VelocityFriction(AbstractSearchedModel):
                 "speeds must be positive, levels increase, weights and viscous not be negative.",
             )
 
-    @property
-    def needs_time(self) -> bool:
-        return True
+    needs_time = True
 
     def forwards(self) -> Tree:
         return node(

@@ -100,15 +100,6 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
         index = cell.astype(jnp.int32)
         return self.offset + read(begin, index) + (position - cell) * read(increment, index)
 
-    def unscale(self, y: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
-        """The inverse of g, by element, where every increment is positive."""
-        low, high = saturated_outputs(self.inner)
-        increment, begin = self._cells()
-        above = y - self.offset
-        index = jnp.clip(jnp.searchsorted(begin, above, side="right") - 1, 0, len(begin) - 1)
-        within = (above - read(begin, index)) / read(increment, index)
-        return low + (index.astype(y.dtype) + within) * ((high - low) / len(begin))
-
     def _cells(self) -> tuple[Array, Array]:
         """Increments, and g where each begins, without the offset."""
         increment = jnp.asarray(self.increments)

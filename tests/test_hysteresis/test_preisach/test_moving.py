@@ -95,13 +95,6 @@ def test_even_increments_scale_the_inner_model(seed: int, u: np.ndarray):
     np.testing.assert_allclose(got, wanted, rtol=0, atol=16 * SAMPLES * EPS * size(model))
 
 
-@given(seed=seeds, y=st.floats(-3.0, 12.0))
-def test_unscale_is_the_inverse_of_rescale(seed: int, y: float):
-    model = output_dependent(seed)
-    again = float(model.rescale(model.unscale(jnp.asarray(y))))
-    assert abs(again - y) <= 64 * EPS * size(model)
-
-
 MODELS = [
     pytest.param(lambda seed: moving(inner(seed), 0.5), id="moving"),
     pytest.param(output_dependent, id="output-dependent"),
