@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,6 +11,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel
+from hysteresis._type_variables import PyTree
 from hysteresis.running import looks, numbers_of
 
 from .._readings import with_reading
@@ -31,7 +31,7 @@ def looks_of(
 
 @eqx.filter_jit
 def _scan(model: AbstractModel, t: Array, u: Array, levels: Array) -> Array:
-    def sample(state: Any, row: tuple[Array, Array, Array]) -> tuple[Any, Array]:
+    def sample(state: PyTree, row: tuple[Array, Array, Array]) -> tuple[PyTree, Array]:
         t, u, levels = row
 
         def outputs() -> Array:
