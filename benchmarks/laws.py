@@ -83,13 +83,8 @@ def _models() -> dict[str, tuple[AbstractModel, np.ndarray]]:
 INVERSES = {"Preisach": 200.0, "plays": 300.0, "a sum of two": 8_000.0, "Bouc-Wen": 4_000.0}
 
 
-def _compiled() -> None:
-    over_time.COMPILING = dict.fromkeys((True, False), 0.0)
-
-
 def outputs(quick: bool) -> list[Row]:
     """Beside the parallel form in JAX where a model keeps one."""
-    _compiled()
     dt, found = np.full(ROWS, 0.01), []
     for name, (model, u) in _models().items():
         own, t = numbers_of(model.tree()), np.cumsum(dt)
@@ -107,7 +102,6 @@ def outputs(quick: bool) -> list[Row]:
 
 
 def inverses(quick: bool) -> list[Row]:
-    _compiled()
     dt, found = np.full(ROWS, 0.01), []
     for name, (model, u) in _models().items():
         own = numbers_of(model.tree())
@@ -173,7 +167,8 @@ PARTS = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the figures."""
-    run_parts("benchmarks.laws", __doc__, PARTS, arguments)
+    with over_time.compiled_at_once():
+        run_parts("benchmarks.laws", __doc__, PARTS, arguments)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
         simulate(t, u)            == the outputs of step, one sample after the other
         simulate(t, u)[k:]        == simulate(t[k:], u[k:], state after the first k samples)
-        simulate(t, u)            is differentiable in every parameter and in u
+        simulate(t, u)            is differentiable in every parameter, and in u by `jax.jvp`
 
     Models are frozen: `step` returns the next state, a fit returns a new model. They are pytrees,
     so all of `jax.jit`, `jax.vmap` and `jax.grad` apply to them.

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._law_model import AbstractLawModel
 from .._model import AbstractModel, Tree
 from .._parameter import is_concrete, size_of_inputs
-from .._type_variables import Prepared, State
 from ._node import FLAT_WIDTH, ROUNDING, node
 
 REACH = 1024.0
@@ -22,7 +22,7 @@ BEYOND = 0.25
 """Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
 
 
-class AbstractSearchedModel(AbstractModel[State, Prepared]):
+class AbstractSearchedModel(AbstractLawModel):
     """A model for inputs from `low` to `high` whose law goes forwards: the input behind an output is looked
     for, a little beyond them too."""
 
@@ -30,11 +30,11 @@ class AbstractSearchedModel(AbstractModel[State, Prepared]):
     high: eqx.AbstractVar[float]
 
     @abc.abstractmethod
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         """The node of its law, which is a part of a sum."""
 
     def laws(self, eps: float, depth: int) -> Tree:
-        return looked_for(self, [self.law()], eps)
+        return looked_for(self, [self.forwards()], eps)
 
     def search_range(self) -> tuple[Any, Any]:
         return widened(self.low, self.high)
@@ -79,7 +79,7 @@ def common_range(ranges: Iterable[tuple[Any, Any]]) -> tuple[Any, Any]:
 
 def part_tree(model: AbstractModel, eps: float, depth: int) -> Tree:
     """The tree of a model in a sum: one that is only looked for is its law."""
-    return model.law() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
+    return model.forwards() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
 
 
 def looked_for(

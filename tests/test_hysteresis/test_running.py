@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +58,11 @@ def history(problem: Problem, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture
-def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+def compiled() -> Iterator[None]:
     """Whatever is short, too."""
     pytest.importorskip("numba")
-    monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys((True, False), 0.0))
+    with over_time.compiled_at_once():
+        yield
 
 
 @pytest.fixture
@@ -227,9 +229,9 @@ KEPT = """
 import numpy as np
 from hysteresis import PrandtlIshlinskii
 from hysteresis.running import _over_time, numbers_of
-_over_time.COMPILING = {True: 0.0, False: 0.0}
 own = numbers_of(PrandtlIshlinskii(np.array([0.1]), np.array([0.5]), 1.0).tree())
-_over_time.run(own, np.zeros(3), np.zeros(3))
+with _over_time.compiled_at_once():
+    _over_time.run(own, np.zeros(3), np.zeros(3))
 from hysteresis.running._compiled import _name, _folder
 import sys
 loop = getattr(sys.modules[_name(own.known.structure.bare, "run")], "run")
