@@ -9,18 +9,13 @@ output does not: then a reading has several inputs, and a search finds any of th
 Cost: a step of the model for each sample, and STATES x LEVELS looks.
 """
 
-from typing import Any
-
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
-from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
 
 from .._contract import AbstractCompensator
+from ..inverses._looks import looks_of
 from ._run_in import Past, driven, first_draw, thinned
 
 STATES, LEVELS = 256, 257
@@ -58,8 +53,8 @@ def spread_of(model: AbstractModel, low: float, high: float, past: Past) -> floa
     t, u = thinned(past, low)
     levels = np.linspace(low, high, LEVELS)
     looks = np.arange(len(u)) % -(-len(u) // STATES) == 0
-    rows, across = (jnp.asarray(driven(one, x), float) for x in (u, levels))
-    y = np.asarray(_outputs(one, t, rows, jnp.asarray(looks), across))[looks]
+    across = np.where(looks[:, None], levels, np.nan)
+    y = looks_of(one, t, driven(one, u))(across)[looks]
     y = y * np.sign((y[:, -1] - y[:, 0]).sum())
     # The first input whose output, or that of a lower one, lies above.
     above, margin = np.maximum.accumulate(y, axis=1), ROUNDING * np.ptp(y)
@@ -67,26 +62,3 @@ def spread_of(model: AbstractModel, low: float, high: float, past: Past) -> floa
         np.searchsorted(most, now + margin, "right") for most, now in zip(above, y, strict=True)
     ]
     return float((np.arange(LEVELS) - np.array(first)).max(initial=0) * (levels[1] - levels[0]))
-
-
-@eqx.filter_jit
-def _outputs(
-    model: AbstractModel,
-    t: ArrayLike | None,
-    u: Float[Array, "samples *condition"],
-    looks: Bool[Array, " samples"],
-    levels: Float[Array, "levels *condition"],
-) -> Float[Array, "samples levels"]:
-    """At every level, in the state before every sample that is looked at; 0 elsewhere."""
-    none = jnp.zeros(len(levels))
-
-    def sample(state: Any, row: tuple[Array | None, Array, Array]) -> tuple[Any, Array]:
-        t, u, look = row
-
-        def outputs() -> Array:
-            return jax.vmap(lambda level: model.step(state, t, level)[1])(levels)
-
-        return model.step(state, t, u)[0], jax.lax.cond(look, outputs, lambda: none)
-
-    times = None if t is None else jnp.asarray(t, float)
-    return jax.lax.scan(sample, model.init(), (times, u, looks))[1]

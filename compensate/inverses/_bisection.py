@@ -1,7 +1,7 @@
 """Inverse of any model whose output rises with its input: by bisection, sample by sample."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,10 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, register
+from hysteresis import AbstractModel, condition_of, register
+from hysteresis._type_variables import PyTree
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
+from .._readings import reading_of, with_reading
+from ._law import require_columns, told_of_condition
 
 
 def inputs_between(
@@ -23,7 +26,7 @@ def inputs_between(
     `outputs`: of several inputs, none lower than that of a lower input.
     """
 
-    def halve(_: Any, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
+    def halve(_: Array, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
         below, above = bracket
         middle = below + (above - below) / 2
         short = outputs(middle) < wanted
@@ -37,21 +40,24 @@ def inputs_between(
 class BracketedState(NamedTuple):
     """The state of the model, and the last estimate."""
 
-    model: Any
+    model: PyTree
     value: Array
 
 
 @register
 class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
-    """u from y by bisection of u -> model.step(state, t, u) on [low, high], where that never falls.
+    """u from y by bisection of u -> model.step(state, t, u) on [low, high].
 
     The inputs whose output is y but for rounding are an interval. The one nearest to the last
     estimate is taken, and is FLAT where the interval is wider than a millionth of the range. Outputs
     beyond those of `low` and `high` are SATURATED: the end is held.
 
+    Of a model that depends on a condition readings are the columns of an array (samples, 2) in `simulate`,
+    and `step` takes the pair (y, c). Two per cent beyond the known conditions the status is EXTRAPOLATED.
+
     **Arguments:**
 
-    - `model`: any model whose output does not fall while its input rises, whatever came before.
+    - `model`: any model whose output does not fall while its input rises, or rise, whatever came before.
     - `low`, `high`: the inputs to look for.
 
     A step costs about 110 of the model's.
@@ -78,49 +84,48 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: BracketedState | None = None
     ) -> Estimate:
+        require_columns(self.model, y)
         y = jnp.asarray(y, float)
         return scan_steps(self, t, y, self.init() if state is None else state)[1]
 
     def step(
         self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[BracketedState, Estimate]:
+        """Outputs closer than `ROUNDING` roundings of the reading, or of the largest output of the virgin
+        model at the ends, are one output."""
         y = jnp.asarray(y, state.value.dtype)
-        size = self.size(t).astype(y.dtype)
-        return bracketed(
-            lambda own, u: self.model.step(own, t, u), state, y, self.low, self.high, size
+
+        def run(u: Array) -> tuple[PyTree, Array]:
+            return self.model.step(state.model, t, with_reading(y, 0, u))
+
+        def outputs(levels: Array) -> Array:
+            return jax.vmap(lambda u: run(u)[1])(levels)
+
+        ends = jnp.asarray([self.low, self.high], y.dtype)
+        first, last = outputs(ends)
+        way = jnp.where(last < first, -1.0, 1.0).astype(y.dtype)
+        reading, valid = way * reading_of(y, 0), jnp.isfinite(y).all()
+        margin = (
+            ROUNDING
+            * jnp.finfo(y.dtype).eps
+            * jnp.maximum(jnp.abs(reading), self.size(t).astype(y.dtype))
         )
+        wanted = jnp.stack([reading - margin, reading + margin])
+        least, most = inputs_between(lambda levels: way * outputs(levels), ends, wanted)
+
+        value = jnp.where(valid, jnp.clip(state.value, least, most), state.value)
+        flat = most - least > FLAT_WIDTH * (self.high - self.low)
+        beyond = (wanted[0] > way * last) | (wanted[1] < way * first)
+        status = jnp.where(beyond, Status.SATURATED, jnp.where(flat, Status.FLAT, Status.OK))
+        status = told_of_condition(self.model, y[None], status[None])[0]
+        after = jax.tree.map(
+            lambda new, old: jnp.where(valid, new, old), run(value)[0], state.model
+        )
+        status = jnp.where(valid, status, Status.INVALID)
+        return BracketedState(after, value), Estimate(value, status)
 
     def size(self, t: ArrayLike | None = 0.0) -> Array:
         """Of the outputs of the virgin model at the ends, the largest one."""
-        return size_of(self.model, t, self.low, self.high)
-
-
-def bracketed(
-    run: Callable[[Any, Array], tuple[Any, Array]],
-    state: BracketedState,
-    y: Float[Array, ""],
-    low: float,
-    high: float,
-    size: Array,
-) -> tuple[BracketedState, Estimate]:
-    """One reading of a `BracketedCompensator`; `run` is one step of its model: (state, u) to (state, y).
-
-    Outputs closer than `ROUNDING` roundings of the reading, or of `size`, are one output.
-    """
-    outputs = jax.vmap(lambda u: run(state.model, u)[1])
-    ends = jnp.stack([jnp.full_like(y, low), jnp.full_like(y, high)])
-    least, greatest = outputs(ends)
-    eps = jnp.finfo(y.dtype).eps
-    margin = ROUNDING * eps * jnp.maximum(jnp.abs(y), size)
-    wanted = jnp.stack([y - margin, y + margin])
-    first, last = inputs_between(outputs, ends, wanted)
-
-    valid = jnp.isfinite(y)
-    value = jnp.where(valid, jnp.clip(state.value, first, last), state.value)
-    flat = last - first > FLAT_WIDTH * (high - low)
-    beyond = (wanted[0] > greatest) | (wanted[1] < least)
-    status = jnp.where(beyond, Status.SATURATED, jnp.where(flat, Status.FLAT, Status.OK))
-    after, _ = run(state.model, value)
-    after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state.model)
-    status = jnp.where(valid, status, Status.INVALID)
-    return BracketedState(after, value), Estimate(value, status)
+        conditioned = condition_of(self.model)
+        models = (self.model,) if conditioned is None else conditioned.models
+        return jnp.stack([size_of(one, t, self.low, self.high) for one in models]).max()

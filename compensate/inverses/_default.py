@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError, is_concrete, parameters
+from hysteresis._type_variables import PyTree
 from hysteresis.trees import ROUNDING, search_range
 
 from .._contract import AbstractCompensator
@@ -78,7 +79,7 @@ def _histories(low: float, high: float) -> tuple[Array, Array, Array]:
 
 @eqx.filter_jit
 def _largest_fall(model: AbstractModel, times: Array, inputs: Array, grid: Array) -> Any:
-    def sample(state: Any, at: tuple[Array, Array]) -> tuple[Any, _Fall]:
+    def sample(state: PyTree, at: tuple[Array, Array]) -> tuple[PyTree, _Fall]:
         t, u = at
         y = jax.vmap(lambda x: model.step(state, t, x)[1])(grid)
         margin = ROUNDING * jnp.finfo(y.dtype).eps * jnp.abs(y).max()

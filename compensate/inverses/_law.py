@@ -90,13 +90,7 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: LawState | None = None
     ) -> Estimate:
-        needs = 1 if condition_of(self.model) is None else 2
-        if np.ndim(y) != needs:
-            raise InputError(
-                "wrong-shape",
-                f"readings of shape {np.shape(y)}.",
-                fix="give (samples,); of a model that depends on a condition (samples, 2), beside it.",
-            )
+        require_columns(self.model, y)
         if t is None and np.shape(y)[0]:
             # A model that depends on the rate refuses.
             self.model.prepare(None, jnp.zeros(np.shape(y)))
@@ -133,10 +127,23 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
             )
 
 
-def told_of_condition(model: AbstractModel, y: Any, status: Any) -> Any:
+def require_columns(model: AbstractModel, y: ArrayLike) -> None:
+    """Raise `InputError` `wrong-shape` where readings are not beside the condition that a model needs."""
+    needs = 1 if condition_of(model) is None else 2
+    if np.ndim(y) != needs:
+        raise InputError(
+            "wrong-shape",
+            f"readings of shape {np.shape(y)}.",
+            fix="give (samples,); of a model that depends on a condition (samples, 2), beside it.",
+        )
+
+
+def told_of_condition(
+    model: AbstractModel, y: Array | np.ndarray, status: Array | np.ndarray
+) -> Array:
     """Statuses that say where the condition, the second column of y, is beyond the model's."""
     if (conditioned := condition_of(model)) is None:
-        return status
+        return jnp.asarray(status)
     knots, c = conditioned.knots, y[:, 1]
     margin = STILL * (knots[-1] - knots[0])
     beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete, register
 
-from .._contract import AbstractCompensator, Status
+from .._contract import AbstractCompensator, Status, scan_steps
 from .._readings import reading_of, with_reading
 from ..inverses import inverse_of
 
@@ -116,6 +116,15 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
         readings = self._readings(y, state.count)
         members, found = run(self.members, state.members, readings)
         count = state.count + jnp.isfinite(reading_of(y, 0)).astype(state.count.dtype)
+        return EnsembleState(members, count), _together(found)
+
+    def stream(
+        self, t: ArrayLike | None, y: Array, state: EnsembleState
+    ) -> tuple[EnsembleState, UncertainEstimate]:
+        """All readings at once: the state after them, and the estimates."""
+        run = eqx.filter_vmap(lambda member, own, reading: scan_steps(member, t, reading, own))
+        members, found = run(self.members, state.members, self._all_readings(y, state.count))
+        count = state.count + jnp.isfinite(reading_of(y, 1)).sum().astype(state.count.dtype)
         return EnsembleState(members, count), _together(found)
 
     def simulate(

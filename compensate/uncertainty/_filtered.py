@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from math import inf, nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete
+from hysteresis._type_variables import PyTree
 from hysteresis.laws import filtered as law
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told
 from hysteresis.trees import node
@@ -28,7 +29,7 @@ class FilteredState(NamedTuple):
     Of a model without laws: its state, that of its inverse, and value, variance and whether there was any.
     """
 
-    memory: Any
+    memory: PyTree
     t: Float[Array, ""]
     value: Float[Array, ""]
 
@@ -171,17 +172,17 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
             held = float(state.value if s.begun else found.value)
             return state, (held, Status.INVALID, law.deviation(s))
 
-        def onward(own: Any, u: Any) -> tuple[Any, Any]:
+        def onward(own: PyTree, u: float) -> tuple[PyTree, Array]:
             return _step(self.model, own, t, with_reading(y, 0, jnp.asarray(u, float)))
 
-        def look(_: Any, dt: float, u: float) -> float:
+        def look(dt: float, u: float) -> float:
             return float(onward(model, u)[1])
 
-        def back(_: Any, dt: float, u: float) -> float:
+        def back(dt: float, u: float) -> float:
             return float(onward(onward(model, u)[0], s.value)[1])
 
         passed = 0.0 if jnp.isnan(state.t) else max(float(t - state.t), 0.0)
-        value = law.likeliest(look, back, p, s, None, passed, float(found.value))
+        value = law.likeliest(look, back, p, s, passed, float(found.value))
         moved, output = onward(model, value)
         inverse = _step(self.raw, inverse, t, with_reading(y, 0, output))[0]
         memory = moved, inverse, s.value, s.variance, s.begun
@@ -190,5 +191,7 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
 
 
 @eqx.filter_jit
-def _step(one: Any, state: Any, t: Array, x: Array) -> Any:
+def _step(
+    one: AbstractModel | AbstractCompensator, state: PyTree, t: Array, x: Array
+) -> tuple[PyTree, PyTree]:
     return one.step(state, t, x)

@@ -1,17 +1,15 @@
 """How wide the flat places are: all inputs that a reading of a flat model can have come from."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel
 
-from .._readings import reading_of, with_reading
-from ..inverses._bisection import inputs_between
+from ..inverses._looks import looks_of
 
 
 class FlatInterval(NamedTuple):
@@ -55,37 +53,23 @@ def flat_intervals(
         >>> bool((wide < 1e-6).all())
         True
     """
-    u = jnp.asarray(estimate, float)
-    clock = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, u.dtype)
-    looked = jnp.ones(len(u), bool) if where is None else jnp.asarray(where)
-    bounds = jnp.asarray([low, high], u.dtype)
-    return _intervals(model, clock, u, looked, bounds, jnp.asarray(tolerance, u.dtype))
+    driven = np.asarray(estimate, float)
+    u = driven if driven.ndim == 1 else driven[:, 0]
+    looked = np.ones(len(u), bool) if where is None else np.asarray(where, bool)
+    look = looks_of(model, t, driven)
 
+    def outputs(levels: np.ndarray) -> np.ndarray:
+        return look(np.where(looked[:, None], levels, np.nan))
 
-@eqx.filter_jit
-def _intervals(
-    model: AbstractModel,
-    t: Float[Array, " samples"],
-    u: Float[Array, "samples *condition"],
-    looked: Bool[Array, " samples"],
-    bounds: Float[Array, " 2"],
-    tolerance: Float[Array, ""],
-) -> FlatInterval:
-    def sample(state: Any, row: tuple[Array, Array, Array]) -> tuple[Any, FlatInterval]:
-        t, driven, look = row
-        u = reading_of(driven, 0)
-        after, y = model.step(state, t, driven)
-
-        def search() -> FlatInterval:
-            outputs = jax.vmap(lambda v: model.step(state, t, with_reading(driven, 0, v))[1])
-            least, greatest = outputs(bounds)
-            # Of a model that falls, what is mirrored rises.
-            way = jnp.where(greatest < least, -1.0, 1.0).astype(u.dtype)
-            margin = tolerance * jnp.abs(greatest - least)
-            wanted = jnp.stack([way * y - margin, way * y + margin])
-            first, last = inputs_between(lambda v: way * outputs(v), bounds, wanted)
-            return FlatInterval(jnp.minimum(first, u), jnp.maximum(last, u))
-
-        return after, jax.lax.cond(look, search, lambda: FlatInterval(u, u))
-
-    return jax.lax.scan(sample, model.init(), (t, u, looked))[1]
+    below, above = (np.tile([end, end], (len(u), 1)) for end in (low, high))
+    least, greatest, y = outputs(np.stack([below[:, 0], above[:, 0], u], 1)).T
+    # Of a model that falls, what is mirrored rises.
+    way = np.where(greatest < least, -1.0, 1.0)
+    margin = tolerance * np.abs(greatest - least)
+    wanted = np.stack([way * y - margin, way * y + margin], 1)
+    for _ in range(np.finfo(float).nmant + 2):
+        middle = below + (above - below) / 2
+        short = way[:, None] * outputs(middle) < wanted
+        below, above = np.where(short, middle, below), np.where(short, above, middle)
+    first, last = np.minimum(above[:, 0], u), np.maximum(np.maximum(above[:, 0], below[:, 1]), u)
+    return FlatInterval(*(jnp.asarray(np.where(looked, end, u)) for end in (first, last)))

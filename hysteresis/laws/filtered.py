@@ -7,7 +7,6 @@ Source: Jazwinski 1970 (the filter); what turns that were not seen and bends lea
 
 from collections.abc import Callable
 from math import fabs, sqrt
-from typing import Any
 
 from ._codes import Reals
 
@@ -45,8 +44,8 @@ def remaining(variance: float, slope: float, noise: float) -> float:
 
 
 def likeliest(
-    look: Callable[[Any, float, float], float], back: Callable[[Any, float, float], float],
-    p: Parameters, s: State, whole: Any, dt: float, found: float,
+    look: Callable[[float, float], float], back: Callable[[float, float], float],
+    p: Parameters, s: State, dt: float, found: float,
 ) -> float:  # fmt: skip
     """The input between the last one and the one found behind the reading. `back`: the output of the last
     one, on the way back to it from another."""
@@ -56,18 +55,18 @@ def likeliest(
     if s.begun:
         ahead = s.variance + p.step * (dt if p.by_time else 1.0)
         reach = sqrt(s.variance)
-        open_by = (back(whole, dt, before + reach) - back(whole, dt, before - reach)) / 2.0
+        open_by = (back(dt, before + reach) - back(dt, before - reach)) / 2.0
         noise = noise + open_by * open_by
     reach = sqrt(ahead)
-    slope = (look(whole, dt, before + reach) - look(whole, dt, before - reach)) / (2.0 * reach)
+    slope = (look(dt, before + reach) - look(dt, before - reach)) / (2.0 * reach)
     u = found
     if s.begun:
         left = remaining(ahead, slope, noise)
         u = before + slope * slope * left / noise * (found - before)
         reach = sqrt(left if left > FINEST * ahead else FINEST * ahead)
-    low = look(whole, dt, u - reach)
-    high = look(whole, dt, u + reach)
-    corner = high + low - 2.0 * look(whole, dt, u)
+    low = look(dt, u - reach)
+    high = look(dt, u + reach)
+    corner = high + low - 2.0 * look(dt, u)
     again = (high - low) / (2.0 * reach)
     lesser = fabs(again) if fabs(again) < fabs(slope) else fabs(slope)
     s.value = u

@@ -25,6 +25,22 @@ def run(m, n, first, size, u, dt, c, rows, y):
 
 
 @loop
+def looks(m, n, first, size, u, dt, c, rows, y, levels, count):
+    """As `run`; in y the outputs at each row's `count` levels before it, where these are numbers."""
+    for k in range(rows):
+        h = get(dt, k)
+        if not h >= 0.0:
+            h = -h if h < 0.0 else 0.0
+            for i in range(whole(n, STATE), size):
+                put(m, i, get(first, i))
+        take(m, n, get(c, k))
+        for j in range(k * count, (k + 1) * count):
+            x = get(levels, j)
+            put(y, j, look(m, n, h, x) if x == x else x)
+        move(m, n, h, get(u, k))
+
+
+@loop
 def find(m, n, first, size, y, dt, c, rows, u, status):
     for k in range(rows):
         h = get(dt, k)

@@ -70,6 +70,15 @@ def run(numbers: Numbers, x: Any, dt: Any) -> Ran:
     return Ran(value, np.zeros(len(value), int), m)
 
 
+def looks(numbers: Numbers, x: Any, dt: Any, levels: Any) -> np.ndarray:
+    """Outputs at other inputs than each row's, `levels` (rows, levels), in the state before it; NaN at NaN.
+    Otherwise as `run`."""
+    levels = _own(levels)
+    y = np.empty(levels.shape)
+    through("looks", numbers, x, dt, (y, levels), levels.shape[1])
+    return y
+
+
 def find(numbers: Numbers, y: Any, dt: Any) -> Ran:
     """The inputs behind outputs."""
     value, status = np.empty((2, len(y)))
@@ -78,9 +87,9 @@ def find(numbers: Numbers, y: Any, dt: Any) -> Ran:
 
 
 def through(
-    wanted: str, numbers: Numbers, x: Any, dt: Any, outputs: tuple[np.ndarray, ...]
+    wanted: str, numbers: Numbers, x: Any, dt: Any, outputs: tuple[np.ndarray, ...], *more: int
 ) -> np.ndarray:
-    """The loop `wanted` over all rows into `outputs`; the numbers m after them."""
+    """The loop `wanted` over all rows into `outputs`, with `more` arguments; the numbers m after them."""
     key, rows = (numbers.known.structure.bare, wanted), _rows(x, dt)
     first, m, done = _own(numbers.m), np.array(numbers.m, float), 0
     enough = COMPILING[is_kept(*key)] if available() else np.inf
@@ -90,7 +99,7 @@ def through(
         end = min(done + SOME, len(rows.x)) if plain else len(rows.x)
         (in_python if plain else loop_of)(*key)(
             m, numbers.known.n, first, len(m), *(column[done:end] for column in rows), end - done,
-            *(column[done:end] for column in outputs),
+            *(column[done:end] for column in outputs), *more,
         )  # fmt: skip
         if plain:
             _spent[key] = _spent.get(key, 0.0) + perf_counter() - begun

@@ -51,9 +51,11 @@ class Text:
             entries += self._marked()
         if wanted == "find_told":
             entries.append(self._told())
-        if wanted == "run":
+        if wanted in ("run", "looks"):
             forward = FORWARD.get(self.root.kind, "move")
             entries.append(f"move = {self.function(self.root, forward)}")
+        if wanted == "looks":
+            entries.append(f"look = {self.function(self.root, 'look')}")
         if "find" in wanted:
             entries.append(f"found = {self.function(self.root, 'find')}")
             entries.append(f"status_of = {self.status(self.root)}")

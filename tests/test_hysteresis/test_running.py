@@ -129,6 +129,19 @@ def test_sequences_begin_in_the_first_state(
     np.testing.assert_array_equal(again, late)
 
 
+@each_forwards
+@pytest.mark.usefixtures("interpreted")
+def test_a_look_is_the_output_from_the_state_before(problem: Problem):
+    own, (u, dt), k = numbers(problem.model()), history(problem), 20
+    levels = np.full((SAMPLES, 3), np.nan)
+    levels[k] = u[[0, 5, k]]
+    found = over_time.looks(own, u, dt, levels)
+    before = own._replace(m=over_time.run(own, u[:k], dt[:k]).m)
+    wanted = over_time.run(before, levels[k], np.full(3, -dt[k])).value
+    np.testing.assert_array_equal(found[k], wanted)
+    assert np.isnan(np.delete(found, k, axis=0)).all()
+
+
 def _freed(tree: dict[str, Any]) -> dict[str, Any]:
     """With all real parameters made by JAX, so that all have derivatives."""
     found = dict(tree)

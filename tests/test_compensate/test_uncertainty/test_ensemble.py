@@ -74,6 +74,11 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any, sigma: fl
     inner = invert(models, output_sigma=sigma, seed=3)
     error = jnp.array([[0.1, 0.2], [0.3, 0.4]])
     levels, scores = jnp.array([LOW, HIGH]), jnp.array([-1.0, 1.0])
+    half = SAMPLES // 2
+    state, first = inner.stream(t[:half], jnp.asarray(broken[:half]), inner.init())
+    rest = inner.simulate(t[half:], broken[half:], state)
+    wanted = inner.simulate(t, broken).value
+    np.testing.assert_allclose(np.append(first.value, rest.value), wanted, rtol=0, atol=1e-8)
     for compensator in (inner, CalibratedCompensator(inner, levels, error, scores, 0.01)):
         whole = compensator.simulate(t, broken)
         step, state = jax.jit(lambda s, t, y, c=compensator: c.step(s, t, y)), compensator.init()
