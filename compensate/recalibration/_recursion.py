@@ -108,7 +108,8 @@ class Settings(eqx.Module):
         return Recursion(
             share=none, used=theta, theta=theta, covariance=jnp.diag(self.start), elapsed=none, idle=none,
             before=theta, run=none, common=none, apart=none, evidence=none, excess=none, possible=none,
-            settled=none, loss=self.error**2, residual=jnp.ones_like(none), changes=jnp.asarray(0),
+            settled=none, loss=self.error**2, residual=jnp.ones_like(none),
+            changes=jnp.zeros((), int),  # a weak type would compile twice
         )  # fmt: skip
 
 
