@@ -129,8 +129,8 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
             return after, s.zero + (jnp.maximum(total, 0.0) if self.floored else total)
 
         def searched() -> tuple[Array, Array]:
-            # A reading beyond those the parts can have is taken for the nearest of them: on a floor the last
-            # estimate is then held, and not the end of the range.
+            # A reading beyond those the parts can have is taken for the nearest of them: on a floor the
+            # last estimate is then held, and not the end of the range.
             reading = self.sign * y
             ends = [run(state.parts, jnp.asarray(end, float))[1] for end in (self.low, self.high)]
             size = jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
