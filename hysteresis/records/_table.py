@@ -142,7 +142,7 @@ def followed(begun: Table, rows: CompiledRows) -> Table:
     names = list(begun.columns)
     numeric = [x.dtype.kind == "f" for x in begun.columns.values()]
     numbers, line = rows.numbers(begun.columns, numeric)
-    line = np.append(begun.line, line)
+    line[: len(begun.line)] = begun.line
 
     def text(name: str) -> np.ndarray:
         return np.concatenate([begun.text[name], rows.words(names.index(name))])
