@@ -26,7 +26,7 @@ class Table:
     **Arguments:**
 
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str. Dates, times of
-      day and times since 1970 are seconds from the first row.
+      day and times since 1970 are seconds from the first row. Numbers of a large text are read-only.
     - `text`: (n,) str, every column as it is in the file, without the blanks around it. Of a large text
       it is made each time that it is asked for.
     - `line`: (n,) the line of each row, from 1.
