@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._abstract_record import AbstractRecord
-from ._cells import LARGEST, floats, missing, parsed
+from ._cells import LARGEST, LONG_CELL, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 from ._dialect import headless
 
@@ -78,6 +78,7 @@ class Table:
             text = x if text is None else text
             unique, first = np.unique(text, return_index=True)
             wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
+            wrong |= np.char.str_len(unique) > LONG_CELL  # which `parsed` takes for no number
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
             if all(_THOUSANDS.fullmatch(w) for w in words):
