@@ -105,6 +105,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
             states, states, self.fitted.init(), jnp.asarray(self.low, float), self.settings.begin()
         )
 
+    @eqx.filter_jit
     def step(
         self,
         state: AdaptiveState,
