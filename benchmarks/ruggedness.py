@@ -286,11 +286,11 @@ def _in_a_folder(part: Callable[[bool], list[Row]]) -> Callable[[bool], list[Row
 
 
 def kills(quick: bool) -> list[Row]:
-    """A hundred kills of commands, of their processes, and folders that others change."""
+    """Kills of commands, eight of each, and of their processes, and folders that others change."""
     if quick:
         return [noted("kills of commands", 0, reason="takes minutes: run without --quick")]
     with elsewhere():
-        return _kills.kills(100) + _kills.children(3) + _kills.folders_changed(10)
+        return _kills.kills(64) + _kills.children(2) + _kills.folders_changed(5)
 
 
 def chains(quick: bool) -> list[Row]:

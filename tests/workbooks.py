@@ -3,13 +3,15 @@
 import io
 import struct
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-Cell = tuple[int, int, float | str]
-"""Row and column, from 0, and what is there."""
+Cell = tuple[int, int, float | str | int]
+"""Row and column, from 0, and what is there; in an old workbook a whole number is that of a shared text."""
 
 
-def old_workbook(cells: Iterable[Cell], declared: tuple[int, int] | None = None) -> bytes:
+def old_workbook(
+    cells: Iterable[Cell], declared: tuple[int, int] | None = None, shared: Sequence[str] = ()
+) -> bytes:
     """A .xls file of one sheet: BIFF8 records in a compound file. `declared`: rows and columns."""
     begin = _old(0x0809, struct.pack("<HHHHII", 0x0600, 0x0005, 0, 0, 0, 0))
     sheet = _old(0x0809, struct.pack("<HHHHII", 0x0600, 0x0010, 0, 0, 0, 0))
@@ -19,14 +21,32 @@ def old_workbook(cells: Iterable[Cell], declared: tuple[int, int] | None = None)
         at = struct.pack("<HHH", row, column, 0)
         if isinstance(value, str):
             sheet += _old(0x0204, at + struct.pack("<HB", len(value), 0) + value.encode("latin-1"))
+        elif isinstance(value, int):
+            sheet += _old(0x00FD, at + struct.pack("<I", value))
         else:
             sheet += _old(0x0203, at + struct.pack("<d", value))
     sheet += _old(0x000A)
     name = _old(0x0085, struct.pack("<IBBBB", 0, 0, 0, 1, 0) + b"s")
-    place = len(begin) + len(name) + 4
+    texts = _shared(shared) if shared else b""
+    place = len(begin) + len(name) + len(texts) + 4
     name = name[:4] + struct.pack("<I", place) + name[8:]
-    stream = (begin + name + _old(0x000A) + sheet).ljust(4096, b"\0")
+    stream = (begin + name + texts + _old(0x000A) + sheet).ljust(4096, b"\0")
     return _compound(stream)
+
+
+def _shared(texts: Sequence[str]) -> bytes:
+    """Shared texts, the first with a font behind it. Records end within a text, of which two bytes a
+    character go on."""
+    records, kind, part = b"", 0x00FC, struct.pack("<II", len(texts), len(texts))
+    for k, text in enumerate(texts):
+        part += struct.pack("<HB", len(text), 8 if not k else 0)
+        part += struct.pack("<H", 1) if not k else b""
+        part += text[:100].encode("latin-1")
+        for begin in range(100, len(text), 4000):
+            records += _old(kind, part)
+            kind, part = 0x003C, b"\1" + text[begin : begin + 4000].encode("utf-16-le")
+        part += bytes(4) if not k else b""
+    return records + _old(kind, part)
 
 
 def _old(kind: int, content: bytes = b"") -> bytes:
@@ -36,10 +56,11 @@ def _old(kind: int, content: bytes = b"") -> bytes:
 def _compound(stream: bytes) -> bytes:
     """A compound file of one stream "Workbook", of 4096 bytes at least: its table, directory, and it."""
     sectors = -(-len(stream) // 512)
-    free, end = 0xFFFFFFFF, 0xFFFFFFFE
-    after = [0xFFFFFFFD, end, *range(3, 2 + sectors), end]
-    table = struct.pack("<128I", *after, *[free] * (128 - len(after)))
-    entries = [("Root Entry", 5, 1, end, 0), ("Workbook", 2, free, 2, len(stream))]
+    tables = -(-(sectors + 1) // 127)
+    free, end, first = 0xFFFFFFFF, 0xFFFFFFFE, tables + 1
+    after = [*[0xFFFFFFFD] * tables, end, *range(first + 1, first + sectors), end]
+    table = struct.pack(f"<{128 * tables}I", *after, *[free] * (128 * tables - len(after)))
+    entries = [("Root Entry", 5, 1, end, 0), ("Workbook", 2, free, first, len(stream))]
     directory = b"".join(
         name.encode("utf-16-le").ljust(64, b"\0")
         + struct.pack("<HBBIII", 2 * len(name) + 2, kind, 1, free, free, child)
@@ -49,9 +70,9 @@ def _compound(stream: bytes) -> bytes:
     )
     head = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(16)
     head += struct.pack(
-        "<HHHHH6xIIIIIIIII", 0x3E, 3, 0xFFFE, 9, 6, 0, 1, 1, 0, 4096, end, 0, end, 0
+        "<HHHHH6xIIIIIIIII", 0x3E, 3, 0xFFFE, 9, 6, 0, tables, tables, 0, 4096, end, 0, end, 0
     )
-    head += struct.pack("<109I", 0, *[free] * 108)
+    head += struct.pack("<109I", *range(tables), *[free] * (109 - tables))
     return head + table + directory.ljust(512, b"\0") + stream.ljust(512 * sectors, b"\0")
 
 

@@ -96,20 +96,14 @@ def large_files() -> list[Row]:
         for begin in range(0, ROWS, len(lines)):
             file.writelines(f"{(begin + k) / 1000:.3f},{line}" for k, line in enumerate(lines))
     what = f"tables of {COLUMNS} columns and of {GROUPS:,} groups: fits that failed, of 2"
-    held, long = _used("check", "long.csv", *FIT[:6])
-    held /= Path("long.csv").stat().st_size
+    checked, long = _more(ROWS // 2, ROWS, "check", *FIT[:6])
     many = _used("check", "many.csv", *FIT[:6], "--group", "run")[1]
-    sizes, peaks = [], []
-    for count in (1_000_000, 2_000_000):  # without what a fit takes of any file
-        with Path("long.csv").open() as file:
-            Path("part.csv").write_text("".join(islice(file, count)))
-        sizes.append(Path("part.csv").stat().st_size)
-        peaks.append(_used("fit", "part.csv", *FIT, "--overwrite")[0])
-    more = (peaks[1] - peaks[0]) / (sizes[1] - sizes[0])
+    fitted, _ = _more(ROWS // 10, ROWS // 5, "fit", *FIT, "--overwrite")
+    further = "takes more for each further byte of a text"
     return [
         judged(what, len(failed), 0),
-        judged("memory that check takes at most, over the size of a long text", held, 2.0),
-        judged("memory that fit takes more for each further byte of a text", more, 3.0),
+        judged(f"memory that check {further}", checked, 2.0),
+        judged(f"memory that fit {further}", fitted, 3.0),
         judged(f"check of {ROWS:,} rows, processor time in s", long, SECONDS),
         judged(f"check of {CHECKED:,} groups, processor time in s", many, SECONDS),
     ]
@@ -124,6 +118,18 @@ def _grouped(groups: int, name: str) -> np.ndarray:
     )
     np.savetxt(name, table, "%.6g", ",", header=f"{T},{F},{X},run", comments="")
     return table
+
+
+def _more(few: int, many: int, command: str, *options: object) -> tuple[float, float]:
+    """Bytes of memory for each further byte of a text of few and of many rows; seconds for the latter."""
+    sizes, peaks = [], []
+    for count in (few, many):  # without what a command takes of any file
+        with Path("long.csv").open() as file, Path("part.csv").open("w") as part:
+            part.writelines(islice(file, count + 1))
+        sizes.append(Path("part.csv").stat().st_size)
+        peak, seconds = _used(command, "part.csv", *options)
+        peaks.append(peak)
+    return (peaks[1] - peaks[0]) / (sizes[1] - sizes[0]), seconds
 
 
 def _used(*command: object) -> tuple[float, float]:

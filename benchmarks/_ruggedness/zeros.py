@@ -7,7 +7,7 @@ import numpy as np
 
 from hysteresis import InputError, Record, check_identifiable
 from hysteresis.records._cycles import noise_level
-from hysteresis.records._zero import lost_contact, zero_drift, zero_jumps
+from hysteresis.records._zero import _parts, _shift, lost_contact, zero_drift, zero_jumps
 
 from .._measure import Row, judged, noted
 from .._trust.idle_warnings import files
@@ -55,6 +55,7 @@ def rows(quick: bool) -> list[Row]:
                     hit, others = _found(fault)
                     cycles = record.cycle_counts.max()
                     decided = kind == "tare" or cycles > (2 if kind == "drift" else 1)
+                    decided = decided and not (kind == "jump" and _alone(fault))
                     (found[kind, 2 if kind == "contact" else size] if decided else once).append(hit)
                     wrong, count = wrong + others, count + 1
         if not name.startswith(DRIFTING):
@@ -105,6 +106,14 @@ def _put(record: Record, kind: str, share: float, rng: np.random.Generator) -> F
     labels = np.repeat(np.arange(len(parts)), [one.stop - one.start for one in parts])[every]
     changed = Record.from_arrays(u, y, groups=labels, mask=record.mask[every], nan="omit")
     return Fault(changed, kind, first, last - 1, size)
+
+
+def _alone(fault: Fault) -> bool:
+    """Whether no branch is passed both before and behind a jump."""
+    parts = [one for one in _parts(fault.record) if fault.first in one.row]
+    return all(
+        _shift(one.u, one.y, int(np.searchsorted(one.row, fault.first))) is None for one in parts
+    )
 
 
 def _found(fault: Fault) -> tuple[bool, bool]:

@@ -102,9 +102,10 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("kind") != kind:
         raise FileError(f"{path}: {_WRITTEN_BY[kind]}")
     newest = _NEWEST.get(kind, SCHEMA)
-    if document.get("schema") not in range(1, newest + 1):
+    schema = document.get("schema")
+    if type(schema) is not int or schema not in range(1, newest + 1):
         raise FileError(
-            f"{path}: written in format {document.get('schema')}, this version reads {newest}."
+            f"{path}: written in format {schema}, this version reads {newest}."
             " Update hysid, or export it again."
         )
     try:

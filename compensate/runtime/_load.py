@@ -40,4 +40,5 @@ def _kind(path: str | Path) -> str | None:
         document = json.loads(Path(path).read_bytes())
     except (OSError, ValueError, RecursionError, MemoryError):
         return None
-    return document.get("kind") if isinstance(document, dict) else None
+    kind = document.get("kind") if isinstance(document, dict) else None
+    return kind if isinstance(kind, str) else None

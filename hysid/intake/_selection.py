@@ -18,8 +18,8 @@ from ._selection_options import FIELDS, OF_READING, SelectionOptions
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
 
-_READ = signature(read_csv).parameters
-"""A selecting option of the same name goes there."""
+OF_RECORD = tuple(name for name in FIELDS if name in signature(read_csv).parameters)
+"""Selecting options that are options of `read_csv`."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class Selection(SelectionOptions):
             table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
         elif self.hold and isinstance(self.input, str):
             table = at_hold(table, self.input, self.output, self.time, where)
-        chosen = {name: getattr(self, name) for name in FIELDS if name in _READ} | {
+        chosen = {name: getattr(self, name) for name in OF_RECORD} | {
             "input": self.input or CONSTANT, "where": where, "keep": tuple(sorted(held_out_by)),
         }  # fmt: skip
         record = read_csv(table, **chosen)

@@ -9,21 +9,10 @@ from hysteresis._escape import shell_word
 
 from ..intake._creep_fits import step_options
 from ..intake._own_config import config_of, folder_of
-from ..intake._selection import Selection
+from ..intake._selection import OF_RECORD, Selection
 from ..intake._selection_options import FIELDS, OF_READING
 
-OPTIONS = (
-    "time",
-    "dt",
-    "input_time",
-    "group",
-    "condition",
-    "nan",
-    "segments",
-    "rezero",
-    "input_unit",
-    "output_unit",
-)
+OPTIONS = tuple(name for name in OF_RECORD if name not in (*OF_READING, "input", "output", "where"))
 """Options of `read_csv` that a selection may hold, beside those of reading, in the order of writing."""
 USUAL = {"nan": "raise", "decimal": "."}
 

@@ -140,11 +140,13 @@ def find(p: Parameters, s: State, y: float) -> float:
     gap = sign * (y - look(p, s, s.u + sign * high))
     # The output rises by no less than `least`, so that the doubled way passes it.
     farthest = missing / p.least
-    while gap > 0.0 and high < farthest:  # at most: 64
+    k = 0
+    while gap > 0.0 and high < farthest and k < 64:  # at most: 64
         low = high
         missing = gap
         high = 2.0 * high
         gap = sign * (y - look(p, s, s.u + sign * high))
+        k = k + 1
     over = -gap
     way = high
     k = 0

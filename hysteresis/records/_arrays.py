@@ -13,11 +13,15 @@ REAL = "bifuO"
 """Kinds of arrays that may hold real numbers: not complex ones, dates, or words that look like numbers."""
 
 
-def numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """A copy as float64, NaN where a masked array is masked. Raises `InputError` `not-numbers`."""
+def numbers(name: str, values: ArrayLike, keep: bool = False) -> np.ndarray:
+    """A copy as float64, NaN where a masked array is masked. Raises `InputError` `not-numbers`.
+
+    `keep`: what nobody can write to, such as a column of a large table, is given as it is.
+    """
     try:
         given = np.ma.getdata(values) if np.ma.isMaskedArray(values) else np.asarray(values)
-        found = given if given.dtype.kind in "cmM" else np.array(given, float)
+        kept = keep and given is values and given.dtype == float and _is_fixed(given)
+        found = given if kept or given.dtype.kind in "cmM" else np.array(given, float)
         problem = "" if given.dtype.kind in REAL else f"it holds {given.dtype.name}"
     except (TypeError, ValueError) as error:
         found, problem = np.empty(0), str(error)
@@ -28,6 +32,17 @@ def numbers(name: str, values: ArrayLike) -> np.ndarray:
     if np.ma.isMaskedArray(values):
         found[np.ma.getmaskarray(values)] = np.nan
     return found
+
+
+def _is_fixed(array: Any) -> bool:
+    while isinstance(array, np.ndarray) and not array.flags.writeable:
+        array = array.base
+    return array is None
+
+
+def in_rows(kept: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Arrays in the rows (n,) bool that are kept: as they are where all are, as a mask makes copies."""
+    return arrays if kept.all() else tuple(x[kept] for x in arrays)
 
 
 def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
@@ -45,7 +60,7 @@ def seconds(values: ArrayLike) -> np.ndarray:
     """Times as float64, dates as seconds from the first one. Raises `InputError` `not-numbers`."""
     given = np.asarray(values)
     if given.dtype.kind not in "mM" or not given.size:
-        return numbers("time", values)
+        return numbers("time", values, keep=True)
     return (given - given.flat[0]) / np.timedelta64(1, "s")
 
 

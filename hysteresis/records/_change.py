@@ -10,6 +10,9 @@ from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._zero import zero_drift
 
+ENOUGH = 10_000
+"""Cycles that are compared: their rate is known as well as the record tells it."""
+
 FEWEST = 4
 """Cycles of one kind: two of them to see a rate, and two to see how well it is known."""
 
@@ -119,13 +122,17 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
         x[rows] for x in (record.input, record.output, record.cycle, record.branch)
     )
     counted = record.mask[rows] & np.isfinite(y) & (cycle > 0)
-    whole = np.bincount(cycle[cycle > 0])
+    whole = np.bincount(cycle)
     share = np.bincount(cycle[counted], minlength=len(whole)) / np.maximum(whole, 1)
     numbers = np.flatnonzero(share > 0.5)
     if len(numbers) < FEWEST:
         return None
+    if len(numbers) > ENOUGH:
+        numbers = numbers[np.linspace(0, len(numbers) - 1, ENOUGH).astype(int)]
     # The places of each cycle: masks would take rows times cycles.
-    at = np.flatnonzero(counted & np.isin(cycle, numbers))
+    chosen = np.zeros(len(whole), bool)
+    chosen[numbers] = True
+    at = np.flatnonzero(counted & chosen[cycle])
     at = at[np.argsort(cycle[at], kind="stable")]
     inside = np.split(at, np.flatnonzero(np.diff(cycle[at])) + 1)
     ends = np.array([(u[own].min(), u[own].max()) for own in inside])

@@ -62,17 +62,19 @@ class CompiledRows:
     def numbers(
         self, begun: Mapping[str, np.ndarray], numeric: list[bool]
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The columns (n,) float64, each behind the rows that have `begun` it, and the line of each row.
+        """The columns (n,) float64, each behind the rows that have `begun` it, and the line (n,) of each
+        row, 0 of those begun.
 
         `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False, and is
         left out.
         """
-        rows, lines, first = len(next(iter(begun.values()))), [], self._first
+        rows, first = len(next(iter(begun.values()))), self._first
         # One array that every block is put into: blocks that are joined in the end need it twice.
         pieces = (self._data[place] for place in _blocks(self._data, self._start))
         room = rows + 1 + sum(max(p.count(b"\n"), p.count(b"\r")) for p in pieces)
         columns = [np.append(x, np.empty(room - rows)) if n else None
                    for x, n in zip(begun.values(), numeric, strict=True)]  # fmt: skip
+        lines = np.zeros(room, int)
         for place in _blocks(self._data, self._start):
             text = _text(self._data[place])
             count = text.count("\n")
@@ -88,12 +90,15 @@ class CompiledRows:
                     column[rows : rows + len(line)] = part
                 else:
                     columns[k] = None
-            lines.append(line)
+            lines[rows : rows + len(line)] = line
             first, rows = first + count, rows + len(line)
+        for x in columns:
+            if x is not None:
+                x.flags.writeable = False  # so records need no copy
         found = {name: x[:rows] for name, x in zip(begun, columns, strict=True) if x is not None}
         if not found or all(np.isnan(x[-1]) for x in found.values()):
             raise OddRowsError  # perhaps empty rows at the end, which are no rows
-        return found, np.concatenate(lines)
+        return found, lines[:rows]
 
     def words(self, at: int) -> np.ndarray:
         """The cells of column `at` (n,) str, without the blanks around each."""

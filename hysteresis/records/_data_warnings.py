@@ -9,6 +9,7 @@ import numpy as np
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._arrays import in_rows
 from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
 from ._zero import lost_contact, zero_jumps
@@ -153,8 +154,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
         return []
     loops = loops_of(record)
-    good = np.isfinite(record.output)
-    u, y = record.input[good], record.output[good]
+    u, y = in_rows(np.isfinite(record.output), record.input, record.output)
     if not (np.ptp(u) and np.ptp(y)):
         return []
     # Force over displacement takes energy clockwise.
@@ -163,7 +163,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < 0.5 * loops.total:
         return []
     cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
-    if np.corrcoef(u, y)[0, 1] < 0:
+    if correlation(record) < 0:
         cause = "the sign of one column is turned"
         mend = f"turn it (--turn {record.output_name!r})"
     force, length = units[::-1] if to_force else units
@@ -175,6 +175,16 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
 
 
 @once
+def correlation(record: AbstractRecord) -> float:
+    """Of input and output, in [-1, 1]; 0 where one of them is constant."""
+    u, y = in_rows(np.isfinite(record.output), record.input, record.output)
+    if not (len(u) and np.ptp(u) and np.ptp(y)):
+        return 0.0
+    u, y = u - u.mean(), y - y.mean()
+    return float(u @ y / np.sqrt(u @ u) / np.sqrt(y @ y))
+
+
+@once
 def loops_of(record: AbstractRecord) -> LoopSums:
     """The sums over the loops of all sequences, in the rows that count."""
     u, y, used = record.input, record.output, record.mask
@@ -183,7 +193,7 @@ def loops_of(record: AbstractRecord) -> LoopSums:
 
 def _noise(record: AbstractRecord) -> float:
     counted = record.mask & np.isfinite(record.output)
-    parts = [record.output[s][counted[s]] for _, s in record.sequences()]
+    parts = [in_rows(counted[s], record.output[s])[0] for _, s in record.sequences()]
     return float(np.median([noise_level(y) for y in parts if len(y)] or [0.0]))
 
 
@@ -196,8 +206,9 @@ def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
 def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
     """How far the input moves at most while the output stays at `limit`, and while it stays elsewhere."""
     u, y = record.input, record.output
-    first = np.flatnonzero(np.append(True, np.diff(y) != 0))
-    first = np.union1d(first, record.starts)
+    begins = np.append(True, y[1:] != y[:-1])
+    begins[record.starts] = True
+    first = np.flatnonzero(begins)
     way = np.maximum.reduceat(u, first) - np.minimum.reduceat(u, first)
     at = y[first] == limit
     return float(way[at].max(initial=0.0)), float(way[~at].max(initial=0.0))

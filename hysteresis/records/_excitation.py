@@ -8,9 +8,10 @@ from .._errors import InputError
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._arrays import in_rows
 from ._change import change_warnings
 from ._cycles import default_dead_band, noise_level, turning_points
-from ._data_warnings import clipped, loop_direction, once, suspicions
+from ._data_warnings import clipped, correlation, loop_direction, once, suspicions
 
 
 def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) -> list[Note]:
@@ -30,14 +31,14 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         problem = f"Input {record.input_name!r} is {quantity(u[0], unit)} in every row."
         mend = "choose another column (--input COL), or drive the rig."
         raise InputError("constant-input", problem, place=place, fix=mend)
-    counted = record.output[record.mask & np.isfinite(record.output)]
+    (counted,) = in_rows(record.mask & np.isfinite(record.output), record.output)
     if not np.ptp(counted):
         at = quantity(counted[0], record.output_unit)
         problem = f"Output {record.output_name!r} is {at} in every row; nothing to identify."
         mend = "choose another column (--output COL), or look at the sensor."
         raise InputError("constant-output", problem, place=place, cause="a dead channel?", fix=mend)
     # Steps drawn anew at every row look like noise, but the output follows them.
-    if span < 10 * noise and abs(_correlation(record)) < 0.5:
+    if span < 10 * noise and abs(correlation(record)) < 0.5:
         problem = f"Input range {quantity(span, unit)} is about the noise; nothing to identify."
         raise InputError("no-excitation", problem, place=place, fix="drive the rig further.")
     found = []
@@ -105,7 +106,7 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
 
 def turn_in_words(record: AbstractRecord) -> str:
     """Which way the loops of a record turn, and whether the output lags or leads its input."""
-    way, falls = loop_direction(record), _correlation(record) < 0
+    way, falls = loop_direction(record), correlation(record) < 0
     turn = "counter-clockwise" if way > 0 else "clockwise"
     # Where the output falls with the input, lagging loops turn clockwise.
     return turn + (": the output lags" if (way > 0) != falls else ": the output leads")
@@ -148,12 +149,6 @@ def _turns(u: np.ndarray) -> float:
     return float(path / (2 * np.ptp(u))) if path else 0.0
 
 
-def _correlation(record: AbstractRecord) -> float:
-    good = np.isfinite(record.output)
-    u, y = record.input[good], record.output[good]
-    return float(np.corrcoef(u, y)[0, 1]) if good.any() and np.ptp(u) and np.ptp(y) else 0.0
-
-
 def _steps(record: AbstractRecord) -> np.ndarray:
     if record.time is None:
         return np.empty(0)
@@ -163,8 +158,9 @@ def _steps(record: AbstractRecord) -> np.ndarray:
 def _spread(record: AbstractRecord, role: str) -> dict[str, Any]:
     x = getattr(record, role)
     good = np.isfinite(x)
-    low, high = (float(x[good].min()), float(x[good].max())) if good.any() else (np.nan, np.nan)
-    noise = float(np.median([noise_level(x[s][good[s]]) for _, s in record.sequences()]))
+    (known,) = in_rows(good, x)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
+    noise = float(np.median([noise_level(*in_rows(good[s], x[s])) for _, s in record.sequences()]))
     names = {"name": getattr(record, f"{role}_name"), "unit": getattr(record, f"{role}_unit")}
     return names | {"min": low, "max": high, "noise": noise}
 

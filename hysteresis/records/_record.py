@@ -170,12 +170,12 @@ class Record(AbstractRecord):
             raise InputError("bad-option", f"nan={nan!r}.", fix="raise, omit or interpolate.")
         if dt is not None and not (isinstance(dt, Real) and 0 < dt < np.inf):
             raise InputError("bad-option", f"dt={dt!r}.", fix="give a step above 0.")
-        y, kept, done = numbers("output", output), dict(columns or {}), [*map(Note.of, history)]
+        shared, kept = nan != "interpolate", dict(columns or {})
+        y, done = numbers("output", output, shared), [*map(Note.of, history)]
         more = *(channels or ()), *(conditions or ())
         kept |= {name: numbers(name, kept[name]) for name in more}
-        n = y.size
-        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input)
-        t = None if time is None else seconds(time)
+        n, t = y.size, None if time is None else seconds(time)
+        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input, shared)
         group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)

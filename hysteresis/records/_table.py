@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError
 from .._note import Note
 from ._abstract_record import AbstractRecord
-from ._cells import LARGEST, floats, missing, parsed
+from ._cells import LARGEST, LONG_CELL, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 from ._dialect import headless
 
@@ -26,7 +26,7 @@ class Table:
     **Arguments:**
 
     - `columns`: (n,) float64 where every cell is a number or missing (NaN), else (n,) str. Dates, times of
-      day and times since 1970 are seconds from the first row.
+      day and times since 1970 are seconds from the first row. Numbers of a large text are read-only.
     - `text`: (n,) str, every column as it is in the file, without the blanks around it. Of a large text
       it is made each time that it is asked for.
     - `line`: (n,) the line of each row, from 1.
@@ -78,6 +78,7 @@ class Table:
             text = x if text is None else text
             unique, first = np.unique(text, return_index=True)
             wrong = np.isnan(floats(unique, self.decimal)) & ~missing(unique, self.na_values)
+            wrong |= np.char.str_len(unique) > LONG_CELL  # which `parsed` takes for no number
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
             if all(_THOUSANDS.fullmatch(w) for w in words):
@@ -142,7 +143,7 @@ def followed(begun: Table, rows: CompiledRows) -> Table:
     names = list(begun.columns)
     numeric = [x.dtype.kind == "f" for x in begun.columns.values()]
     numbers, line = rows.numbers(begun.columns, numeric)
-    line = np.append(begun.line, line)
+    line[: len(begun.line)] = begun.line
 
     def text(name: str) -> np.ndarray:
         return np.concatenate([begun.text[name], rows.words(names.index(name))])

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._abstract_record import AbstractRecord
+from ._arrays import in_rows
 from ._cycles import branches, default_dead_band, noise_level, turning_points
 
 LEAST = 0.02
@@ -105,7 +106,7 @@ def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list
     parts = [part for part in parts if len(part.u) > 4 * BESIDE and np.ptp(part.u)]
     if not parts:
         return []
-    span = float(np.ptp(np.concatenate([part.y for part in parts])))
+    span = float(max(part.y.max() for part in parts) - min(part.y.min() for part in parts))
     # What is below this is neither a jump nor holds one back.
     least = LEAST * span / STANDS_OUT.max()
     far = [
@@ -127,7 +128,8 @@ def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list
                 continue
             if (jump := _jump(part, int(k), int(kind[k]), pace)) is not None:
                 found.append(ZeroJump(int(part.row[k + 1]), jump))
-                part.y[k + 1 :] -= jump
+                y = np.append(part.y[: k + 1], part.y[k + 1 :] - jump)
+                part = part._replace(y=y)
     return sorted(found)
 
 
@@ -147,7 +149,7 @@ def _parts(
     counts = counts if kept is None else counts & kept
     for _, rows in record.sequences():
         used = rows.start + np.flatnonzero(counts[rows])
-        yield _Part(used, record.input[used], record.output[used])
+        yield _Part(used, *in_rows(counts[rows], record.input[rows], record.output[rows]))
 
 
 def _recurs(u: Rows, beyond: Float[np.ndarray, " steps"], step: int) -> bool:
@@ -185,20 +187,20 @@ def _beyond(steps: Rows) -> Rows:
     for k in range(2 * BESIDE + 1):
         if k != BESIDE:
             other = padded[k : k + len(steps)]
-            low, high = np.minimum(low, other), np.maximum(high, other)
-    return steps - np.clip(steps, low, high)
+            np.minimum(low, other, out=low)
+            np.maximum(high, other, out=high)
+    return np.subtract(steps, np.clip(steps, low, high, out=low), out=low)
 
 
 def _kinds(u: Rows) -> Int[np.ndarray, " steps"]:
     """What the input does at each of its steps."""
     band = min(8 * noise_level(u), 0.25 * float(np.ptp(u)))
     turns = turning_points(u, band)[1:-1]
-    kind = np.zeros(len(u) - 1, int)
+    kind = np.zeros(len(u) - 1, np.int8)
     for k in range(-BESIDE, BESIDE + 1):
         kind[np.clip(turns + k - 1, 0, len(kind) - 1)] = TURNING
-    still = np.r_[0, np.cumsum(np.diff(u) == 0)]
-    inner = np.arange(HELD, len(kind) - HELD)
-    kind[inner[still[inner + HELD + 1] - still[inner - HELD] == 2 * HELD + 1]] = HOLDING
+    still, width = np.append(0, np.cumsum(u[1:] == u[:-1])), 2 * HELD + 1
+    kind[HELD:-HELD][still[width:] - still[:-width] == width] = HOLDING
     return kind
 
 
@@ -314,23 +316,25 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
     twice as far as the output stays at any other level. A gap that opens in every cycle, a backlash and a
     plateau of friction are none of these.
     """
-    counted = record.output[record.mask & np.isfinite(record.output)]
+    (counted,) = in_rows(record.mask & np.isfinite(record.output), record.output)
     span = float(np.ptp(counted)) if len(counted) else 0.0
     chance, found = np.sqrt(2 * np.log(len(record) / CHANCE)), []
     for part in _parts(record) if span else ():
         u, y = part.u, part.y
         if len(u) < 2 * LEVELS or not np.ptp(u):
             continue
-        least, gone = WAY * float(np.ptp(u)), np.r_[0.0, np.cumsum(np.abs(np.diff(u)))]
+        least, gone = WAY * float(np.ptp(u)), np.append(0.0, np.cumsum(np.abs(np.diff(u))))
         band = max(chance * noise_level(y), 0.5 * LEAST * span)
         for near in {float(y[0]), 0.0}:
             close = np.abs(y - near) <= 2 * band
             zero = float(np.median(y[close])) if close.any() else near
-            level = np.round((y - zero) / (2 * band)).astype(int)
-            begin = np.flatnonzero(np.append(True, np.diff(level) != 0))
-            end, rests = np.append(begin[1:], len(y)) - 1, level[begin] == 0
-            if not (gone[end] - gone[begin])[rests].max(initial=0.0) > least:
+            level = np.round((y - zero) / (2 * band))
+            edges = np.diff((level == 0).astype(np.int8), prepend=0, append=0)
+            rest, moved = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+            if not (gone[moved] - gone[rest]).max(initial=0.0) > least:
                 continue
+            begin = np.flatnonzero(np.append(True, level[1:] != level[:-1]))
+            end, rests = np.append(begin[1:], len(y)) - 1, level[begin] == 0
             way = _way(u)
             passed = way[end] - way[begin]
             long = rests & (passed > max(least, FURTHER * passed[~rests].max(initial=0.0)))

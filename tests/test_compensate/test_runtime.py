@@ -309,6 +309,10 @@ def spoilt(text: str, how: str) -> str:
         return "[1, 2]"
     if how == "newer":
         document["schema"] = 99
+    if how == "flag":
+        document["schema"] = True
+    if how == "list":
+        document["kind"] = []
     if how == "changed":
         document["limits"][0] -= 1
     return json.dumps(document)
@@ -320,6 +324,8 @@ def spoilt(text: str, how: str) -> str:
         Spoil("cut", "not whole"),
         Spoil("other", "not a compensator"),
         Spoil("newer", "format 99"),
+        Spoil("flag", "format True"),
+        Spoil("list", "not a compensator"),
         Spoil("changed", "checksum"),
     ],
     ids=lambda case: case.name,

@@ -1,13 +1,17 @@
 """What a broken sensor or clock gives: exported compensators stay finite, and are right again."""
 
+import json
+import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from compensate import Status, export_c, export_runtime
-from compensate.runtime import load
+from compensate.runtime import FileError, load
+from compensate.runtime._file import checksum
 from hysteresis import Burgers
 from tests.c_harness import COMPILERS, Compiled
 from tests.test_compensate.test_runtime import DEPTH, EXPORTED, Problem, run
@@ -37,6 +41,20 @@ def test_python_is_finite_whatever_it_is_fed(problem: Problem, tmp_path: Path):
         assert (found.status == Status.INVALID) == (not np.isfinite(a))
     for a, b in zip(done.y[:FEW].tolist(), done.dt[:FEW].tolist(), strict=True):
         assert np.isfinite(it.step(b, a).value)
+
+
+@pytest.mark.parametrize("value", [-1.0, 1e-320])
+@pytest.mark.parametrize("problem", [p for p in EXPORTED if p.name == "stops-by-position"])
+def test_a_search_ends_whatever_its_file_says(problem: Problem, value: float, tmp_path: Path):
+    """`finest` ends it; no two inputs lie so close."""
+    done, path = run(problem), tmp_path / "it.json"
+    export_runtime(done.model, path, done.y, times=done.t, depth=DEPTH)
+    text, count = re.subn(r'"finest": [^,}]+', f'"finest": {value}', path.read_text())
+    assert count
+    document = json.loads(text)
+    path.write_text(json.dumps(document | {"checksum": checksum(document)}))
+    with suppress(FileError):
+        load(path)
 
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")

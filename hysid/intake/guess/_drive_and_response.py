@@ -303,11 +303,10 @@ def _record(
     keys = [*(options.get("group") or ()), *([options["each"]] if options.get("each") else [])]
     keys = [k for k in keys if k in table.text]
     good = np.flatnonzero(np.isfinite(a.x) & np.isfinite(b.x))[:most]
-    parts = (
-        np.array(["/".join(str(table.text[k][i]) for k in keys) for i in good.tolist()])
-        if keys
-        else None
-    )
+    cells = [
+        table.text[k][good].tolist() for k in keys
+    ]  # text is read anew whenever it is asked for
+    parts = np.array(["/".join(row) for row in zip(*cells, strict=True)]) if keys else None
     return Record.from_arrays(a.x[good], b.x[good], groups=parts)
 
 

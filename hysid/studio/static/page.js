@@ -91,7 +91,7 @@ export function number(x, digits = 3) {
 }
 
 const written = (unit) => (unit === "percent" ? "%" : unit.replaceAll(" * ", "·").replaceAll(" / ", "/"));
-export const quantity = (x, unit, digits) => `${number(x, digits)}${unit && unit !== "1" ? ` ${written(unit)}` : ""}`;
+export const quantity = (x, unit, digits) => `${number(x, digits)}${unit && unit !== "1" ? `\u00a0${written(unit)}` : ""}`;
 
 export function duration(seconds) {
   if (seconds < 60) return `${Math.max(1, Math.round(seconds))} s`;

@@ -17,6 +17,8 @@ _FREE, _ENTRY = 0xFFFFFFFA, 128
 # Records of .xls: cells with a value, several in a row, what a sheet declares, where a sheet is, its end.
 _CELLS = {0x0006, 0x0203, 0x0204, 0x0205, 0x0207, 0x027E, 0x00FD, 0x00D6}
 _SEVERAL, _OLD_EXTENT, _SHEET, _END = 0x00BD, 0x0200, 0x0085, 0x000A
+# Shared texts, what goes on behind them, a cell with one of them.
+_OLD_TEXTS, _MORE, _OLD_SHARED_CELL = 0x00FC, 0x003C, 0x00FD
 OLD_ROWS, OLD_COLUMNS = 65_536, 256
 
 # Records of .xlsb: a row, cells with a value, what a sheet declares.
@@ -36,14 +38,65 @@ class Extent(NamedTuple):
         return Extent(max(self.rows, row + 1), max(self.columns, column + 1), self.cells + count)
 
 
-def extents_of_old(data: bytes) -> list[Extent]:
-    """Of each sheet of a .xls file. Raises `ValueError` or `struct.error` where it is damaged."""
-    stream = _CompoundFile(data).stream(("Workbook", "Book"))
+def old_stream(data: bytes) -> bytes:
+    """The records of a .xls file. Raises `ValueError` or `struct.error` where it is damaged."""
+    return _CompoundFile(data).stream(("Workbook", "Book"))
+
+
+def extents_of_old(stream: bytes) -> list[Extent]:
+    """Of each sheet of a .xls file, by its records. Raises `ValueError` or `struct.error`, too."""
+    return [_old_extent(stream, at) for at in _old_sheets(stream)]
+
+
+def shared_of_old(stream: bytes) -> tuple[list[int], list[int]]:
+    """Characters of each shared text of a .xls file, and which of them each cell uses."""
+    texts: list[bytes] = []
+    for kind, part in _old_records(stream, 0):
+        if kind == _OLD_TEXTS or (texts and kind == _MORE):
+            texts.append(part[8:] if kind == _OLD_TEXTS else part)
+        elif texts:
+            break
+    used = [
+        struct.unpack_from("<I", part, 6)[0]
+        for at in _old_sheets(stream)
+        for kind, part in _old_records(stream, at)
+        if kind == _OLD_SHARED_CELL and len(part) >= 10
+    ]
+    return [*_old_lengths(texts)], used
+
+
+def _old_sheets(stream: bytes) -> list[int]:
     sheets = [struct.unpack_from("<I", part)[0] for kind, part in _old_records(stream, 0)
               if kind == _SHEET]  # fmt: skip
     if len({*sheets}) < len(sheets):
         raise ValueError("two sheets are at one place")
-    return [_old_extent(stream, at) for at in sheets]
+    return sheets
+
+
+def _old_lengths(parts: list[bytes]) -> Iterator[int]:
+    """Of texts in records that follow each other. A piece that goes on begins with its width anew."""
+    following = iter(parts)
+    rest = next(following, b"")
+    while len(rest) >= 3 or len(rest := next(following, b"")) >= 3:
+        count, flags = struct.unpack_from("<HB", rest)
+        yield count
+        behind, at = 0, 3  # fonts and readings of a text stand behind it
+        if flags & 8:
+            behind, at = 4 * struct.unpack_from("<H", rest, at)[0], at + 2
+        if flags & 4:
+            behind, at = behind + struct.unpack_from("<I", rest, at)[0], at + 4
+        rest, wide = rest[at:], flags & 1
+        while count > len(rest) >> wide:
+            count -= len(rest) >> wide
+            if not (rest := next(following, b"")):
+                return
+            rest, wide = rest[1:], rest[0] & 1
+        rest = rest[count << wide :]
+        while behind > len(rest):
+            behind -= len(rest)
+            if not (rest := next(following, b"")):
+                return
+        rest = rest[behind:]
 
 
 def _old_extent(stream: bytes, at: int) -> Extent:

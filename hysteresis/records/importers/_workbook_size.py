@@ -6,7 +6,14 @@ import zipfile
 
 from ..._limits import check_packed, unpacked
 from .._cells import MOST_TEXT
-from ._binary_workbook import Extent, extents_of_binary, extents_of_old, shared_of_binary
+from ._binary_workbook import (
+    Extent,
+    extents_of_binary,
+    extents_of_old,
+    old_stream,
+    shared_of_binary,
+    shared_of_old,
+)
 
 MOST_EMPTY = 5_000_000
 """Cells that the sheets of a workbook may span, beyond twice those that are written in them."""
@@ -31,7 +38,9 @@ _VALUE = re.compile(
 def check_workbook(data: bytes) -> None:
     """Raise `ValueError` for a workbook that unpacks to more, or spans more, than its size explains."""
     if not data.startswith(b"PK"):
-        _check_extents(extents_of_old(data))
+        stream = old_stream(data)
+        _check_extents(extents_of_old(stream))
+        _check_shared(*shared_of_old(stream))
         return
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         check_packed(archive)

@@ -18,6 +18,7 @@ from hysid.intake.guess._hold_out import hold_out
 from hysid.intake.guess._quantities import kind_of, words_of
 from hysid.operations._init import init
 from hysteresis import InputError, read_table
+from hysteresis.records._compiled_rows import CompiledRows
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
@@ -493,3 +494,15 @@ def test_moduli_over_frequency_have_no_roles(names: tuple[str, str]):
     found = guessed(text(rows, ("f (Hz)", *(f"{name} (MPa)" for name in names))))
     assert "input" not in found["selection"]
     assert "storage and loss modulus" in found["no_roles"]
+
+
+def test_text_of_a_large_table_is_read_a_few_times(monkeypatch):
+    """Cells of numbers are not kept as text: each look at them reads the file anew."""
+    looks, words = [], CompiledRows.words
+    monkeypatch.setattr(CompiledRows, "words", lambda *a: looks.append(a) or words(*a))
+    t = np.linspace(0, 60 * np.pi, 5000)
+    lines = [f"{k},{a:.5f},{0.4 * a + 0.1 * b:.6f}\n" for k in (1, 2, 3)
+             for a, b in zip(k * np.sin(t), np.cos(t), strict=True)]  # fmt: skip
+    found = guessed("specimen,force (kN),displacement (mm)\n" + "".join(lines))
+    assert found["selection"]["each"] == "specimen"
+    assert 0 < len(looks) < 40

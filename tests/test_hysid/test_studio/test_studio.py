@@ -185,6 +185,7 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
         {"test_where": ("cycle=1,2,3,4",), "group": ("cycle",)},
         {"each": "cycle", "where": ("cycle=2,3",), "test_tail": 0.3},
         {"test_cycles": 1, "branch": "loading", "range": (2.0, 40.0)},
+        {"test_cycles": 1, "turn": ("displacement (mm)",)},
     ],
 )
 def test_python_lines_hold_out_what_the_command_holds_out(tmp_path, monkeypatch, asked):
@@ -202,6 +203,7 @@ def test_python_lines_hold_out_what_the_command_holds_out(tmp_path, monkeypatch,
     for ours, commands in ((space["train"], train), (space["test"], test)):
         np.testing.assert_array_equal(ours.line[ours.mask], commands.line[commands.mask])
         np.testing.assert_array_equal(ours.starts, commands.starts)
+        np.testing.assert_array_equal(ours.output, commands.output)
     compile(told["fit"]["python"], "fit", "exec")
 
 

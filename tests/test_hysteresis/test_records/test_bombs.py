@@ -156,6 +156,21 @@ def test_a_binary_sheet_that_is_nearly_empty(make: Any, ending: str, tmp_path: P
         refused(file, "binary-file", f"declares {declared[0]:,} rows")
 
 
+def test_texts_that_many_cells_share(tmp_path: Path):
+    """They are read as often as they are used, which is counted before."""
+    pytest.importorskip("python_calamine")
+    file, shared = tmp_path / "run.xls", ("force " + "x" * 9000, "y")
+    numbers = [cell for cell in CELLS if cell[0]]
+    file.write_bytes(old_workbook([(0, 0, 0), (0, 1, 1), *numbers], shared=shared))
+    table = read_table(file)
+    assert list(table.columns) == [*shared]
+    np.testing.assert_array_equal(table.number("y"), np.arange(2.0, 22.0))
+    shared = ("x" * 60_000, "y")
+    cells = [(row, column, 0) for row in range(1, 251) for column in range(20)]
+    file.write_bytes(old_workbook(cells, shared=shared))
+    refused(file, "binary-file", "hold 300,000,000 characters")
+
+
 def test_a_chain_of_sectors_that_never_ends(tmp_path: Path):
     whole = bytearray(old_workbook(CELLS))
     whole[512 + 4 * 5 : 512 + 4 * 6] = (3).to_bytes(4, "little")

@@ -30,6 +30,14 @@ def test_the_rate_is_the_drift_and_its_error_covers_it(per_cycle: float):
     assert (found.first, found.last) == (1, 8)
 
 
+def test_of_very_many_cycles_some_tell_the_rate():
+    u = np.append(np.tile([0.0, 1.0, 2.0, 1.0], 20_000), 0.0)
+    found = change(Record.from_arrays(u, u + 1e-4 * np.arange(len(u))))
+    assert found is not None
+    assert found.rate == pytest.approx(4e-4)
+    assert (found.first, found.last) == (1, 20_000)
+
+
 def test_no_change_is_seen_where_there_is_none_or_nothing_is_repeated():
     still = change(cycled(0.0))
     assert still is not None

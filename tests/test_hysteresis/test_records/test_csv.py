@@ -138,6 +138,8 @@ def test_05_text_cell(read):
     assert coded.mask.sum() == 19
     other = text.replace("0.8,1,2.5", "0.8,1,stop")
     refused("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
+    endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
+    refused("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
 
 def test_29_numbers_that_are_none(read):

@@ -126,6 +126,8 @@ def test_noise_level_finds_white_noise_on_a_smooth_signal():
     assert noise_level(u) < 1e-6
     # Smallest of five estimates, each good to about 1 % at 20,000 samples.
     assert noise_level(u + rng.normal(0, 0.01, len(u))) == pytest.approx(0.01, rel=0.05)
+    long = np.sin(np.linspace(0, 500, 1_500_000))
+    assert noise_level(long + rng.normal(0, 0.01, len(long))) == pytest.approx(0.01, rel=0.01)
 
 
 def test_the_dead_band_is_at_most_a_quarter_of_the_range():

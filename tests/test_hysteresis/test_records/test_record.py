@@ -84,6 +84,12 @@ def test_arrays_are_frozen_and_the_callers_are_not():
         record.input[0] = 1
     u[0] = 7
     assert record.input[0] == 0
+    seen = u.view()
+    seen.flags.writeable = False  # the caller writes to it through u
+    assert not np.shares_memory(Record.from_arrays(seen, u).input, u)
+    u.flags.writeable = False
+    assert np.shares_memory(Record.from_arrays(u, u).input, u)
+    assert not np.shares_memory(Record.from_arrays(u, u, nan="interpolate").input, u)
 
 
 def test_interleaved_groups_are_gathered_in_order_of_appearance():
