@@ -24,4 +24,8 @@ def _mark(t: Any, x: int, *given: Any) -> None:
     t[x] = np.asarray(given[1::2]) @ t[others] if others else 0.0
 
 
-MARKS = dict.fromkeys((f"mark{count}" for count in range(MOST + 1)), _mark)
+def _spot(t: Any, x: int, a: int, d: float) -> None:
+    t[x] += d * t[a]
+
+
+MARKS = {"spot": _spot} | dict.fromkeys((f"mark{count}" for count in range(MOST + 1)), _mark)
