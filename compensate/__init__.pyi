@@ -20,7 +20,7 @@ from .qualification._qualify import Qualification as Qualification
 from .qualification._qualify import qualify as qualify
 from .recalibration._adaptive import AdaptiveCompensator as AdaptiveCompensator
 from .recalibration._adaptive import Recalibrated as Recalibrated
-from .recalibration._recursion import Advice as Advice
+from .recalibration._advice import Advice as Advice
 from .recalibration._setup import adaptive as adaptive
 from .runtime._status import Status as Status
 from .uncertainty._calibrated import CalibratedCompensator as CalibratedCompensator

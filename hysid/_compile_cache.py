@@ -6,8 +6,6 @@ import re
 import warnings
 from functools import cache
 
-from hysteresis._cache_folder import forget_oldest, own_folder
-
 MOST = 500_000_000
 """Bytes of programs that are kept; a fit's take less than one million."""
 
@@ -26,6 +24,8 @@ def keep_compiled() -> str:
     JAX runs what it finds there. So the folder is for this user alone, and one that is a link, belongs to
     somebody else or can be written by others is neither read nor written. Returns why, "" otherwise.
     """
+    from hysteresis._cache_folder import forget_oldest, own_folder  # late: help needs neither
+
     off = os.environ.get("JAX_ENABLE_COMPILATION_CACHE", "1").lower() in ("0", "false", "no", "off")
     if off or "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return ""

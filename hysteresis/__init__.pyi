@@ -54,7 +54,6 @@ from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge
 from .models._modulated_stops import ModulatedStops as ModulatedStops
 from .models._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
-from .models._prandtl_ishlinskii import PlayState as PlayState
 from .models._prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii
 from .models._prony import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from .models._prony import GeneralizedMaxwell as GeneralizedMaxwell

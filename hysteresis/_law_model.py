@@ -1,15 +1,16 @@
 """Models that are their laws: everything over time runs the text of `hysteresis/laws`."""
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
 from ._model import AbstractModel, Series, Tree
 from ._parameter import is_concrete
-from ._precision import in_own_precision
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -38,10 +39,18 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     Outputs have exact derivatives by the parameters, forwards and backwards, and by inputs forwards.
     """
 
+    may_jump: ClassVar[bool] = True
+    """Whether two samples may have one time: not where a speed is taken from them."""
+
     @property
     def needs_time(self) -> bool:
         """Whether outputs depend on the rate."""
         return False
+
+    @property
+    def uses_time(self) -> bool:
+        """Whether outputs may depend on the rate: while JAX traces it may not be known."""
+        return self.needs_time
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         known, m = self._numbers()
@@ -67,13 +76,15 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         if t is None:
             self._require_time()
         state = self.init() if state is None else state
-        xp: Any = np if all(map(is_concrete, (t, u, state.t))) else jnp
+        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
+        xp: Any = jnp if traced else np
         u, first = xp.asarray(u, float), np.asarray(starts)
-        times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
-        dt = xp.diff(times, prepend=times[:1])
-        since = xp.where(xp.isnan(xp.asarray(state.t)), xp.nan, -(times[first] - state.t))
-        begin = since if t is not None else xp.full(first.shape, xp.nan)
+        times = xp.asarray(t, float) if t is not None and self.uses_time else xp.zeros(u.shape[:1])
+        dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
+        # At once, but for a clock that has gone on since the state.
+        begin = xp.where(since > 0, -since, xp.nan)
         if xp is np:
+            self._check_steps(np.delete(dt, first))
             dt[first] = begin
         else:
             dt = dt.at[first].set(begin)
@@ -82,23 +93,10 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
         return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
 
-    @in_own_precision
-    def simulate(
-        self,
-        t: Series | None,
-        u: Series,
-        state: LawState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state, starts=starts))`."""
-        return self.evaluate(self.prepare(t, u, state, starts=starts))
-
-    @in_own_precision
-    def stream(
+    def follow(
         self, t: Series | None, u: Series, state: LawState | None = None
     ) -> tuple[LawState, Float[Array, " samples"]]:
-        """`step` over all samples, at once: (state after the last one, outputs)."""
+        """All samples at once: (state after the last one, outputs)."""
         prepared = self.prepare(t, u, state)
         y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
         last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]
@@ -125,4 +123,13 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
                 "no-time",
                 f"{type(self).__name__} depends on the rate, and this record has no time.",
                 fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+            )
+
+    def _check_steps(self, dt: np.ndarray) -> None:
+        if self.needs_time and not ((dt > 0) | (self.may_jump & (dt == 0))).all():
+            raise InputError(
+                "time-backwards",
+                "time does not increase from every sample to the next.",
+                cause="rows written twice, or several runs in one sequence.",
+                fix="drop repeated rows, and begin a sequence where a clock begins.",
             )

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._parameter import array_module, size_of_inputs
+from ._parameter import array_module
 from ._precision import in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
@@ -26,9 +26,6 @@ Tree = dict[str, Any]
 DOUBLE = 2.0**-52
 """The rounding of numbers in double precision."""
 
-REACH = 1024.0
-"""Inputs looked for, in parts of the largest size that a parameter gives to them."""
-
 
 class AbstractModel(eqx.Module, Generic[State, Prepared]):
     """A causal operator from an input history u(t) to an output y(t), with memory.
@@ -37,7 +34,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
         simulate(t, u)            == the outputs of step, one sample after the other
         simulate(t, u)[k:]        == simulate(t[k:], u[k:], state after the first k samples)
-        simulate(t, u)            is differentiable in every parameter and in u
+        simulate(t, u)            is differentiable in every parameter, and in u by `jax.jvp`
 
     Models are frozen: `step` returns the next state, a fit returns a new model. They are pytrees,
     so all of `jax.jit`, `jax.vmap` and `jax.grad` apply to them.
@@ -53,7 +50,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        keep_precision(cls, ("init", "step", "prepare", "evaluate", "simulate", "stream", "tree"))
+        keep_precision(cls, ("init", "step", "prepare", "evaluate", "simulate", "stream"))
 
     @abc.abstractmethod
     def init(self, t0: Any = None, u0: Any = None) -> State:
@@ -102,11 +99,14 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
-        return _evaluate(self, self.prepare(t, u, state, starts=starts))
+        evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(_evaluate, self)
+        return evaluate(self.prepare(t, u, state, starts=starts))
 
+    @in_own_precision
     def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
-        """The model as a tree of the laws in `hysteresis/laws`, with their numbers, which runs without JAX.
+        """The model as a tree of laws with their numbers, which runs without JAX.
 
+        It is what the model's own method `laws(eps, depth)` gives, made by `hysteresis.trees`.
         JAX may trace it: numbers that depend on a parameter are arrays of JAX, all others are constants of
         Python or NumPy. Kinds, lengths and the integers among parameters do not depend on values.
 
@@ -121,28 +121,15 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
             >>> tree["kind"], float(tree["parameters"]["K"])
             ('line', 2.0)
         """
-        raise InputError(
-            "not-exportable",
-            f"{type(self).__name__} cannot be exported.",
-            cause="the runtimes without JAX have no element for it.",
-            fix="use the compensator itself, or fit a model that can.",
-        )
-
-    def input_range(self) -> tuple[Any, Any] | None:
-        """The least and the greatest input that the model was made for, as far as its fields say."""
-        place = getattr(self, "density", self)
-        if (nodes := getattr(place, "nodes", None)) is not None:
-            return nodes[0], nodes[-1]
-        low, high = getattr(place, "low", None), getattr(place, "high", None)
-        return None if low is None or high is None else (low, high)
-
-    def search_range(self) -> tuple[Any, Any]:
-        """Between which inputs the one behind an output is looked for: `input_range`, else as far as
-        parameters reach."""
-        if (found := self.input_range()) is not None:
-            return found
-        reach = REACH * size_of_inputs(self)
-        return -reach, reach
+        laws: Any = getattr(self, "laws", None)
+        if laws is None:
+            raise InputError(
+                "not-exportable",
+                f"{type(self).__name__} cannot be exported.",
+                cause="the runtimes without JAX have no element for it.",
+                fix="use the compensator itself, or fit a model that can.",
+            )
+        return laws(eps, depth)
 
     def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
         """What the words in the parameters' units stand for on a record with these units."""
@@ -171,7 +158,10 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def stream(
         self, t: Series | None, u: Series, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
-        """`step` over all samples: (state after the last one, outputs). Slower than `simulate`."""
+        """`step` over all samples: (state after the last one, outputs). Slower than `simulate`, but for
+        models that run their laws."""
+        if (follow := getattr(self, "follow", None)) is not None:
+            return follow(t, u, state)
         u = jnp.asarray(u)
         if t is None:
             self.prepare(None, u)  # raises where the rate matters

@@ -33,6 +33,7 @@ HEAVY = (
 
 BROUGHT = {
     "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
+    "llvmlite": "numba",
     "xarray": "arviz", "click": "typer", "mpl_toolkits": "matplotlib", "sklearn": "scikit-learn",
     "typing_extensions": "optimistix", "traitlets": "anywidget",
 }  # fmt: skip

@@ -36,6 +36,10 @@ ROWS = 60
 TOLERANCE = 1e-9
 EXCEPTIONS: dict[str, tuple[float, str]] = {
     "fits": (1e-5, "a solver stops within a tolerance of its own, and flat directions widen it"),
+    "laws/stops-by-span/by parameters": (
+        1e-2,
+        "the first sample lies on the first level: of the slopes on its two sides JAX took the mean",
+    ),
 }
 """Beginnings of names, what their numbers may be off by, and why."""
 
@@ -112,7 +116,7 @@ def _law(problem: Problem) -> Numbers:
     leaves = [np.ravel(leaf) for leaf in jax.tree.leaves(by_parameters)]
     found: Numbers = {
         "output": y,
-        "by input": np.asarray(jax.grad(lambda u: summed(model, u))(jnp.asarray(u))),
+        "by input": np.asarray(jax.jacfwd(lambda u: summed(model, u))(jnp.asarray(u))),
         "by parameters": np.concatenate(leaves) if leaves else np.zeros(0),
     }
     if "no-inverse" in problem.tags:

@@ -37,7 +37,7 @@ from ._motion import LONGEST as LONGEST_MOTION
 from ._motion import Motion
 from ._precision import require_double
 from ._starts import starts_in
-from ._trees import ONE_WAY, adaptive_tree, guard_tree, tree_of
+from ._trees import ONE_WAY, guard_tree, tree_of
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -307,7 +307,7 @@ class Program:
         tree = tree_of(self.model, precision, self.depth)
         if self._adaptive is None:
             return tree
-        return adaptive_tree(self._adaptive, tree, precision, self.depth)
+        return self._adaptive.tree(tree, float(np.finfo(precision).eps), self.depth)
 
     @cached_property
     def operations(self) -> Operations:

@@ -3,12 +3,11 @@
 import numpy as np
 
 from hysteresis import AbstractModel
-from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
+from hysteresis.trees import Tree, node, plain
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
 from ..inverses import inverse_of
-from ..recalibration._adaptive import AdaptiveCompensator
 
 ONE_WAY = ("moving", "oscillator")
 """Kinds of elements that run from reading to estimate only."""
@@ -44,36 +43,3 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
         {"beyond": 0},
     )  # fmt: skip
     return {"beyond": guard.beyond, **plain(made)}
-
-
-def adaptive_tree(
-    own: AdaptiveCompensator, fitted: Tree, precision: type = np.float64, depth: int = 64
-) -> Tree:
-    """The tree of an `AdaptiveCompensator`, as it was made; `fitted`: that of its model."""
-    eps = float(np.finfo(precision).eps)
-    p, n = own.settings, len(own.parts) + 2
-    parts = [part_tree(part, eps, depth) for part in own.parts]
-    begin = p.begin()
-    reach = own.high - own.low
-    made = node(
-        "adaptive",
-        {
-            "low": own.low, "high": own.high, "rounding": ROUNDING * eps, **precisions(eps, reach),
-            "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(own.parts), "sign": own.sign,
-            "floored": own.floored,
-            "zero": p.zero, "centres": own.centres, "nominal": p.nominal, "least": p.least,
-            "rises": p.rises, "widths": p.widths, "noise": p.noise, "correlation": p.correlation,
-            "memory": p.memory, "settling": p.settling, "threshold": p.threshold, "spread": p.spread,
-            "error": p.error,
-        },
-        {
-            "value": own.low, "slope": 0.0, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0,
-            "idle": 0.0, "used": begin.used, "theta": begin.theta, "covariance": begin.covariance,
-            "before": begin.before, "run": 0.0, "common": 0.0, "apart": 0.0,
-            "evidence": 0.0, "excess": 0.0,
-            "possible": 0.0, "settled": 0.0, "loss": begin.loss, "residual": 1.0, "changes": 0,
-            "output": np.zeros(n), "shown": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
-        },
-        [*parts, fitted],
-    )  # fmt: skip
-    return plain(made)

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError
 
 from .._contract import AbstractCompensator
-from ..inverses._bisection import BracketedCompensator
 from ._run_in import Past, driven, first_draw, thinned
 
 STATES, LEVELS = 256, 257
@@ -39,8 +38,8 @@ def require_rising(
 ) -> None:
     """Raise `InputError` `not-invertible` where a search is to find inputs, and in a state of the past one
     output belongs to inputs more than a hundredth of the range apart."""
-    leaves = jax.tree.leaves(compensator, is_leaf=lambda x: isinstance(x, BracketedCompensator))
-    if not any(isinstance(leaf, BracketedCompensator) for leaf in leaves):
+    inverses = jax.tree.leaves(compensator, is_leaf=lambda x: hasattr(x, "searches"))
+    if not any(getattr(inverse, "searches", False) for inverse in inverses):
         return
     spread = spread_of(model, low, high, past)
     if spread > UNTOLD * (high - low):

@@ -13,6 +13,7 @@ from hysteresis import (
     register,
 )
 from hysteresis._type_variables import PyTree
+from hysteresis.trees import input_range, search_range
 
 from .._contract import AbstractCompensator, Estimate, State, Status
 from .._readings import reading_of, with_reading
@@ -111,8 +112,8 @@ def _(model: Scaled) -> AbstractCompensator:
 def _(model: Sum) -> AbstractCompensator:
     if len(model.parts) == 1:
         return inverse_of(model.parts[0])
-    ranges = [part.input_range() for part in model.parts]
-    if not any(ranges) or not all(map(is_concrete, ends := model.search_range())):
+    ends = search_range(model)
+    if not any(map(input_range, model.parts)) or not all(map(is_concrete, ends)):
         raise InputError(
             "not-invertible",
             "no part of the sum says over which inputs it holds, so none can be looked for.",

@@ -17,7 +17,7 @@ from hysteresis import (
 )
 from hysteresis.models._conditioned import last_factor
 from hysteresis.records._common_part import STILL
-from hysteresis.trees import size_of
+from hysteresis.trees import search_range, size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps
 from ._bisection import BracketedState, bracketed
@@ -100,7 +100,7 @@ def _(model: Conditioned) -> AbstractCompensator:
         )
     if has_laws(model):
         return LawCompensator(model)
-    return ConditionedCompensator(model, *model.search_range(), falls.pop())
+    return ConditionedCompensator(model, *search_range(model), falls.pop())
 
 
 def _falls(model: AbstractModel) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError, is_concrete, parameters
-from hysteresis.trees import ROUNDING
+from hysteresis.trees import ROUNDING, search_range
 
 from .._contract import AbstractCompensator
 from ._bisection import BracketedCompensator
@@ -47,7 +47,7 @@ def _(model: AbstractModel) -> AbstractCompensator:
             fix="give the inverse: EnsembleCompensator(..., inverse=lambda m: BracketedCompensator(m, low,"
             " high)).",
         )
-    low, high = map(float, model.search_range())
+    low, high = map(float, search_range(model))
     fall = _largest_fall(model, *_histories(low, high))
     if not fall.finite or fall.size > 0:
         problem = (

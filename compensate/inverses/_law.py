@@ -25,6 +25,7 @@ from hysteresis import (
 )
 from hysteresis.records._common_part import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
+from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Estimate, Status
 
@@ -72,6 +73,11 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         self.numbers = jnp.asarray(numbers.m, float)
         self.held = jnp.asarray(held_at_first(tree), float)
 
+    @property
+    def searches(self) -> bool:
+        """Whether inputs are looked for, because some law has no inverse of its own."""
+        return "sum" in self.known.structure.kinds()
+
     def init(self) -> LawState:
         first = self.numbers[len(self.numbers) - self.known.states :]
         return LawState(first, jnp.asarray(jnp.nan, float), self.held)
@@ -107,20 +113,13 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
             [xp.asarray(self.numbers)[: self.numbers.shape[-1] - own.shape[-1]], own]
         )
         dt = xp.diff(times, prepend=before)
-        dt = xp.where(dt < 0, 0.0, dt)
         found = estimates(Numbers(self.known, m), y, dt, held)
         valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
         latest = xp.where(valid, xp.arange(len(times)), -1).max(initial=-1)
         last = xp.where(latest < 0, before, times[latest] if len(times) else before)
         held = found.value[-1] if len(times) else held
         after = LawState(*(jnp.asarray(x) for x in (found.m[-own.shape[-1] :], last, held)))
-        status = found.status
-        if (conditioned := condition_of(self.model)) is not None:
-            knots, c = conditioned.knots, y[:, 1]
-            margin = STILL * (knots[-1] - knots[0])
-            beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)
-            sound = (status == Status.OK) | (status == Status.FLAT)
-            status = xp.where(beyond & sound, Status.EXTRAPOLATED, status)
+        status = told_of_condition(self.model, y, found.status)
         return after, Estimate(jnp.asarray(found.value), jnp.asarray(status))
 
     def _check_steps(self, t: np.ndarray) -> None:
@@ -132,6 +131,24 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
                 cause='with hold="constant" a step must stay short beside the element\'s own times.',
                 fix=f'sample at steps below {limit:.4g}, or use hold="linear".',
             )
+
+
+def told_of_condition(model: AbstractModel, y: Any, status: Any) -> Any:
+    """Statuses that say where the condition, the second column of y, is beyond the model's."""
+    if (conditioned := condition_of(model)) is None:
+        return status
+    knots, c = conditioned.knots, y[:, 1]
+    margin = STILL * (knots[-1] - knots[0])
+    beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)
+    sound = (status == Status.OK) | (status == Status.FLAT)
+    return jnp.where(beyond & sound, Status.EXTRAPOLATED, status)
+
+
+def goes_back_only(tree: Tree) -> bool:
+    """Whether a tree runs from outputs to inputs alone."""
+    return tree["kind"] in ("moving", "oscillator") or any(
+        map(goes_back_only, tree.get("parts", ()))
+    )
 
 
 def has_laws(model: AbstractModel) -> bool:

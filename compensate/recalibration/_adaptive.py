@@ -3,31 +3,39 @@
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
-from hysteresis._type_variables import PyTree
-from hysteresis.trees import ROUNDING
+from hysteresis._model import DOUBLE
+from hysteresis.running import Known, Numbers, numbers_of, place_of, told
+from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
 
-from .._contract import AbstractCompensator, Estimate, Status
-from ..inverses._bisection import BracketedState, bracketed
-from . import _recursion
-from ._recursion import Recursion, Settings
+from .._contract import AbstractCompensator
+from ..inverses._law import OWN, LawState
+
+SAID = 6
+"""Numbers that the law says beside an estimate, see `Recalibrated`."""
 
 
-class AdaptiveState(NamedTuple):
-    """The states of the parts that follow estimates, and of those that are `taught` by references; that of
-    the compensator as fitted; the last estimate; what has been learnt."""
+class Settings(eqx.Module):
+    """What a recursion starts from and is judged by; see `hysteresis.laws.adaptive`."""
 
-    parts: tuple[PyTree, ...]
-    taught: tuple[PyTree, ...]
-    fitted: PyTree
-    value: Float[Array, ""]
-    learnt: Recursion
+    zero: Float[Array, ""]
+    nominal: Float[Array, " parts"]
+    least: Float[Array, " parts"]
+    rises: Float[Array, " parts"]
+    widths: Float[Array, " parts"]
+    start: Float[Array, " unknowns"]
+    spread: Float[Array, " unknowns"]
+    noise: Float[Array, ""]
+    correlation: Float[Array, ""]
+    memory: Float[Array, ""]
+    settling: Float[Array, ""]
+    threshold: Float[Array, ""]
+    error: Float[Array, ""]
 
 
 class Recalibrated(NamedTuple):
@@ -50,7 +58,7 @@ class Recalibrated(NamedTuple):
 
 
 @register
-class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
+class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
     """A compensator that recalibrates itself, from occasional inputs that are known.
 
     The model is a sum of parts, each of which rises with the input,
@@ -91,7 +99,7 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         'NONE'
     """
 
-    fitted: AbstractCompensator
+    fitted: AbstractModel
     parts: tuple[AbstractModel, ...]
     centres: Float[Array, " parts"]
     sign: float = eqx.field(static=True)
@@ -99,80 +107,69 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
     high: float = eqx.field(static=True)
     floored: bool = eqx.field(static=True)
     settings: Settings
+    numbers: Float[Array, " numbers"]
+    known: Known = eqx.field(static=True)
 
-    def init(self) -> AdaptiveState:
-        states = tuple(part.init() for part in self.parts)
-        return AdaptiveState(
-            states, states, self.fitted.init(), jnp.asarray(self.low, float), self.settings.begin()
+    def __init__(
+        self,
+        fitted: AbstractModel,
+        parts: tuple[AbstractModel, ...],
+        centres: Float[Array, " parts"],
+        sign: float,
+        ends: tuple[float, float],
+        floored: bool,
+        settings: Settings,
+    ):
+        self.fitted, self.parts, self.centres, self.settings = fitted, parts, centres, settings
+        self.sign, (self.low, self.high), self.floored = sign, ends, floored
+        self.known, m = numbers_of(self.tree(plain(fitted.tree(depth=OWN)), depth=OWN))
+        self.numbers = jnp.asarray(m, float)
+
+    def init(self) -> LawState:
+        first = self.numbers[len(self.numbers) - self.known.states :]
+        return LawState(first, jnp.asarray(jnp.nan, float), jnp.asarray(self.low, float))
+
+    def restarted(self, state: LawState) -> LawState:
+        """The first state with what has been learnt: where another log begins.
+
+        **Example:**
+
+            >>> own = compensate.adaptive(fit.model, record)
+            >>> state, _ = own.follow(record.time, record.output, record.input)
+            >>> own.unknowns(own.restarted(state)).tolist() == own.unknowns(state).tolist()
+            True
+        """
+        first, begin = self.init(), self._place("share")
+        return first._replace(
+            numbers=jnp.concatenate([first.numbers[:begin], state.numbers[begin:]])
         )
+
+    def unknowns(self, state: LawState) -> Float[Array, " unknowns"]:
+        """Zero, drift (per time) and the weights of the parts, as learnt at the last reference.
+
+        **Example:**
+
+            >>> own = compensate.adaptive(fit.model, record)
+            >>> own.unknowns(own.init()).shape
+            (3,)
+        """
+        begin = self._place("theta")
+        return state.numbers[begin : begin + len(self.parts) + 2]
 
     def step(
-        self,
-        state: AdaptiveState,
-        t: ArrayLike | None,
-        y: ArrayLike,
-        reference: ArrayLike = jnp.nan,
-        dt: ArrayLike = 0.0,
-    ) -> tuple[AdaptiveState, Recalibrated]:
-        """One reading, with the true input where it is known and the time since the last one where the
-        zero drifts."""
-        y, reference = jnp.asarray(y, float), jnp.asarray(reference, float)
-        s = state.learnt
-        s = s._replace(elapsed=s.elapsed + jnp.asarray(dt, float), idle=s.idle + 1)
-
-        def outputs(own: tuple[PyTree, ...], u: Array) -> tuple[tuple[PyTree, ...], Array]:
-            both = [part.step(one, t, u) for part, one in zip(self.parts, own, strict=True)]
-            return tuple(one for one, _ in both), jnp.stack([out for _, out in both]) - self.centres
-
-        def run(own: tuple[PyTree, ...], u: Array) -> tuple[tuple[PyTree, ...], Array]:
-            after, each = outputs(own, u)
-            total = s.used[2:] @ each
-            return after, s.zero + (jnp.maximum(total, 0.0) if self.floored else total)
-
-        # A reading beyond those the parts can have is taken for the nearest of them: on a floor the last
-        # estimate is then held, and not the end of the range.
-        reading = self.sign * y
-        ends = [run(state.parts, jnp.asarray(end, float))[1] for end in (self.low, self.high)]
-        size = jnp.maximum(jnp.abs(ends[0]), jnp.abs(ends[1]))
-        margin = ROUNDING * jnp.finfo(y.dtype).eps * size
-        beyond = (reading + margin < ends[0]) | (reading - margin > ends[1])
-        before = BracketedState(state.parts, state.value)
-        _, searched = bracketed(run, before, jnp.clip(reading, *ends), self.low, self.high, size)
-        searched = searched._replace(status=jnp.where(beyond, Status.SATURATED, searched.status))
-        fitted, found = self.fitted.step(state.fitted, t, y)
-        found = Estimate(
-            *(jnp.where(s.share > 0, a, b) for a, b in zip(searched, found[:2], strict=True))
-        )
-        valid = jnp.isfinite(y)
-        known = valid & jnp.isfinite(reference)
-        driving = jnp.where(known, reference, found.value)
-        taught, each = outputs(state.taught, driving)
-        shown = outputs(state.parts, driving)[1]
-        if self.floored:  # there the reading says nothing of the parts
-            each = jnp.where(s.used[2:] @ each > 0, each, 0.0)
-            shown = jnp.where(s.used[2:] @ shown > 0, shown, 0.0)
-        new = _recursion.learnt(
-            self.settings, s, self.sign * y, each, shown, found.value - reference
-        )
-
-        def chosen(yes: PyTree, no: PyTree, where: Array) -> PyTree:
-            return jax.tree.map(lambda a, b: jnp.where(where, a, b), yes, no)
-
-        s = chosen(new, s, known)
-        # A reading that is not a number is no sample; the time still passes.
-        s = s._replace(idle=jnp.where(valid, s.idle, state.learnt.idle))
-        moved = outputs(state.parts, found.value)[0]
-        after = AdaptiveState(
-            chosen(moved, state.parts, valid), chosen(taught, state.taught, valid), fitted,
-            jnp.where(valid, found.value, state.value), s,
-        )  # fmt: skip
-        return after, self._said(found, s)
+        self, state: LawState, t: ArrayLike | None, y: ArrayLike, reference: ArrayLike = jnp.nan
+    ) -> tuple[LawState, Recalibrated]:
+        """One reading, with the true input where it is known."""
+        times = None if t is None else jnp.asarray(t, float)[None]
+        y, u = jnp.asarray(y, float)[None], jnp.asarray(reference, float)[None]
+        after, found = self._stream(times, y, u, state)
+        return after, Recalibrated(*(x[0] for x in found))
 
     def simulate(
         self,
         t: ArrayLike | None,
         y: ArrayLike,
-        state: AdaptiveState | None = None,
+        state: LawState | None = None,
         references: ArrayLike | None = None,
     ) -> Recalibrated:
         """`step` over all samples; `references`: (samples,) true inputs, NaN where they are not known."""
@@ -183,15 +180,15 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
         t: ArrayLike | None,
         y: ArrayLike,
         references: ArrayLike | None = None,
-        state: AdaptiveState | None = None,
-    ) -> tuple[AdaptiveState, Recalibrated]:
+        state: LawState | None = None,
+    ) -> tuple[LawState, Recalibrated]:
         """As `simulate`, with the state after it, from which another log goes on.
 
         **Example:**
 
             >>> own = compensate.adaptive(fit.model, record)
             >>> state, _ = own.follow(record.time, record.output, record.input)
-            >>> state.learnt.theta.shape
+            >>> own.unknowns(state).shape
             (3,)
         """
         y = jnp.asarray(y, float)
@@ -201,23 +198,58 @@ class AdaptiveCompensator(AbstractCompensator[AdaptiveState, Recalibrated]):
                 "length-mismatch", f"{len(u)} references for {len(y)} readings.",
                 fix="give one for each reading, NaN where it is not known.",
             )  # fmt: skip
-        clock = np.zeros(len(y)) if t is None else np.asarray(t, float)
-        dt = np.diff(clock, prepend=clock[:1])
-        return _scan(self, jnp.asarray(clock), y, u, jnp.asarray(dt), state or self.init())
+        return self._stream(t, y, u, self.init() if state is None else state)
 
-    def _said(self, found: Estimate, s: Recursion) -> Recalibrated:
-        p = self.settings
-        return Recalibrated(
-            *found, _recursion.advice(p, s), _recursion.lost(p, s), s.changes,
-            self.sign * (s.learnt_zero - p.zero), _recursion.gain(p, s), _recursion.loop(p, s),
+    def _stream(
+        self, t: ArrayLike | None, y: Array, u: Array, state: LawState
+    ) -> tuple[LawState, Recalibrated]:
+        times = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
+        found = told(
+            Numbers(self.known, self.numbers), *state, times, jnp.stack([y, u], 1), width=SAID
+        )
+        value, status, said, numbers, last = map(jnp.asarray, found)
+        held = value[-1] if len(value) else state.value
+        advice, lost, changes, zero, gain, loop = said.T
+        advice, changes = advice.astype(int), changes.astype(int)
+        after = LawState(numbers, last, held)
+        return after, Recalibrated(value, status, advice, lost, changes, zero, gain, loop)
+
+    def _place(self, field: str) -> int:
+        """Where in the state a number of the law begins."""
+        return place_of(self.known, field) - len(self.numbers) + self.known.states
+
+    def tree(self, fitted: Tree, eps: float = DOUBLE, depth: int = 64) -> Tree:
+        """The laws as they begin. `fitted`: those of the model, which may be of another precision or depth.
+
+        **Example:**
+
+            >>> own = compensate.adaptive(fit.model, record)
+            >>> own.tree(fit.model.tree())["kind"]
+            'adaptive'
+        """
+        p, n = self.settings, len(self.parts) + 2
+        parts = [part_tree(part, eps, depth) for part in self.parts]
+        theta = np.concatenate([[p.zero, 0.0], p.nominal])
+        reach = self.high - self.low
+        made = node(
+            "adaptive",
+            {
+                "low": self.low, "high": self.high, "rounding": ROUNDING * eps, **precisions(eps, reach),
+                "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(self.parts), "sign": self.sign,
+                "floored": self.floored,
+                "zero": p.zero, "centres": self.centres, "nominal": p.nominal, "least": p.least,
+                "rises": p.rises, "widths": p.widths, "noise": p.noise, "correlation": p.correlation,
+                "memory": p.memory, "settling": p.settling, "threshold": p.threshold, "spread": p.spread,
+                "error": p.error,
+            },
+            {
+                "value": self.low, "slope": 0.0, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0,
+                "idle": 0.0, "used": theta, "theta": theta, "covariance": np.diag(p.start),
+                "before": theta, "run": 0.0, "common": 0.0, "apart": 0.0,
+                "evidence": 0.0, "excess": 0.0,
+                "possible": 0.0, "settled": 0.0, "loss": p.error**2, "residual": 1.0, "changes": 0,
+                "output": np.zeros(n), "shown": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
+            },
+            [*parts, fitted],
         )  # fmt: skip
-
-
-@eqx.filter_jit
-def _scan(
-    own: AdaptiveCompensator, t: Array, y: Array, u: Array, dt: Array, state: AdaptiveState
-) -> tuple[AdaptiveState, Recalibrated]:
-    def step(state: AdaptiveState, now: tuple[Array, ...]) -> tuple[AdaptiveState, Recalibrated]:
-        return own.step(state, *now)
-
-    return jax.lax.scan(step, state, (t, y, u, dt))
+        return plain(made)

@@ -7,14 +7,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from hysteresis import AbstractModel, InputError, Record, Scaled, Series
+from hysteresis.trees import input_range
 
 from .._contract import Status
 from .._estimate import estimate
 from ..inverses import inverse_of
-from ..inverses._bisection import BracketedCompensator
-from ._adaptive import AdaptiveCompensator
+from ._adaptive import AdaptiveCompensator, Settings
 from ._parts import split
-from ._recursion import Settings
 
 LEAST = 0.05
 """Of its fitted weight a part keeps this: the output still rises, so the inverse exists."""
@@ -66,8 +65,9 @@ def adaptive(
     - `false_alarms`: the rate that is allowed, per independent reference. By 1e-5, a false alarm
       comes once in 100,000 of them on average, or less often.
 
-    **Raises:** `InputError` where the model has no inverse or depends on a condition, `no-rows`, and
-    `bad-option` for rates that are not between 0 and 1, or a drift below 0.
+    **Raises:** `InputError` where the model has no inverse or depends on a condition, `not-exportable`
+    where no law is known for a part of it, `no-rows`, and `bad-option` for rates that are not between 0
+    and 1, or a drift below 0.
 
     Source: Kulhavy 1987 (restricted exponential forgetting), Page 1954 and Lorden 1971 (the test and its
     rate).
@@ -120,7 +120,6 @@ def adaptive(
     start[2:] *= free
     spread = np.concatenate([[(ZERO_AFTER * span) ** 2, drift**2], (AFTER * size) ** 2])
     cycle = used.sum() / max(1, turns) / correlation
-    low, high = _ends(model, record, used)
     settings = Settings(
         *(jnp.asarray(x, float) for x in (
             zero, nominal, np.where(free, LEAST * nominal, nominal), rises, widths, start, spread, noise,
@@ -131,8 +130,9 @@ def adaptive(
     models = tuple(p.model for p in found.parts)
     floored = found.floor is not None
     return AdaptiveCompensator(
-        inverse_of(model), models, jnp.asarray(centres), found.sign, low, high, floored, settings
-    )
+        model, models, jnp.asarray(centres), found.sign, _ends(model, record, used), floored,
+        settings,
+    )  # fmt: skip
 
 
 def _centred(
@@ -224,10 +224,7 @@ def _ends(model: AbstractModel, record: Record, used: np.ndarray) -> tuple[float
     """The inputs to look for: those that the model names, else the record's and half as much more."""
     while isinstance(model, Scaled | Series):
         model = model.inner if isinstance(model, Scaled) else model.parts[0]
-    inverse = inverse_of(model)
-    if isinstance(inverse, BracketedCompensator):
-        return inverse.low, inverse.high
-    if (ends := model.input_range()) is not None:
+    if (ends := input_range(model)) is not None:
         return float(ends[0]), float(ends[1])
     low, high = float(record.input[used].min()), float(record.input[used].max())
     return low - (high - low) / 2, high + (high - low) / 2

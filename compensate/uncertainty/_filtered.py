@@ -1,38 +1,36 @@
 """An inverse that knows of noise: the model inside a filter of its input."""
 
-import math
 from collections.abc import Callable
+from math import inf, nan
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete
+from hysteresis.laws import filtered as law
+from hysteresis.running import Known, Numbers, numbers_of, place_of, told
+from hysteresis.trees import node
 
 from .._contract import AbstractCompensator, Status
 from .._readings import with_reading
 from ..inverses import inverse_of
+from ..inverses._law import OWN, LawCompensator, goes_back_only, told_of_condition
 from ._ensemble import UncertainEstimate
-
-KINK = 0.25 - 0.5 / math.pi
-"""What a line leaves of the variance of a corner, in parts of P times the jump of its slope squared."""
 
 
 class FilteredState(NamedTuple):
-    """The model and its inverse after the filtered inputs, the last of these, when, and its variance.
+    """What the law remembers, when the last reading came, NaN before the first, and the last estimate.
 
-    Before the first reading the variance is infinite and `t` NaN.
+    Of a model without laws: its state, that of its inverse, and value, variance and whether there was any.
     """
 
-    model: Any
-    inverse: Any
-    value: Float[Array, ""]
-    variance: Float[Array, ""]
+    memory: Any
     t: Float[Array, ""]
+    value: Float[Array, ""]
 
 
 class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate]):
@@ -56,6 +54,9 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
     lags behind, and what is wrong with the model is not in it. On lagging Preisach and Burgers models and
     walks of these statistics 90 % bands held 89 to 94 %, on a leading Preisach model 84 %: h after
     turns that were not seen is known to first order only. The status is the raw inverse's.
+
+    The law is `hysteresis/laws/filtered.py`: a reading costs microseconds. A model without laws is filtered
+    outside of JAX's programs, at twelve of its steps a reading.
 
     **Arguments:**
 
@@ -81,6 +82,8 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
     input_step: Float[Array, ""]
     output_sigma: Float[Array, ""]
     by_time: bool = eqx.field(static=True)
+    numbers: Float[Array, " numbers"] | None
+    known: Known | None = eqx.field(static=True)
 
     def __init__(
         self,
@@ -102,86 +105,90 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         self.input_step = jnp.asarray(input_step, float)
         self.output_sigma = jnp.asarray(output_sigma, float)
 
+        self.numbers = self.known = None
+        raw = self.raw
+        if isinstance(raw, LawCompensator) and not goes_back_only(tree := model.tree(depth=OWN)):
+            parameters = {
+                "step": self.input_step**2, "noise": self.output_sigma**2, "by_time": int(by_time),
+            }  # fmt: skip
+            kept = np.zeros(2 * raw.known.states)
+            state = {"value": raw.held, "variance": inf, "begun": 0, "kept": kept}
+            made = numbers_of(node("filtered", parameters, state, [tree, tree]))
+            self.numbers, self.known = jnp.asarray(made.m, float), made.known
+
     def init(self) -> FilteredState:
-        never, unknown = jnp.asarray(jnp.nan, float), jnp.asarray(jnp.inf, float)
-        return FilteredState(
-            self.model.init(), self.raw.init(), jnp.zeros_like(never), unknown, never
-        )
+        never = jnp.asarray(nan, float)
+        if self.numbers is None or self.known is None:
+            value = jnp.zeros_like(never)
+            return FilteredState((self.model.init(), self.raw.init(), 0.0, inf, 0), never, value)
+        first = self.numbers[len(self.numbers) - self.known.states :]
+        return FilteredState(first, never, self.numbers[place_of(self.known, "value")])
 
     def simulate(
         self, t: ArrayLike | None, y: ArrayLike, state: FilteredState | None = None
     ) -> UncertainEstimate:
-        y = jnp.asarray(y, float)
         if t is None and self.by_time:
             raise InputError("no-time", "steps by time need the times.", fix="give t.")
-        t = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
-        return _filter(self, t, y, self.init() if state is None else state)
+        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
 
     def step(
         self, state: FilteredState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[FilteredState, UncertainEstimate]:
-        y, t = jnp.asarray(y, float), jnp.asarray(0.0 if t is None else t, float)
-        valid, first = jnp.isfinite(y).all() & jnp.isfinite(t), jnp.isinf(state.variance)
-        reading = self.raw.step(state.inverse, t, y)[1]
-        noise = self.output_sigma**2
+        t = None if t is None else jnp.asarray(t, float)[None]
+        after, found = self.stream(t, jnp.asarray(y, float)[None], state)
+        return after, UncertainEstimate(found.value[0], found.status[0], found.deviation[0])
 
-        # Before the first reading there is nothing to predict from, and nothing to be uncertain about.
-        before = jnp.where(first, reading.value, state.value)
-        past = jnp.where(first, 0.0, state.variance)
-        dt = jnp.where(first, 1.0, jnp.maximum(t - state.t, 0.0)) if self.by_time else 1.0
-        ahead = past + self.input_step**2 * dt
+    def stream(
+        self, t: ArrayLike | None, y: Array, state: FilteredState
+    ) -> tuple[FilteredState, UncertainEstimate]:
+        """All readings at once: the state after them, and the estimates."""
+        times = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
+        if self.known is None:
+            each: list[tuple[float, int, float]] = []
+            for now, reading in zip(times, y, strict=True):
+                state, found = self._step_by_step(state, now, reading)
+                each.append(found)
+            value, status, deviation = jnp.asarray(np.reshape(each, (-1, 3)).T)
+            return state, UncertainEstimate(value, status.astype(int), deviation)
+        readings = y if y.ndim == 1 else jnp.where(jnp.isfinite(y).all(1, keepdims=True), y, nan)
+        found = told(Numbers(self.known, self.numbers), *state, times, readings, width=1)
+        value, status, said, memory, last = map(jnp.asarray, found)
+        after = FilteredState(memory, last, value[-1] if len(value) else state.value)
+        status = told_of_condition(self.model, y, status)
+        return after, UncertainEstimate(value, status, said[:, 0])
 
-        def beside(x: Array) -> Array:
-            """An input or an output beside the condition, where the model depends on one."""
-            return with_reading(y, 0, x)
+    def _step_by_step(
+        self, state: FilteredState, t: Array, y: Array
+    ) -> tuple[FilteredState, tuple[float, int, float]]:
+        """One reading of a model without laws: value, status and deviation."""
+        model, inverse, *filtered = state.memory
+        p, s = law.Parameters(), law.State()
+        p.step, p.noise = float(self.input_step) ** 2, float(self.output_sigma) ** 2
+        p.by_time = int(self.by_time)
+        s.value, s.variance, s.begun = filtered
+        found = _step(self.raw, inverse, t, y)[1]
+        if not (jnp.isfinite(y).all() and jnp.isfinite(t)):
+            held = float(state.value if s.begun else found.value)
+            return state, (held, Status.INVALID, law.deviation(s))
 
-        def out(u: Array) -> Array:
-            return self.model.step(state.model, t, beside(u))[1]
+        def onward(own: Any, u: Any) -> tuple[Any, Any]:
+            return _step(self.model, own, t, with_reading(y, 0, jnp.asarray(u, float)))
 
-        def back(u: Array) -> Array:
-            there = self.model.step(state.model, t, beside(u))[0]
-            return self.model.step(there, t, beside(before))[1]
+        def look(_: Any, dt: float, u: float) -> float:
+            return float(onward(model, u)[1])
 
-        reach = jnp.stack([jnp.sqrt(past), -jnp.sqrt(past)])
-        up, down = jax.vmap(back)(before + reach)
-        noise += jnp.where(first, 0.0, ((up - down) / 2) ** 2)
-        slope, _ = _chord(out, before, jnp.sqrt(ahead))
-        left = _left(ahead, slope, noise)
-        gain = jnp.where(first, 1.0, slope**2 * left / noise)
-        value = before + gain * (reading.value - before)
-        # Within a millionth of the step a chord would be rounding.
-        reach = jnp.sqrt(jnp.where(first, ahead, jnp.maximum(left, 1e-12 * ahead)))
-        again, corner = _chord(out, value, reach)
-        lesser = jnp.minimum(jnp.abs(slope), jnp.abs(again))
-        variance = _left(ahead, lesser, noise + KINK * (reach * corner) ** 2)
-        # Of the first input no more is known than what the first reading says.
-        variance = jnp.where(first, noise / again**2, variance)
+        def back(_: Any, dt: float, u: float) -> float:
+            return float(onward(onward(model, u)[0], s.value)[1])
 
-        model, output = self.model.step(state.model, t, beside(value))
-        inverse, _ = self.raw.step(state.inverse, t, beside(output))
-        after = FilteredState(model, inverse, value, variance, t)
-        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
-        # Without any reading yet the raw inverse says what it holds.
-        shown = jnp.where(valid, value, jnp.where(first, reading.value, state.value))
-        status = jnp.where(valid, reading.status, Status.INVALID)
-        return after, UncertainEstimate(shown, status, jnp.sqrt(after.variance))
-
-
-def _chord(
-    out: Callable[[Array], Array], u: Float[Array, ""], reach: Float[Array, ""]
-) -> tuple[Array, Array]:
-    """Slope of h across u +- reach, and the difference of its slopes either side."""
-    low, middle, high = jax.vmap(out)(jnp.stack([u - reach, u, u + reach]))
-    return (high - low) / (2 * reach), (high + low - 2 * middle) / reach
-
-
-def _left(variance: Array, slope: Array, noise: Array) -> Array:
-    """1 / (1 / P + H^2 / R)."""
-    return variance * noise / (slope**2 * variance + noise)
+        passed = 0.0 if jnp.isnan(state.t) else max(float(t - state.t), 0.0)
+        value = law.likeliest(look, back, p, s, None, passed, float(found.value))
+        moved, output = onward(model, value)
+        inverse = _step(self.raw, inverse, t, with_reading(y, 0, output))[0]
+        memory = moved, inverse, s.value, s.variance, s.begun
+        after = FilteredState(memory, t, jnp.asarray(value))
+        return after, (value, int(found.status), law.deviation(s))
 
 
 @eqx.filter_jit
-def _filter(
-    compensator: FilteredCompensator, t: Array, y: Array, state: FilteredState
-) -> UncertainEstimate:
-    return jax.lax.scan(lambda own, now: compensator.step(own, *now), state, (t, y))[1]
+def _step(one: Any, state: Any, t: Array, x: Array) -> Any:
+    return one.step(state, t, x)

@@ -30,6 +30,7 @@ from ._report import report
 from ._reproduce import reproduce
 from ._sample import design, sample
 from ._studio import studio
+from ._warm import warm
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 
@@ -59,6 +60,7 @@ for _command, _example in {
     batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",
     studio: "hysid studio run.csv",
     reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
+    warm: "hysid warm sponge",
     bench: "hysid bench preisach --quick",
 }.items():
     _class = FindsConfig if _command in (check, fit) else None

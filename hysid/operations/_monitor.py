@@ -96,12 +96,10 @@ def _references(source: Table, record: Record, name: str, needed: bool) -> np.nd
 
 def _followed(own: AdaptiveCompensator, record: Record, known: np.ndarray) -> Recalibrated:
     """Over all sequences, one after the other: memories begin anew, and what was learnt stays."""
-    parts, learnt = [], own.init().learnt
+    parts, state = [], own.init()
     for _, rows in record.sequences():
         t = None if record.time is None else record.time[rows]
-        state = own.init()._replace(learnt=learnt)
-        state, part = own.follow(t, record.output[rows], known[rows], state)
-        learnt = state.learnt
+        state, part = own.follow(t, record.output[rows], known[rows], own.restarted(state))
         parts.append(part)
     return jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
 

@@ -13,8 +13,7 @@ from .._model import AbstractModel, Tree
 from .._parameter import array_module, is_concrete
 from ..models._compose import Sum
 from ..models._viscoelastic_chain import Known
-from ..running import Numbers
-from ..running._law import law
+from ..running import Numbers, place_of
 from ..trees import node
 from ._generalized_plays import GeneralizedPlays
 from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
@@ -101,19 +100,14 @@ def _rate_of(part: AbstractRateForm, xp: Any) -> tuple[Any, Any] | None:
     return rate if is_concrete(part.n) else jnp.where(part.n == 1.0, rate, jnp.nan), 1.0
 
 
-def before_first(numbers: Numbers, motion: Any = None) -> Float[np.ndarray, " state"]:
+def before_first(numbers: Numbers, motion: Any = ()) -> Float[np.ndarray, " state"]:
     """The state at the end of the law's numbers as one before a first sample, where the acceleration is to
     be found; with another `motion`: displacement, velocity and force in rate form."""
-    state = np.array(numbers.m[len(numbers.m) - numbers.known.states :], float)
-    state[places_of("begun")] = 0.0
-    if motion is not None:
-        state[places_of(*MOTION)] = motion
-    return state
-
-
-def places_of(*names: str) -> list[int]:
-    """Where numbers are in the law's state."""
-    return [law("oscillator").place("State", name) for name in names]
+    known, m = numbers.known, np.array(numbers.m, float)
+    m[place_of(known, "begun")] = 0.0
+    for name, value in zip(MOTION, motion, strict=False):
+        m[place_of(known, name)] = value
+    return m[len(m) - known.states :]
 
 
 def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:

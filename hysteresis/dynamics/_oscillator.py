@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from .._errors import InputError
 from .._law_model import OWN, AbstractLawModel, LawState
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
-from ..running import Numbers
+from ..running import place_of
 from ._coupled import CoupledOscillators
-from ._layout import Layout, before_first, layout_of, places_of
+from ._layout import Layout, before_first, layout_of
 from ._rate_form import BoucWenForce, RateState
 
 
@@ -104,8 +104,7 @@ class Oscillator(AbstractLawModel):
     def moving(self, displacement: float, velocity: float, force: float = 0.0) -> Any:
         """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
         if (other := self._chain()) is None:
-            known, m = self._numbers()
-            now = before_first(Numbers(known, m), (displacement, velocity, force))
+            now = before_first(self._numbers(), (displacement, velocity, force))
             return self.init()._replace(numbers=jnp.asarray(now))
         state = other.init()
         y, v, z = (jnp.asarray(x, state.force.dtype) for x in (displacement, velocity, force))
@@ -134,9 +133,8 @@ class Oscillator(AbstractLawModel):
         starts: tuple[int, ...] = (0,),
     ) -> Any:
         one = super() if (other := self._chain()) is None else other
-        if self.between == "held" and t is not None:
-            state = self.init() if state is None else state
-            t, u, starts = self._held(t, u, state, starts)
+        state = self.init() if state is None else state
+        t, u, starts = self._rows(t, u, state, starts)
         return one.prepare(t, u, state, starts=starts)
 
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
@@ -151,40 +149,40 @@ class Oscillator(AbstractLawModel):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
-        if self._chain() is None:
+        if (other := self._chain()) is None:
             return super().simulate(t, u, state, starts=starts)
-        return AbstractModel.simulate(self, t, u, state, starts=starts)
+        state = other.init() if state is None else state
+        t, u, starts = self._rows(t, u, state, starts)
+        found = other.simulate(t, u, state, starts=starts)
+        return found[::2] if self.between == "held" else found
 
-    def stream(
+    def follow(
         self, t: Series | None, u: Series, state: Any = None
     ) -> tuple[Any, Float[Array, " samples"]]:
-        other = self._chain()
-        if self.between != "held" or t is None:
-            return (super() if other is None else other).stream(t, u, state)
-        if other is None:
-            after, found = super().stream(t, u, state)
+        if (other := self._chain()) is None:
+            after, found = super().follow(t, u, state)
         else:
             state = other.init() if state is None else state
-            after, found = other.stream(*self._held(t, u, state, (0,))[:2], state)
-        return after, found[::2]
+            after, found = other.stream(*self._rows(t, u, state, (0,))[:2], state)
+        return after, found[::2] if self.between == "held" else found
 
-    def _held(self, t: Any, u: Any, state: Any, starts: tuple[int, ...]) -> tuple[Any, Any, Any]:
-        """A held force as one that is straight: up to each sample that of the one before, and there another
-        row after no time."""
+    def _rows(self, t: Any, u: Any, state: Any, starts: tuple[int, ...]) -> tuple[Any, Any, Any]:
+        """What is run: a held force is straight up to each sample, as it was at the one before, and another
+        row after no time has the new one."""
+        if self.between != "held" or t is None:
+            return t, u, starts
         u, first = jnp.asarray(u, float), np.asarray(starts)
         begin = jnp.where(jnp.isnan(state.t), u[first], self._force(state))
         before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(begin)
-        return (
-            jnp.repeat(jnp.asarray(t), 2),
-            jnp.stack([before, u], 1).ravel(),
-            tuple((2 * first).tolist()),
-        )
+        both = jnp.stack([before, u], 1).ravel()
+        return jnp.repeat(jnp.asarray(t), 2), both, tuple((2 * first).tolist())
 
     def _force(self, state: Any) -> Array:
         """That of the last sample."""
-        return (
-            state.numbers[places_of("force")[0]] if isinstance(state, LawState) else state.force[0]
-        )
+        if not isinstance(state, LawState):
+            return state.force[0]
+        known, m = self._numbers()
+        return state.numbers[place_of(known, "force") - len(m)]
 
     def _chain(self) -> CoupledOscillators | None:
         """The same as a chain of one mass, where there is no law of it."""
@@ -199,7 +197,7 @@ class Oscillator(AbstractLawModel):
     def _layout(self) -> Layout | None:
         return layout_of(self.hysteresis) if self.integrator == "newmark" else None
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
         layout = self._layout()
         if layout is None or (depth != OWN and self.between != "linear"):

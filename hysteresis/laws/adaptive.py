@@ -9,6 +9,8 @@ from collections.abc import Callable
 from math import fabs, log, sqrt
 from typing import Any
 
+from ._codes import FLAT as FLAT
+from ._codes import OK as OK
 from ._codes import SATURATED, Reals
 from .sum import is_there as is_there
 from .sum import sought as sought

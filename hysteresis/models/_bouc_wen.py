@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._law_model import AbstractLawModel
-from .._model import DOUBLE, Tree
+from .._model import Tree
 from .._parameter import Scalar, array_module, is_concrete, parameter, parameters
 from .._registry import register
 from ..trees import ROUNDING, node
@@ -87,7 +87,7 @@ class BoucWen(AbstractLawModel):
         beta = self.yield_at**-self.n / (1 + self.gamma_over_beta)
         return beta, self.gamma_over_beta * beta
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         x, weights = _gauss()
         xp = array_module(self.n)
         return node(

@@ -1,6 +1,7 @@
 """Models made of models: side by side, one behind the other, scaled."""
 
-from collections.abc import Iterable
+import abc
+from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import add
 from typing import Any
@@ -12,12 +13,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Tree
+from .._model import AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from .._type_variables import Prepared, State
 from ..preisach import Preisach
-from ..trees import common_range, looked_for, node, part_tree, series, widened
+from ..trees import (
+    common_range,
+    input_range,
+    looked_for,
+    node,
+    part_tree,
+    reach_of,
+    series,
+    widened,
+)
 
 
 def _given(models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
@@ -44,8 +55,44 @@ def _check_parts(parts: tuple[Any, ...]) -> None:
         )
 
 
+Over = Callable[[AbstractModel, Any, Any], tuple[Any, Any]]
+"""A model, its input and its state, to the state after it and its output: of a sample or a record."""
+
+
+class AbstractComposite(AbstractModel[State, Prepared]):
+    """A model made of models. What it does over a record each of them does at once."""
+
+    @abc.abstractmethod
+    def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
+        """State and output of what `run` does of each model; of no state where it is None."""
+
+    def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
+        return self._over(lambda model, v, own: model.step(own, t, v), u, state)
+
+    def stream(
+        self, t: Inputs | None, u: Inputs, state: State | None = None
+    ) -> tuple[State, Float[Array, " samples"]]:
+        """`step` over all samples, at once: (state after the last one, outputs)."""
+        return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
+
+    def simulate(
+        self,
+        t: Inputs | None,
+        u: Inputs,
+        state: State | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Float[Array, " samples"]:
+        """`evaluate(prepare(t, u, state, starts=starts))`."""
+
+        def run(model: AbstractModel, v: Any, own: Any) -> tuple[Any, Any]:
+            return None, model.simulate(t, v, own, starts=starts)
+
+        return self._over(run, u, state)[1]
+
+
 @register
-class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
+class Sum(AbstractComposite[tuple[Any, ...], tuple[Any, ...]]):
     """Models of one input side by side: y = sum of their outputs.
 
     State and prepared input are tuples of the parts'. It rises with its input where every part does.
@@ -73,11 +120,10 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
     def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
         return tuple(part.init(t0, u0) for part in self.parts)
 
-    def step(
-        self, state: tuple[Any, ...], t: Any, u: Any
-    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
-        after = [part.step(own, t, u) for part, own in zip(self.parts, state, strict=True)]
-        return tuple(own for own, _ in after), reduce(add, (y for _, y in after))
+    def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
+        states = state or (None,) * len(self.parts)
+        found = [run(part, u, own) for part, own in zip(self.parts, states, strict=True)]
+        return tuple(own for own, _ in found), reduce(add, (y for _, y in found))
 
     def prepare(
         self,
@@ -95,7 +141,7 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
         pairs = zip(self.parts, prepared, strict=True)
         return reduce(add, (part.evaluate(own) for part, own in pairs))
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         if len(self.parts) == 1:
             return self.parts[0].tree(eps, depth)
         parts = [part_tree(part, eps, depth) for part in self.parts]
@@ -105,12 +151,12 @@ class Sum(AbstractModel[tuple[Any, ...], tuple[Any, ...]]):
 
     def search_range(self) -> tuple[Any, Any]:
         """Where the ranges of all parts are, as far as they have some, and a little beyond."""
-        ends = [found for part in self.parts if (found := part.input_range()) is not None]
-        return widened(*common_range(ends)) if ends else super().search_range()
+        ends = [found for part in self.parts if (found := input_range(part)) is not None]
+        return widened(*common_range(ends)) if ends else reach_of(self)
 
 
 @register
-class Scaled(AbstractModel[Any, Any]):
+class Scaled(AbstractComposite[Any, Any]):
     """A model in other units or with its sign turned: y = offset + factor * inner[u].
 
     **Arguments:** `inner`, any model; `factor`, not zero, and `offset`.
@@ -138,8 +184,8 @@ class Scaled(AbstractModel[Any, Any]):
     def init(self, t0: Any = None, u0: Any = None) -> Any:
         return self.inner.init(t0, u0)
 
-    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
-        state, y = self.inner.step(state, t, u)
+    def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
+        state, y = run(self.inner, u, state)
         return state, self.offset + self.factor * y
 
     def prepare(
@@ -155,7 +201,7 @@ class Scaled(AbstractModel[Any, Any]):
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
         return self.offset + self.factor * self.inner.evaluate(prepared)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         parameters = {"factor": self.factor, "offset": self.offset}
         return node("scaled", parameters, parts=[self.inner.tree(eps, depth)])
 
@@ -173,7 +219,7 @@ class SeriesInput(eqx.Module):
 
 
 @register
-class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
+class Series(AbstractComposite[tuple[Any, ...], SeriesInput]):
     """Models one behind the other: the output of each stage is the input of the next.
 
     State is a tuple of the stages'. A Preisach stage behind memoryless ones, which must not fall, keeps
@@ -203,14 +249,12 @@ class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
     def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
         return tuple(part.init(t0, u0) for part in self.parts)
 
-    def step(
-        self, state: tuple[Any, ...], t: Any, u: Any
-    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
-        after, y = [], jnp.asarray(u)
-        for part, own in zip(self.parts, state, strict=True):
-            own, y = part.step(own, t, y)
+    def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
+        after = []
+        for part, own in zip(self.parts, state or (None,) * len(self.parts), strict=True):
+            own, u = run(part, u, own)
             after.append(own)
-        return tuple(after), y
+        return tuple(after), u
 
     def prepare(
         self,
@@ -237,7 +281,7 @@ class Series(AbstractModel[tuple[Any, ...], SeriesInput]):
             ordered = ordered and _is_memoryless(part)
         return y
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         return series(*(part.tree(eps, depth) for part in self.parts))
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, REACH, AbstractModel, Series, Tree
-from .._parameter import array_module, is_concrete, parameter, size_of_inputs
+from .._model import AbstractModel, Series, Tree
+from .._parameter import array_module, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..records._record import Record
-from ..trees import common_range, looked_for, node
-from ._compose import Scaled, Sum
+from ..trees import common_range, input_range, looked_for, node, reach_of
+from ._compose import AbstractComposite, Over, Scaled, Sum
 from ._compose import Series as Chain
 from ._curves import Values
 
@@ -32,7 +32,7 @@ class ConditionedInput(NamedTuple):
 
 
 @register
-class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
+class Conditioned(AbstractComposite[tuple[Any, ...], ConditionedInput]):
     """A model for each of a few values of a condition c, and between them the interpolation:
 
         y = h_1(c) M_1[u] + ... + h_K(c) M_K[u]
@@ -106,14 +106,12 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         first = None if u0 is None else jnp.asarray(u0)[0]
         return tuple(model.init(t0, first) for model in self.models)
 
-    def step(
-        self, state: tuple[Any, ...], t: Any, u: Any
-    ) -> tuple[tuple[Any, ...], Float[Array, ""]]:
-        u, c = u
-        pairs = zip(self.models, state, strict=True)
-        after = [model.step(own, t, u) for model, own in pairs]
-        y = jnp.stack([each for _, each in after]) @ self.shares(c)
-        return tuple(own for own, _ in after), y
+    def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
+        u, c = _columns(u, self.condition)
+        pairs = zip(self.models, state or (None,) * len(self.models), strict=True)
+        found = [run(model, u, own) for model, own in pairs]
+        y = (jnp.stack([each for _, each in found], -1) * self.shares(c)).sum(-1)
+        return tuple(own for own, _ in found), y
 
     def prepare(
         self,
@@ -127,24 +125,18 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
 
         Raises `InputError` `wrong-shape` for another shape.
         """
-        if np.ndim(u) != 2 or np.shape(u)[1] != 2:
-            raise InputError(
-                "wrong-shape",
-                f"inputs of shape {np.shape(u)} for a model of an input and {self.condition!r}.",
-                fix="give both as the columns of an array (samples, 2).",
-            )
-        u = u if is_concrete(u) else jnp.asarray(u)
+        u, c = _columns(u, self.condition)
         states = (None,) * len(self.models) if state is None else state
         pairs = zip(self.models, states, strict=True)
-        prepared = tuple(model.prepare(t, u[:, 0], own, starts=starts) for model, own in pairs)
-        return ConditionedInput(prepared, self.shares(u[:, 1]))
+        prepared = tuple(model.prepare(t, u, own, starts=starts) for model, own in pairs)
+        return ConditionedInput(prepared, self.shares(c))
 
     def evaluate(self, prepared: ConditionedInput) -> Float[Array, " samples"]:
         pairs = zip(self.models, prepared.models, strict=True)
         outputs = jnp.stack([model.evaluate(own) for model, own in pairs], 1)
         return (outputs * prepared.shares).sum(1)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """A sum of shares, which is looked for as a whole; turned where the models fall."""
         xp = array_module(self.knots)
         knots, axis = xp.asarray(self.knots), AXES.index(self.axis)
@@ -165,8 +157,19 @@ class Conditioned(AbstractModel[tuple[Any, ...], ConditionedInput]):
         """What the ranges of all models have in common, else as far as their parameters reach."""
         if ends := [found for one in self.models if (found := _range_of(one)) is not None]:
             return common_range(ends)
-        reach = REACH * jnp.stack([size_of_inputs(one) for one in self.models]).max()
-        return -reach, reach
+        return reach_of(*self.models)
+
+
+def _columns(u: Any, condition: str) -> tuple[Any, Any]:
+    """Input and condition of a sample or of a record."""
+    u = u if isinstance(u, np.ndarray) else jnp.asarray(u)
+    if np.shape(u)[-1:] != (2,):
+        raise InputError(
+            "wrong-shape",
+            f"inputs of shape {np.shape(u)} for a model of an input and {condition!r}.",
+            fix="give both as the columns of an array (samples, 2).",
+        )
+    return u[..., 0], u[..., 1]
 
 
 def last_factor(model: AbstractModel) -> Any:
@@ -185,7 +188,7 @@ def _range_of(model: AbstractModel) -> tuple[Any, Any] | None:
     if isinstance(model, Sum):
         found = [ends for part in model.parts if (ends := _range_of(part)) is not None]
         return common_range(found) if found else None
-    return model.input_range()
+    return input_range(model)
 
 
 # Not compiled, each of its operations is compiled by itself for every length: 0.7 s.

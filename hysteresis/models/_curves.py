@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import ROUNDING, curve, node
@@ -74,7 +74,7 @@ class AbstractMonotoneCurve(AbstractCurve):
         rises = self.rises()
         return self.offset + jnp.append(jnp.zeros_like(rises[:1]), rises.cumsum())
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         return curve(self.nodes, self.outputs(), *self.cell_slopes(), eps)
 
     def cell_of(self, u: Float[Array, "*samples"]) -> Int[Array, "*samples"]:
@@ -214,7 +214,7 @@ class PolynomialCurve(AbstractCurve):
         slope = jnp.polyval(jnp.polyder(powers), inside)
         return jnp.polyval(powers, inside) + slope * (x - inside)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         first, last = self.curve(jnp.stack([self.low, self.high]))
         return node(
             "polynomial",
@@ -251,7 +251,7 @@ class Clip(AbstractCurve):
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         return jnp.clip(u, self.low, self.high)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         ends = {"low": jnp.maximum(self.low, -1e30), "high": jnp.minimum(self.high, 1e30)}
         return node("clip", ends)
 

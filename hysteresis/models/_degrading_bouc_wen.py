@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._law_model import AbstractLawModel
-from .._model import DOUBLE, Tree
+from .._model import Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
 from ..trees import ROUNDING, node
@@ -119,7 +119,7 @@ class DegradingBoucWen(AbstractLawModel):
     def __check_init__(self) -> None:
         check_bounds(self, strength_loss=(True, False), stiffness_loss=(True, False))
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         inner, slip = self.inner, self.pinching
         losses = {"strength_loss": self.strength_loss, "stiffness_loss": self.stiffness_loss}
         pinching = {

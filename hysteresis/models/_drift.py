@@ -1,41 +1,25 @@
 """Drifts of the output: with the path that the input has travelled, and with the time."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start
+from .._law_model import AbstractLawModel
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from ..numerics._hats import hats
-from ..numerics._recurrence import linear_recurrence
 from ..trees import node
 
 Values = Float[Array, "..."] | Any
 
 
-class DriftState(NamedTuple):
-    """The last input, NaN before the first sample, and the path travelled until then."""
-
-    u: Array
-    path: Array
-
-
-class DriftInput(NamedTuple):
-    """The input and the path before each sample."""
-
-    before: Array
-    path: Array
-
-
 @register
-class CyclicDrift(AbstractModel[DriftState, DriftInput]):
+class CyclicDrift(AbstractLawModel):
     """Softening, hardening or creep from cycle to cycle, by the logarithm of the path travelled:
 
         y_t = offset + sum_k d_k h_k(u_(t-1)) log((length + clip(P_(t-1), least, most)) / (length + least)),
@@ -94,35 +78,7 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
         if is_concrete(self.levels) and not (jnp.diff(self.levels) > 0).all():
             raise InputError("parameter-out-of-bounds", "levels must increase.")
 
-    def init(self, t0: Any = None, u0: Any = None) -> DriftState:
-        zero = jnp.zeros_like(jnp.asarray(self.rates)[0])
-        return DriftState(zero + jnp.nan, zero)
-
-    def step(self, state: DriftState, t: Any, u: Any) -> tuple[DriftState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        before = jnp.where(jnp.isnan(state.u), u, state.u)
-        return DriftState(u, state.path + abs(u - before)), self._output(before, state.path)
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: DriftState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> DriftInput:
-        state = self.init() if state is None else state
-        u = jnp.asarray(u, state.u.dtype)
-        begin = jnp.where(jnp.isnan(state.u), u[jnp.asarray(starts)], state.u)
-        before = before_each(u, begin, starts)
-        start = is_start(len(u), starts)
-        (path,) = linear_recurrence((1 - start,), (abs(u - before) + start * state.path,))
-        return DriftInput(before, before_each(path, state.path, starts))
-
-    def evaluate(self, prepared: DriftInput) -> Float[Array, " samples"]:
-        return jax.vmap(self._output)(prepared.before, prepared.path)
-
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""
         return node(
             "drift",
@@ -134,28 +90,9 @@ class CyclicDrift(AbstractModel[DriftState, DriftInput]):
             {"begun": 0, "u": 0.0, "path": 0.0},
         )  # fmt: skip
 
-    def _output(self, before: Array, path: Array) -> Array:
-        rate = jnp.dot(jnp.asarray(self.rates), hats(before, jnp.asarray(self.levels)))
-        further = jnp.clip(path, self.least, self.most) - self.least
-        further = further / (self.length + self.least)
-        return self.offset + rate * jnp.log1p(further)
-
-
-class ClockState(NamedTuple):
-    """The time of the last sample, NaN before the first, and the time since the first one."""
-
-    t: Array
-    elapsed: Array
-
-
-class ClockInput(NamedTuple):
-    """The time of each sample since the first one of its sequence."""
-
-    elapsed: Array
-
 
 @register
-class TimeDrift(AbstractModel[ClockState, ClockInput]):
+class TimeDrift(AbstractLawModel):
     """Warming up, aging or a creeping zero: a drift that goes on whatever the input does.
 
         y_t = offset + sum_k d_k (1 - exp(-min(s, most) / tau_k)),    s = time since the first sample
@@ -199,39 +136,11 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
         if not self.most >= 0:
             raise InputError("parameter-out-of-bounds", f"most={self.most:g} is a time below 0.")
 
-    def init(self, t0: Any = None, u0: Any = None) -> ClockState:
-        zero = jnp.zeros_like(jnp.asarray(self.offset, float))
-        return ClockState(zero + jnp.nan, zero)
+    @property
+    def needs_time(self) -> bool:
+        return True
 
-    def step(self, state: ClockState, t: Any, u: Any) -> tuple[ClockState, Float[Array, ""]]:
-        if t is None:
-            raise _no_time()
-        t = jnp.asarray(t, state.t.dtype)
-        elapsed = state.elapsed + jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        return ClockState(t, elapsed), self._output(elapsed)
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: ClockState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> ClockInput:
-        if t is None:
-            raise _no_time()
-        state = self.init() if state is None else state
-        t = jnp.asarray(t, state.t.dtype)
-        start = is_start(len(t), starts)
-        since = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        steps = jnp.where(start > 0, since + state.elapsed, jnp.diff(t, prepend=t[:1]))
-        (elapsed,) = linear_recurrence((1 - start,), (steps,))
-        return ClockInput(elapsed)
-
-    def evaluate(self, prepared: ClockInput) -> Float[Array, " samples"]:
-        return jax.vmap(self._output)(prepared.elapsed)
-
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""
         return node(
             "time_drift",
@@ -241,15 +150,3 @@ class TimeDrift(AbstractModel[ClockState, ClockInput]):
             },
             {"begun": 0, "elapsed": 0.0},
         )  # fmt: skip
-
-    def _output(self, elapsed: Array) -> Array:
-        gone = -jnp.expm1(-jnp.minimum(elapsed, self.most) / jnp.asarray(self.times))
-        return self.offset + jnp.dot(gone, jnp.asarray(self.rates))
-
-
-def _no_time() -> InputError:
-    return InputError(
-        "no-time",
-        "TimeDrift depends on the time, and this record has none.",
-        fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-    )

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._law_model import AbstractLawModel
-from .._model import DOUBLE, Tree
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
@@ -82,7 +82,7 @@ class DuhemOperator(AbstractLawModel):
                 fix="give a high end above the low one.",
             )
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Both directions' slopes, one after the other."""
         both = self.rising, self.falling
         return node(

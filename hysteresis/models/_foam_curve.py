@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, Tree
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
 from ..trees import node
@@ -79,7 +79,7 @@ class FoamCurve(AbstractCurve):
         risen = self._integral(u) - self._integral(jnp.zeros_like(u))
         return self.offset + self.linear * risen
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         u1 = self.toe_length
         u2 = u1 + self.linear_length
         return node(

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
 from ..trees import node
@@ -60,7 +60,7 @@ class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
     def evaluate(self, prepared: SpongeInput) -> Float[Array, " samples"]:
         return self._line(prepared.u)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         threshold = jnp.maximum(self.threshold, -1e30)
         least = threshold - max(1e-12, 8 * eps) * jnp.abs(threshold)
         return node("line", {"K": self.K, "b": self.b, "threshold": threshold, "least": least})

@@ -1,45 +1,24 @@
 """Stop and play operators whose stiffness depends on where the input was, or how far it has ever gone."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import Series, Tree, before_each, is_start
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from ..numerics._clamps import clamps
-from ..numerics._hats import hats
 from ..trees import AbstractSearchedModel, node
 
 Modulator = Literal["position", "span"]
 Values = Float[Array, "..."] | Any
 
 
-class StopState(NamedTuple):
-    """The last input, the least and the largest one so far, and every stop's place z = u - s."""
-
-    u: Array
-    least: Array
-    largest: Array
-    z: Array
-
-
-class StopInput(NamedTuple):
-    """Inputs, the modulator of each sample, where sequences start, and the state they start in."""
-
-    u: Array
-    modulator: Array
-    start: Array
-    state: StopState
-
-
 @register
-class ModulatedStops(AbstractSearchedModel[StopState, StopInput]):
+class ModulatedStops(AbstractSearchedModel):
     """Stop and play operators in parallel whose stiffnesses change with the past of the input:
 
         y_t = offset + sum_k h_k(m_(t-1)) f_k,t,
@@ -133,45 +112,7 @@ class ModulatedStops(AbstractSearchedModel[StopState, StopInput]):
                 " be negative.",
             )
 
-    def init(self, t0: Any = None, u0: Any = None) -> StopState:
-        z = jnp.full_like(jnp.asarray(self.thresholds), self.rest)
-        rest = jnp.asarray(self.rest, z.dtype)
-        return StopState(rest, rest, rest, z)
-
-    def step(self, state: StopState, t: Any, u: Any) -> tuple[StopState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        z = jnp.clip(state.z, u - self.thresholds, u + self.thresholds)
-        y = self._output(u, z, self._modulator(state.u, state.least, state.largest))
-        least, largest = jnp.minimum(state.least, u), jnp.maximum(state.largest, u)
-        return StopState(u, least, largest, z), y
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: StopState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> StopInput:
-        state = self.init() if state is None else state
-        u = jnp.asarray(u, state.u.dtype)
-        start = is_start(len(u), starts) > 0
-        least = -_largest_so_far(-u, -state.least, start)
-        largest = _largest_so_far(u, state.largest, start)
-        modulator = self._modulator(
-            before_each(u, state.u, starts),
-            before_each(least, state.least, starts),
-            before_each(largest, state.largest, starts),
-        )
-        return StopInput(u, modulator, start, state)
-
-    def evaluate(self, prepared: StopInput) -> Float[Array, " samples"]:
-        u, modulator, start, state = prepared
-        r = jnp.asarray(self.thresholds)[None]
-        z = clamps(u[:, None] - r, u[:, None] + r, state.z, start)
-        return jax.vmap(self._output)(u, z, modulator)
-
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         slopes, springs = self.of_stops()
         n, rest = len(self.thresholds), self.rest
         return node(
@@ -187,9 +128,6 @@ class ModulatedStops(AbstractSearchedModel[StopState, StopInput]):
             },
         )  # fmt: skip
 
-    def _modulator(self, u: Array, least: Array, largest: Array) -> Array:
-        return u if self.by == "position" else largest - least
-
     def of_stops(self) -> tuple[Float[Array, "thresholds levels"], Float[Array, " levels"]]:
         """Slopes and springs that stand for the plays, too: a play is a spring less a stop.
 
@@ -200,22 +138,3 @@ class ModulatedStops(AbstractSearchedModel[StopState, StopInput]):
             return slopes, springs
         plays = jnp.asarray(self.plays)
         return slopes - jnp.cumsum(plays[::-1], 0)[::-1], springs + plays.sum(0)
-
-    def _output(self, u: Array, z: Array, modulator: Array) -> Array:
-        slopes, springs = self.of_stops()
-        slopes = slopes @ (h := hats(modulator, jnp.asarray(self.levels)))
-        spring = jnp.dot(springs, h) * (u - self.rest)
-        return self.offset + spring + jnp.dot(slopes, jnp.diff(u - z, prepend=0.0))
-
-
-# A scan that is not compiled compiles each of its steps by itself: 2 s a length instead of 0.2 s.
-@jax.jit
-def _largest_so_far(u: Array, begin: Array, start: Array) -> Array:
-    """The largest input of each sequence so far, no less than `begin`."""
-    pairs = start, jnp.where(start, jnp.maximum(u, begin), u)
-
-    def then(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
-        anew = jnp.where(second[0], second[1], jnp.maximum(first[1], second[1]))
-        return first[0] | second[0], anew
-
-    return jax.lax.associative_scan(then, pairs)[1]

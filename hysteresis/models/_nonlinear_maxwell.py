@@ -1,6 +1,6 @@
 """Maxwell branches with non-linear springs: rate dependence that changes with the level."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,40 +8,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import Series, Tree, before_each, is_start, time_steps
+from .._model import Tree
 from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
-from ..numerics._recurrence import linear_recurrence
-from ..numerics._relaxation import decay_and_gain
 from ..trees import AbstractSearchedModel, node
 
 
-class BranchState(NamedTuple):
-    """Time and input of the last sample and every branch's memory, of its spring and of the input.
-
-    `t` is NaN before the first sample.
-    """
-
-    t: Array
-    u: Array
-    spring: Array
-    linear: Array
-
-
-class BranchInput(NamedTuple):
-    """Steps dt, the inputs' places on the grid and those before them, starts, and the first state."""
-
-    dt: Array
-    cell: Array
-    within: Array
-    cell_before: Array
-    within_before: Array
-    start: Array
-    state: BranchState
-
-
 @register
-class NonlinearMaxwell(AbstractSearchedModel[BranchState, BranchInput]):
+class NonlinearMaxwell(AbstractSearchedModel):
     """Branches of a spring and a dashpot in series, in parallel with each other:
 
         y = offset + sum_k Q_k[g_k(u)] + c_k(u) Q_k[v],      Q_k' = -Q_k / tau_k + (its argument)',
@@ -138,65 +112,11 @@ class NonlinearMaxwell(AbstractSearchedModel[BranchState, BranchInput]):
         assert self.strengths is not None
         return self.strengths.shape[-1] - 1
 
-    def init(self, t0: Any = None, u0: Any = None) -> BranchState:
-        none = jnp.zeros_like(jnp.asarray(self.times))
-        t = jnp.asarray(jnp.nan if t0 is None else t0, none.dtype)
-        return BranchState(t, jnp.full_like(t, self._rest), none, none)
+    @property
+    def needs_time(self) -> bool:
+        return True
 
-    def step(self, state: BranchState, t: Any, u: Any) -> tuple[BranchState, Float[Array, ""]]:
-        t, u = jnp.asarray(t, state.t.dtype), jnp.asarray(u, state.u.dtype)
-        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        decay, gain = self._step(dt[None])
-        now, before = (
-            self._springs(*self._place(u[None])),
-            self._springs(*self._place(state.u[None])),
-        )
-        spring, linear = (
-            decay[0] * q + gain[0] * (new - old)[0]
-            for q, new, old in zip((state.spring, state.linear), now, before, strict=True)
-        )
-        y = self._output(self._place(u[None]), now[0], spring[None], linear[None])[0]
-        return BranchState(t, u, spring, linear), y
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: BranchState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> BranchInput:
-        if t is None:
-            raise InputError(
-                "no-time",
-                "NonlinearMaxwell depends on the rate, and this record has no time.",
-                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-            )
-        u = jnp.asarray(u)
-        state = self.init() if state is None else state
-        dt = time_steps(jnp.asarray(t, u.dtype), state.t, starts)
-        before = before_each(u, state.u.astype(u.dtype), starts)
-        start = is_start(u.shape[0], starts)
-        return BranchInput(dt, *self._place(u), *self._place(before), start, state)
-
-    def evaluate(self, prepared: BranchInput) -> Float[Array, " samples"]:
-        dt, cell, within, cell_before, within_before, start, state = prepared
-        decay, gain = self._step(dt)
-        now, before = self._springs(cell, within), self._springs(cell_before, within_before)
-        start = start[:, None]
-
-        def relaxing(new: Array, old: Array, begin: Array) -> Array:
-            drive = gain * (new - old) + start * decay * begin[None]
-            rows = linear_recurrence(tuple((decay * (1 - start)).T), tuple(drive.T))
-            return jnp.stack(rows, -1)
-
-        spring, linear = (
-            relaxing(new, old, begin)
-            for new, old, begin in zip(now, before, (state.spring, state.linear), strict=True)
-        )
-        return self._output((cell, within), now[0], spring, linear)
-
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         n, cells = len(self.times), self.cells
         increments: Any = np.zeros((n, cells)) if self.increments is None else self.increments
         xp = array_module(increments)
@@ -215,43 +135,8 @@ class NonlinearMaxwell(AbstractSearchedModel[BranchState, BranchInput]):
                 "leading": self.leading, "sprung": self.increments is not None,
             },
             {
-                "u": self._rest, "spring": none, "linear": none, "dt": -1.0, "decay": none,
-                "gain": none, "begun": 0, "held": none, "rise": none, "rest": 0.0,
+                "u": self.low if self.rest is None else self.rest, "spring": none, "linear": none,
+                "dt": -1.0, "decay": none, "gain": none, "begun": 0, "held": none, "rise": none,
+                "rest": 0.0,
             },
         )  # fmt: skip
-
-    @property
-    def _rest(self) -> float:
-        return self.low if self.rest is None else self.rest
-
-    def _step(self, dt: Array) -> tuple[Array, Array]:
-        """exp(-x) and (1 - exp(-x)) / x of x = dt / tau, (samples, branches)."""
-        return decay_and_gain(dt[:, None] / jnp.asarray(self.times)[None])
-
-    def _place(self, u: Array) -> tuple[Array, Array]:
-        """Cell and fraction of it, below 0 or above 1 beyond the range."""
-        position = (u - self.low) * (self.cells / (self.high - self.low))
-        cell = jnp.clip(jnp.floor(position), 0, self.cells - 1)
-        return cell.astype(jnp.int32), position - cell
-
-    def _springs(self, cell: Array, within: Array) -> tuple[Array, Array]:
-        """g_k(u) and, the same for every branch, v: (samples, branches)."""
-        v = (cell.astype(within.dtype) + within) / self.cells
-        linear = jnp.broadcast_to(v[:, None], (*v.shape, *self.times.shape))
-        if self.increments is None:
-            return jnp.zeros_like(linear), linear
-        step = jnp.asarray(self.increments).T
-        return (jnp.cumsum(step, 0) - step)[cell] + within[:, None] * step[cell], linear
-
-    def _output(self, place: tuple[Array, Array], g: Array, spring: Array, linear: Array) -> Array:
-        felt = jnp.zeros_like(linear)
-        if self.strengths is not None:
-            nodes, (cell, within) = jnp.moveaxis(jnp.asarray(self.strengths), -1, 0), place
-            part = jnp.clip(within, 0.0, 1.0).reshape(-1, *(1,) * (nodes.ndim - 1))
-            felt = nodes[cell] * (1 - part) + nodes[cell + 1] * part
-            if felt.ndim == 3:
-                felt = jnp.where(linear > 0, felt[:, 0], felt[:, 1])
-            felt = felt * linear
-        if self.leading:
-            return self.offset + (spring + felt).sum(-1)
-        return self.offset + (g - spring - felt).sum(-1)

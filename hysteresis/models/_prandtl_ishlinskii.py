@@ -1,6 +1,6 @@
 """The Prandtl-Ishlinskii model: play operators, bent and rate-dependent where asked for."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,36 +9,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree, before_each, is_start, time_steps
+from .._law_model import AbstractLawModel
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter, parameters
 from .._registry import register
-from ..numerics._clamps import clamps
 from ..trees import node, polygon, series
 
 Values = Float[Array, " _"] | Any
 """A one-dimensional parameter: given as numbers, kept as an array."""
 
 
-class PlayState(NamedTuple):
-    """Time, input, |du/dt| over the last interval, and the plays. `t` is NaN before the first sample."""
-
-    t: Array
-    u: Array
-    speed: Array
-    z: Array
-
-
-class PlayInput(NamedTuple):
-    """Inputs, the speed before each, where sequences start, and the state they start in."""
-
-    u: Array
-    speed: Array
-    start: Array
-    state: PlayState
-
-
 @register
-class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
+class PrandtlIshlinskii(AbstractLawModel):
     """Prandtl-Ishlinskii model: a line and a weighted sum of play operators.
 
         y = offset + S(slope u + sum_i w_i z_i),     z_i <- clip(z_i, u - r_i, u + r_i)
@@ -112,42 +94,13 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         if all(is_concrete(value) for value in jax.tree.leaves(self)):
             self._check_values()
 
-    def init(self, t0: Any = None, u0: Any = None) -> PlayState:
-        """The virgin state; `t0` does not matter, since a speed takes two samples."""
-        zero = jnp.zeros_like(self.thresholds)
-        return PlayState(zero[0] + jnp.nan, zero[0], zero[0], zero)
+    may_jump = False
 
-    def step(self, state: PlayState, t: Any, u: Any) -> tuple[PlayState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        t = jnp.asarray(t, state.t.dtype)
-        z = jnp.clip(state.z, *self.reach(u, state.speed))
-        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        return PlayState(t, u, _speed(u - state.u, dt), z), self._output(u, z)
+    @property
+    def needs_time(self) -> bool:
+        return self.rates is not None
 
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: PlayState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> PlayInput:
-        state = self.init() if state is None else state
-        u = jnp.asarray(u, state.u.dtype)
-        start = is_start(len(u), starts) > 0
-        if self.rates is None:
-            return PlayInput(u, jnp.zeros_like(u), start, state)
-        t = self.check_times(t, starts).astype(u.dtype)
-        rise = u - before_each(u, state.u, starts)
-        speed = _speed(rise, time_steps(t, state.t, starts))
-        return PlayInput(u, before_each(speed, state.speed, starts), start, state)
-
-    def evaluate(self, prepared: PlayInput) -> Float[Array, " samples"]:
-        u, speed, start, state = prepared
-        z = clamps(*jax.vmap(self.reach)(u, speed), state.z, start)
-        return jax.vmap(self._output)(u, z)
-
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         none = np.zeros(len(self.thresholds))
         plays = node(
             "plays",
@@ -167,22 +120,6 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         outputs = jnp.stack([self.bend(x) for x in nodes])
         return series(plays, polygon(nodes, jnp.diff(outputs), self.offset + outputs[0], eps))
 
-    # One sample
-
-    def thresholds_at(self, speed: Array) -> Float[Array, " operators"]:
-        """r_i + c_i |du/dt|."""
-        r = self.thresholds
-        return r if self.rates is None else r + self.rates * speed
-
-    def reach(self, u: Array, speed: Array) -> tuple[Array, Array]:
-        """Between what limits the input holds each play."""
-        r = self.thresholds_at(speed)
-        return u - r, u + r
-
-    def straight(self, u: Array, z: Array) -> Float[Array, ""]:
-        """slope u + sum_i w_i z_i, before it is bent; for a leading model u - z_i for z_i."""
-        return self.slope * u + jnp.dot(self.weights, u - z if self.leading else z)
-
     def bend(self, x: Array) -> Float[Array, ""]:
         """S(x)."""
         if self.bends is None or self.bend_slopes is None:
@@ -190,41 +127,6 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
         d = self.bends
         passed = jnp.where(d >= 0, jnp.maximum(x - d, 0), jnp.minimum(x - d, 0))
         return x + jnp.dot(self.bend_slopes, passed)
-
-    def unbend(self, y: Array) -> Float[Array, ""]:
-        """x with S(x) = y: a line again once it is known which bends y lies beyond."""
-        if self.bends is None or self.bend_slopes is None:
-            return y
-        d = self.bends
-        corner = jax.vmap(self.bend)(d)
-        passed = jnp.where(d >= 0, y > corner, y < corner)
-        s = jnp.where(passed, self.bend_slopes, 0)
-        return (y + jnp.dot(s, d)) / (1 + s.sum())
-
-    def _output(self, u: Array, z: Array) -> Array:
-        return self.offset + self.bend(self.straight(u, z))
-
-    # What is refused
-
-    def check_times(self, t: Series | None, starts: tuple[int, ...] = (0,)) -> Array:
-        """`t` as an array, if speeds can be taken from it: given, and increasing within each sequence."""
-        if t is None:
-            raise InputError(
-                "no-time",
-                "this Prandtl-Ishlinskii model depends on the rate, and no times were given.",
-                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-            )
-        t = jnp.asarray(t)
-        if is_concrete(t):
-            step = np.delete(np.diff(np.asarray(t)), np.asarray(starts[1:], int) - 1)
-            if not (step > 0).all():
-                raise InputError(
-                    "time-backwards",
-                    "time does not increase from every sample to the next.",
-                    cause="rows written twice, or several runs in one sequence.",
-                    fix="drop repeated rows, and begin a sequence where a clock begins.",
-                )
-        return t
 
     def _check_shapes(self, one: str, other: str) -> None:
         a, b = (getattr(getattr(self, name), "shape", None) for name in (one, other))
@@ -262,8 +164,3 @@ class PrandtlIshlinskii(AbstractModel[PlayState, PlayInput]):
                 f"with bend_slopes = {s} the output's curve does not rise everywhere.",
                 fix="from 0 outwards, keep 1 + the sum of the bend slopes passed above 0.",
             )
-
-
-def _speed(du: Array, dt: Array) -> Array:
-    """|du/dt|, and 0 where there was no interval."""
-    return jnp.where(dt > 0, jnp.abs(du) / jnp.where(dt > 0, dt, 1.0), 0.0)

@@ -1,45 +1,22 @@
 """Friction and damping that depend on the velocity and on the place."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import Series, Tree, before_each, is_start, time_steps
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from ..numerics._hats import hats
-from ..numerics._recurrence import linear_recurrence
-from ..numerics._relaxation import decay_and_gain
 from ..trees import AbstractSearchedModel, node
 
 Values = Float[Array, "..."] | Any
 
 
-class FrictionState(NamedTuple):
-    """Time and input of the last sample, NaN before the first, and the filter's q."""
-
-    t: Array
-    u: Array
-    lead: Array
-
-
-class FrictionInput(NamedTuple):
-    """Steps dt, input rises since the sample before, inputs before, starts, and the first state."""
-
-    dt: Array
-    rise: Array
-    before: Array
-    start: Array
-    state: FrictionState
-
-
 @register
-class VelocityFriction(AbstractSearchedModel[FrictionState, FrictionInput]):
+class VelocityFriction(AbstractSearchedModel):
     """Viscous and Coulomb friction with a velocity v that is filtered causally:
 
         y_t = offset + sum_k h_k(u_(t-1)) (c_k v_t + sum_j w_jk tanh(v_t / f_j)),
@@ -118,51 +95,11 @@ class VelocityFriction(AbstractSearchedModel[FrictionState, FrictionInput]):
                 "speeds must be positive, levels increase, weights and viscous not be negative.",
             )
 
-    def init(self, t0: Any = None, u0: Any = None) -> FrictionState:
-        zero = jnp.zeros_like(jnp.asarray(self.viscous)[0])
-        return FrictionState(zero + jnp.nan, zero + jnp.nan, zero)
+    @property
+    def needs_time(self) -> bool:
+        return True
 
-    def step(self, state: FrictionState, t: Any, u: Any) -> tuple[FrictionState, Float[Array, ""]]:
-        t, u = jnp.asarray(t, state.t.dtype), jnp.asarray(u, state.u.dtype)
-        first = jnp.isnan(state.t)
-        before = jnp.where(first, u, state.u)
-        decay, gain = decay_and_gain(jnp.where(first, 0.0, t - state.t) / self.smoothing)
-        lead = decay * state.lead + gain * (u - before)
-        return FrictionState(t, u, lead), self._output(lead / self.smoothing, before)
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: FrictionState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> FrictionInput:
-        if t is None:
-            raise InputError(
-                "no-time",
-                "VelocityFriction depends on the rate, and this record has no time.",
-                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-            )
-        state = self.init() if state is None else state
-        u = jnp.asarray(u, state.u.dtype)
-        begin = jnp.where(jnp.isnan(state.u), u[jnp.asarray(starts)], state.u)
-        before = before_each(u, begin, starts)
-        dt = time_steps(jnp.asarray(t, u.dtype), state.t, starts)
-        return FrictionInput(dt, u - before, before, is_start(len(u), starts), state)
-
-    def evaluate(self, prepared: FrictionInput) -> Float[Array, " samples"]:
-        return jax.vmap(self._output)(self.velocity(prepared), prepared.before)
-
-    def velocity(self, prepared: FrictionInput) -> Float[Array, " samples"]:
-        """v at every sample."""
-        dt, rise, _, start, state = prepared
-        decay, gain = decay_and_gain(dt / self.smoothing)
-        drive = gain * rise + start * decay * state.lead
-        (lead,) = linear_recurrence((decay * (1 - start),), (drive,))
-        return lead / self.smoothing
-
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         return node(
             "friction",
             {
@@ -172,8 +109,3 @@ class VelocityFriction(AbstractSearchedModel[FrictionState, FrictionInput]):
             },
             {"begun": 0, "u": 0.0, "lead": 0.0, "dt": -1.0, "decay": 0.0, "gain": 0.0},
         )  # fmt: skip
-
-    def _output(self, v: Array, before: Array) -> Array:
-        sliding = jnp.tanh(v / jnp.asarray(self.speeds)) @ jnp.asarray(self.weights)
-        felt = sliding + v * jnp.asarray(self.viscous)
-        return self.offset + jnp.dot(felt, hats(before, jnp.asarray(self.levels)))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree, is_start, time_steps
+from .._model import AbstractModel, Series, Tree, is_start, time_steps
 from .._parameter import Scalar, array_module, is_concrete
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, coupled_recurrence, even_recurrence, linear_recurrence
@@ -167,7 +167,7 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         x = coupled_recurrence(matrix * (1 - start)[:, None, None], drive)
         return (u - x.sum(-1)) / direct + self.offset
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         chain = self._traced_chain()
         none = np.zeros(len(chain.all_rates))
         return node(

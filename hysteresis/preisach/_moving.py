@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
@@ -172,7 +172,7 @@ class MovingPreisach(AbstractModel[MovingState, MovingInput]):
         h, relays = self._solve(table, branch, inside)
         return whole_output(self.inner, relays, h) + self._beyond(u - inside)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         floor, ceiling = saturated_outputs(self.inner)
         parameters = {"feedback": self.feedback, "floor": floor, "ceiling": ceiling}
         return node("moving", parameters, parts=[self.inner.tree(eps, depth)])

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, array_module, is_concrete, parameter
 from .._registry import register
 from ..trees import polygon, series
@@ -83,7 +83,7 @@ class OutputDependentPreisach(AbstractModel[PreisachState, PreisachInput]):
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
         return self.rescale(self.inner.evaluate(prepared))
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         """Its relays, then its polygon."""
         ends = saturated_outputs(self.inner)
         xp = array_module(*ends)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
@@ -305,7 +305,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             relays += 2 * bilinear(up, prepared.unvisited)
         return self._output(relays, prepared.cell, prepared.within)
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
+    def laws(self, eps: float, depth: int) -> Tree:
         if not isinstance(self.density, AbstractGridDensity):
             raise InputError(
                 "not-exportable",

@@ -1,11 +1,10 @@
 """A tree's loops, compiled: once for each structure, kept on disk from one process to the next.
 
-Without numba the same text is run by Python, a thousand times as slowly.
+Without numba the same text is run by Python, a hundred times as slowly.
 """
 
 import hashlib
 import importlib.util
-import math
 import os
 import re
 import sys
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .._cache_folder import forget_oldest, own_folder
+from ._in_python import in_python
 from ._numbers import Structure
 from ._text import text_of
 from ._values import MATHS
@@ -67,9 +67,9 @@ def is_kept(structure: Structure, wanted: str) -> bool:
 
 @cache
 def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
-    """The loop `wanted` of a tree, as `_loops.py` says; of arrays in place of addresses."""
+    """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     if not available():
-        return _in_python(structure, wanted)
+        return in_python(structure, wanted)
     compiled = getattr(_module(structure, wanted), wanted)
 
     def call(*given: Any) -> None:
@@ -89,26 +89,6 @@ def reals_of(structure: Structure) -> int:
 def table_of(D: np.ndarray, spots: np.ndarray) -> np.ndarray:
     """What marks are told of the table of tangents and of the parameters that are directions."""
     return np.array([D.ctypes.data, D.shape[1], spots.ctypes.data]) if available() else D
-
-
-def _in_python(structure: Structure, wanted: str) -> Callable[..., None]:
-    from . import _plain_memory as memory
-
-    space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
-    space |= {"njit": lambda made: made, "loop": lambda made: made, **memory.MARKS}
-    space |= {"get": memory.get, "put": memory.put, "whole": memory.whole}
-    exec(compile(text_of(structure, wanted), f"<{wanted}>", "exec"), space)
-    loop = space[wanted]
-    return lambda *given: loop(
-        *(
-            x.reshape(-1) if isinstance(x, np.ndarray) and k != _TABLE else x
-            for k, x in enumerate(given)
-        )
-    )
-
-
-_TABLE = 8
-"""The argument of the loops that marks are given."""
 
 
 @cache

@@ -41,6 +41,10 @@ class Law:
         for node in ast.parse(source).body:
             if isinstance(node, ast.FunctionDef):
                 self.functions[node.name] = node
+            elif isinstance(node, ast.ImportFrom) and node.level:
+                # What is taken over from another law is about this one's numbers.
+                own = [a.name for a in node.names if a.asname and not a.name.isupper()]
+                self.functions |= {x: law(str(node.module)).functions[x] for x in own}
             elif isinstance(node, ast.ClassDef):
                 self.fields[node.name] = {
                     a.target.id: ast.unparse(a.annotation)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ..laws._tree import Tree
+from ..laws._tree import Tree, parts_of
 from ._law import law
 
 WITHOUT = "series"
@@ -30,6 +30,10 @@ class Structure(NamedTuple):
     def bare(self) -> "Structure":
         """Without regard to what is free: for outputs alone."""
         return Structure(self.kind, (), tuple(part.bare for part in self.parts))
+
+    def kinds(self) -> set[str]:
+        """Of all nodes."""
+        return {self.kind}.union(*(part.kinds() for part in self.parts))
 
 
 class Known(NamedTuple):
@@ -56,7 +60,7 @@ class Numbers(NamedTuple):
 
 def with_laws(tree: Tree) -> list[Tree]:
     """The nodes that have a law, parts before their whole."""
-    inner = [one for part in tree.get("parts", ()) for one in with_laws(part)]
+    inner = [one for part in parts_of(tree) for one in with_laws(part)]
     return inner if tree["kind"] == WITHOUT else [*inner, tree]
 
 
@@ -97,12 +101,27 @@ def numbers_of(tree: Tree) -> Numbers:
     return Numbers(Known(structure_of(tree), whole, size - states, places), m)
 
 
+def place_of(known: Known, field: str) -> int:
+    """Where in m a number of the state of the outermost law begins."""
+    own = law(known.structure.kind)
+    row, place = len(known.whole) - 1 - own.row, own.place("State", field)
+    if own.fields["State"][field] == "Reals":
+        return known.whole[row + place]
+    return known.whole[row + 1] + place
+
+
 def held_at_first(tree: Tree) -> Any:
     """What is estimated before the first reading: where the law of the input begins."""
     if tree["kind"] == "sum" or not tree.get("parts"):
         state = tree["state"]
         return state.get("value", state.get("u", 0.0))
-    return held_at_first(tree["parts"][0])
+    first = held_at_first(tree["parts"][0])
+    if tree["kind"] == "moving":
+        inner = tree["parts"][0]
+        first -= tree["parameters"]["feedback"] * (
+            inner["parameters"]["offset"] + inner["state"]["z"]
+        )
+    return first
 
 
 def _joined(values: list[Any], xp: Any) -> Any:
@@ -112,4 +131,4 @@ def _joined(values: list[Any], xp: Any) -> Any:
 def structure_of(tree: Tree) -> Structure:
     own = tree.get("parameters", {})
     free = tuple(name for name, value in own.items() if isinstance(value, jax.Array))
-    return Structure(tree["kind"], free, tuple(map(structure_of, tree.get("parts", ()))))
+    return Structure(tree["kind"], free, tuple(map(structure_of, parts_of(tree))))

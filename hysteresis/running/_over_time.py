@@ -5,14 +5,17 @@ is still to come is not known, so plain Python goes on until it has taken as lon
 more than twice the time of whoever had known (the ski-rental problem; Karlin et al. 1988).
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ._compiled import available, is_kept, loop_of, reals_of, table_of
+from ._in_python import in_python
 from ._memory_sizes import NONE, WIDE, WIDELY
 from ._numbers import Numbers, Structure
-from ._plain import Rows, advance
 
 LINE = 8
 """Reals in a line of the cache."""
@@ -20,8 +23,30 @@ LINE = 8
 COMPILING = {True: 0.3, False: 3.0}
 """Seconds until a loop is there: from disk, or compiled."""
 
+SOME = 64
+"""Rows between two looks at the watch."""
+
 _spent: dict[tuple[Structure, str], float] = {}
 """By trees that are not compiled yet, in plain Python."""
+
+
+class Rows(NamedTuple):
+    """What is run through: inputs or readings, times since the row before, and conditions."""
+
+    x: np.ndarray
+    dt: np.ndarray
+    condition: np.ndarray
+
+
+@contextmanager
+def compiled_at_once() -> Iterator[None]:
+    """Within, nothing runs in plain Python first."""
+    before = COMPILING.copy()
+    COMPILING.update(dict.fromkeys(COMPILING, 0.0))
+    try:
+        yield
+    finally:
+        COMPILING.update(before)
 
 
 class Ran(NamedTuple):
@@ -43,32 +68,37 @@ class Tangents(NamedTuple):
 def run(numbers: Numbers, x: Any, dt: Any) -> Ran:
     """Outputs at every input, (rows,) or, with a condition, (rows, 2), dt after the row before. A sequence
     begins where dt is NaN, or negative: so long after the first state."""
-    return _over_time("run", numbers, _rows(x, dt))
+    value = np.empty(len(x))
+    m = through("run", numbers, x, dt, (value,))
+    return Ran(value, np.zeros(len(value), int), m)
 
 
 def find(numbers: Numbers, y: Any, dt: Any) -> Ran:
     """The inputs behind outputs."""
-    return _over_time("find", numbers, _rows(y, dt))
-
-
-def _over_time(wanted: str, numbers: Numbers, rows: Rows) -> Ran:
-    key, count = (numbers.known.structure.bare, wanted), len(rows.x)
-    first, m = _own(numbers.m), np.array(numbers.m, float)
-    value, status = np.empty(count), np.zeros(count)
-    outputs = (value, status) if wanted == "find" else (value,)
-    left = (COMPILING[is_kept(*key)] if available() else np.inf) - _spent.get(key, 0.0)
-    done = 0
-    if left > 0:
-        numbers = numbers._replace(m=first)
-        done, taken = advance(wanted, numbers, m, rows, outputs, left)
-        _spent[key] = _spent.get(key, 0.0) + taken
-    if done < count:
-        rest = Rows(*(column[done:] for column in rows))
-        loop_of(*key)(
-            m, numbers.known.n, first, len(m), rest.x, rest.dt, rest.condition, count - done,
-            *(column[done:] for column in outputs),
-        )  # fmt: skip
+    value, status = np.empty((2, len(y)))
+    m = through("find", numbers, y, dt, (value, status))
     return Ran(value, status.astype(int), m)
+
+
+def through(
+    wanted: str, numbers: Numbers, x: Any, dt: Any, outputs: tuple[np.ndarray, ...]
+) -> np.ndarray:
+    """The loop `wanted` over all rows into `outputs`; the numbers m after them."""
+    key, rows = (numbers.known.structure.bare, wanted), _rows(x, dt)
+    first, m, done = _own(numbers.m), np.array(numbers.m, float), 0
+    enough = COMPILING[is_kept(*key)] if available() else np.inf
+    while done < len(rows.x):
+        begun = perf_counter()
+        plain = _spent.get(key, 0.0) < enough
+        end = min(done + SOME, len(rows.x)) if plain else len(rows.x)
+        (in_python if plain else loop_of)(*key)(
+            m, numbers.known.n, first, len(m), *(column[done:end] for column in rows), end - done,
+            *(column[done:end] for column in outputs),
+        )  # fmt: skip
+        if plain:
+            _spent[key] = _spent.get(key, 0.0) + perf_counter() - begun
+        done = end
+    return m
 
 
 def tangents(

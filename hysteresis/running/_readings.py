@@ -60,6 +60,7 @@ def _valid(y: Any, dt: Any) -> _Valid:
     if len(rows) < len(y):
         until = np.append(0.0, np.cumsum(passed))
         passed = np.diff(until[rows + 1], prepend=0.0)
+    passed = np.maximum(passed, 0.0)  # a clock that steps back: no time has passed
     if len(rows) and np.isnan(dt[0]):
         passed[0] = np.nan
     order = np.cumsum(finite) - 1

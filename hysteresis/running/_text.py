@@ -1,12 +1,13 @@
 """The source of a tree of laws: its functions, each node's from those of its parts, and the loop over time.
 
-What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_loops.py`.
+What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_kernels.py`.
 """
 
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from . import _around
 from ._law import law
 from ._marks import Leaf, Marked
 from ._numbers import WITHOUT, Structure
@@ -18,22 +19,26 @@ WRAPPED = {"scaled": "onward", "share": "weighted"}
 """Kinds around one part, and their function of its output."""
 
 
-class _Node(NamedTuple):
+AROUND = {"adaptive": _around.adaptive, "filtered": _around.filtered}
+"""Kinds around a whole tree, and what writes their functions."""
+
+
+class Node(NamedTuple):
     """A node, its number, where its row in n begins, and its parts."""
 
     kind: str
     number: int
     row: int
-    parts: tuple["_Node", ...]
+    parts: tuple["Node", ...]
 
 
 @cache
 def text_of(structure: Structure, wanted: str) -> str:
     """The whole text: laws, nodes, the loop."""
-    return _Text(structure).of(wanted)
+    return Text(structure).of(wanted)
 
 
-class _Text:
+class Text:
     def __init__(self, structure: Structure):
         self.home = Marked(_constants(structure))
         self.numbered, self.rows = 0, 0
@@ -44,6 +49,8 @@ class _Text:
         entries = [f"STATE = {self.rows}", self._take()]
         if "tangents" in wanted:
             entries += self._marked()
+        if wanted == "find_told":
+            entries.append(self._told())
         if wanted == "run":
             forward = FORWARD.get(self.root.kind, "move")
             entries.append(f"move = {self.function(self.root, forward)}")
@@ -56,71 +63,101 @@ class _Text:
     def _take(self) -> str:
         """What takes the condition before a row."""
         lines = [
-            f"    {self.home.values('share', 'take')}(m, n, {node.row}, c)"
-            for node in self._all(self.root)
-            if node.kind == "share"
+            self.law(node, "take", "c") for node in self._all(self.root) if node.kind == "share"
         ]
-        return "\n".join(["@njit", "def take(m, n, c):", *(lines or ["    pass"])])
+        if self.root.kind == "adaptive":  # its condition is the input, where that is known
+            lines += [
+                "known = 1.0 if c - c == 0.0 else 0.0", self.set(self.root, "known", "known"),
+                self.set(self.root, "reference", "c if known != 0.0 else 0.0"),
+            ]  # fmt: skip
+        return _function("take(m, n, c)", lines or ["pass"])
 
-    def _all(self, node: _Node) -> list[_Node]:
+    def _told(self) -> str:
+        """What keeps beside each estimate what a law around the tree says of it."""
+        said = _around.said(self, self.root)
+        return _function(
+            "told(m, n, said, k)",
+            [f"put(said, k * {len(said)} + {j}, 1.0 * {x})" for j, x in enumerate(said)],
+        )
+
+    def _all(self, node: Node) -> list[Node]:
         return [*(one for part in node.parts for one in self._all(part)), node]
 
-    def _node(self, structure: Structure) -> _Node:
+    def _node(self, structure: Structure) -> Node:
         parts = tuple(self._node(part) for part in structure.parts)
-        node = _Node(structure.kind, self.numbered, self.rows, parts)
+        node = Node(structure.kind, self.numbered, self.rows, parts)
         self.numbered += 1
         self.rows += 0 if structure.kind == WITHOUT else law(structure.kind).row
         return node
 
     # Values
 
-    def function(self, node: _Node, name: str) -> str:
+    def law(self, node: Node, name: str, *values: str, given: dict[str, str] | None = None) -> str:
+        """A call of a function of a node's law."""
+        title = self.home.values(node.kind, name, given)
+        return f"{title}({', '.join(['m', 'n', str(node.row), *values])})"
+
+    def number(self, node: Node, field: str, of: str = "State") -> str:
+        """A number of a node."""
+        return f"get(m, {self.place(node, field, of)})"
+
+    def set(self, node: Node, field: str, value: str) -> str:
+        return f"put(m, {self.place(node, field)}, {value})"
+
+    def place(self, node: Node, field: str, of: str = "State") -> str:
+        place = law(node.kind).place(of, field)
+        if law(node.kind).fields[of][field] == "Reals":
+            return f"whole(n, {node.row + place})"
+        return f"whole(n, {node.row + int(of == 'State')}) + {place}"
+
+    def function(self, node: Node, name: str) -> str:
         """The name of a node's `look`, `move`, `follow` or `find`: (m, n, dt, x) to a real."""
         title = f"n{node.number}_{name}"
         if title not in self.nodes:
             lines = self._body(node, name)
-            body = "\n".join(f"    {line}" for line in lines)
-            self.nodes[title] = f"@njit\ndef {title}(m, n, dt, x):\n{body}"
+            self.nodes[title] = _function(f"{title}(m, n, dt, x)", lines)
         return title
 
-    def _body(self, node: _Node, name: str) -> list[str]:
+    def _body(self, node: Node, name: str) -> list[str]:
         kind, inner = node.kind, node.parts
         if kind == WITHOUT:
             order = inner[::-1] if name == "find" else inner
-            return [*(f"x = {self._call(part, name)}" for part in order), "return x"]
+            return [*(f"x = {self.call(part, name)}" for part in order), "return x"]
+        if kind in AROUND:
+            return AROUND[kind](self, node, name)
         if kind == "sum" and name == "find":
             look = self.function(node, "look")
             search = self.home.values("sum", "search", {"look": look})
-            moves = [self._call(part, self._follows(part)) for part in inner]
+            moves = [self.call(part, self._follows(part)) for part in inner]
             return [f"x = {search}(m, n, {node.row}, dt, x)", *moves, "return x"]
         if kind == "sum":
-            return [f"return {' + '.join(self._call(part, name) for part in inner)}"]
+            return [f"return {' + '.join(self.call(part, name) for part in inner)}"]
         if kind in WRAPPED:
             (part,) = inner
             if name == "find":
                 back = self.home.values(kind, "back")
-                return [f"return {self._call(part, name, f'{back}(m, n, {node.row}, x)')}"]
+                return [f"return {self.call(part, name, f'{back}(m, n, {node.row}, x)')}"]
             onward = self.home.values(kind, WRAPPED[kind])
-            return [f"return {onward}(m, n, {node.row}, {self._call(part, name)})"]
+            return [f"return {onward}(m, n, {node.row}, {self.call(part, name)})"]
         if kind == "moving":
             (part,) = inner
             back = self.home.values(kind, "less_feedback")
             said = f"{self.status(part)}(m, n)"
             return [
-                f"h = {self._call(part, name)}",
+                f"h = {self.call(part, name)}",
                 f"return {back}(m, n, {node.row}, h, x, {said})",
             ]
         time = "dt, " if law(kind).takes_time(name) else ""
         return [f"return {self.home.values(kind, name)}(m, n, {node.row}, {time}x)"]
 
-    def _follows(self, node: _Node) -> str:
+    def _follows(self, node: Node) -> str:
         own = law(node.kind).functions if not node.parts else {}
         return "follow" if "follow" in own else "move"
 
-    def _call(self, node: _Node, name: str, x: str = "x") -> str:
-        return f"{self.function(node, name)}(m, n, dt, {x})"
+    def call(self, node: Node, name: str, x: str = "x", dt: str = "dt") -> str:
+        return f"{self.function(node, name)}(m, n, {dt}, {x})"
 
-    def status(self, node: _Node) -> str:
+    def status(self, node: Node) -> str:
         """The name of a function (m, n) of the last estimate's status."""
         title = f"n{node.number}_status"
         if title not in self.nodes:
@@ -130,13 +167,11 @@ class _Text:
                 for part in inner[::-1]:
                     lines += ["if s == 0:", f"    s = {self.status(part)}(m, n)"]
                 lines.append("return s")
-            elif inner and kind != "sum":
+            elif inner and kind not in ("sum", *AROUND):
                 lines = [f"return {self.status(inner[0])}(m, n)"]
             else:
-                place = law(kind).place("State", "status")
-                lines = [f"return int(get(m, whole(n, {node.row + 1}) + {place}))"]
-            body = "\n".join(f"    {line}" for line in lines)
-            self.nodes[title] = f"@njit\ndef {title}(m, n):\n{body}"
+                lines = [f"return int({self.number(node, 'status')})"]
+            self.nodes[title] = _function(f"{title}(m, n)", lines)
         return title
 
     # Marks
@@ -147,11 +182,10 @@ class _Text:
         lines: list[str] = []
         value, number = self._moved(self.root, ("u", str(u)), str(dt), lines)
         lines += [f"mark1(t, {y}, {number}, 1.0)", f"return {value}"]
-        body = "\n".join(f"    {line}" for line in lines)
-        self.nodes["move_r"] = f"@njit\ndef move_r(m, n, t, dt, u):\n{body}"
+        self.nodes["move_r"] = _function("move_r(m, n, t, dt, u)", lines)
         return [f"LOCALS = {len(self.home.numbers)}", f"U, DT, Y = {u}, {dt}, {y}"]
 
-    def _moved(self, node: _Node, x: Leaf, dt: str, lines: list[str]) -> Leaf:
+    def _moved(self, node: Node, x: Leaf, dt: str, lines: list[str]) -> Leaf:
         """Lines of a node whose input is variable x[0] of number x[1]; its output's."""
         kind, inner = node.kind, node.parts
         if kind == WITHOUT:
@@ -185,6 +219,10 @@ class _Text:
         return out
 
 
+def _function(head: str, lines: list[str]) -> str:
+    return "\n".join(["@njit", f"def {head}:", *(f"    {line}" for line in lines)])
+
+
 def _constants(structure: Structure) -> set[tuple[str, str]]:
     """Parameters without derivative in every node of their kind."""
     free: dict[str, set[str]] = {}
@@ -201,6 +239,6 @@ def _constants(structure: Structure) -> set[tuple[str, str]]:
 
 @cache
 def _loop(wanted: str) -> str:
-    """The text of one loop."""
-    text = (Path(__file__).parent / "_loops.py").read_text("utf-8")
+    """The text of one loop over time."""
+    text = (Path(__file__).parent / "_kernels.py").read_text("utf-8")
     return next(part for part in text.split("\n\n\n") if f"\ndef {wanted}(" in part)

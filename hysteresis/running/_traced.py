@@ -44,6 +44,14 @@ def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> readings.Estimate
     return readings.Estimated(value, status, m)
 
 
+def on_host(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
+    """`run` of NumPy's arrays, at once, or called back from JAX's program: without derivatives."""
+    if all(map(is_concrete, given)):
+        return run(*given)
+    traced = [jnp.asarray(z, float) for z in given]
+    return jax.pure_callback(partial(_lanes, run, _axes(traced)), kinds, *traced, vmap_method=_EACH)
+
+
 @cache
 def _outputs(known: Known) -> Callable[..., Any]:
     def run(m: Any, x: Any, dt: Any) -> Any:
@@ -128,7 +136,7 @@ def _lanes(one: Callable[..., Any], axes: tuple[int, ...], *given: Any) -> tuple
     found = [np.stack(column) for column in zip(*each, strict=True)]
     single = arrays[0].dtype == np.float32
     return tuple(
-        x.reshape(*lanes, *x.shape[1:]).astype(
+        x.reshape((*lanes, *x.shape[1:])).astype(
             x.dtype if not single else np.float32 if x.dtype == float else np.int32
         )
         for x in found

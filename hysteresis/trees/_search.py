@@ -4,33 +4,62 @@ import abc
 from collections.abc import Iterable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._model import DOUBLE, AbstractModel, Tree
-from .._parameter import is_concrete
-from .._type_variables import Prepared, State
+from .._law_model import AbstractLawModel
+from .._model import AbstractModel, Tree
+from .._parameter import is_concrete, size_of_inputs
 from ._node import FLAT_WIDTH, ROUNDING, node
+
+REACH = 1024.0
+"""Inputs looked for, in parts of the largest size that a parameter gives to them."""
 
 BEYOND = 0.25
 """Part of a model's range by which inputs are looked for beyond it: at rest noise takes readings there."""
 
 
-class AbstractSearchedModel(AbstractModel[State, Prepared]):
+class AbstractSearchedModel(AbstractLawModel):
     """A model for inputs from `low` to `high` whose law goes forwards: the input behind an output is looked
     for, a little beyond them too."""
 
+    low: eqx.AbstractVar[float]
+    high: eqx.AbstractVar[float]
+
     @abc.abstractmethod
-    def law(self) -> Tree:
+    def forwards(self) -> Tree:
         """The node of its law, which is a part of a sum."""
 
-    def tree(self, eps: float = DOUBLE, depth: int = 64) -> Tree:
-        return looked_for(self, [self.law()], eps)
+    def laws(self, eps: float, depth: int) -> Tree:
+        return looked_for(self, [self.forwards()], eps)
 
     def search_range(self) -> tuple[Any, Any]:
-        return widened(*super().search_range())
+        return widened(self.low, self.high)
+
+
+def input_range(model: AbstractModel) -> tuple[Any, Any] | None:
+    """The least and the greatest input that a model was made for, as far as its fields say."""
+    place = getattr(model, "density", model)
+    if (nodes := getattr(place, "nodes", None)) is not None:
+        return nodes[0], nodes[-1]
+    low, high = getattr(place, "low", None), getattr(place, "high", None)
+    return None if low is None or high is None else (low, high)
+
+
+def search_range(model: AbstractModel) -> tuple[Any, Any]:
+    """Between which inputs the one behind an output is looked for: what the model's own method of this name
+    says, else its range, else as far as its parameters reach."""
+    own: Any = getattr(model, "search_range", None)
+    return own() if own else input_range(model) or reach_of(model)
+
+
+def reach_of(*models: AbstractModel) -> tuple[Any, Any]:
+    """As far as the parameters of some models reach."""
+    reach = REACH * jnp.stack([size_of_inputs(model) for model in models]).max()
+    return -reach, reach
 
 
 def widened(low: Any, high: Any) -> tuple[Any, Any]:
@@ -50,7 +79,7 @@ def common_range(ranges: Iterable[tuple[Any, Any]]) -> tuple[Any, Any]:
 
 def part_tree(model: AbstractModel, eps: float, depth: int) -> Tree:
     """The tree of a model in a sum: one that is only looked for is its law."""
-    return model.law() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
+    return model.forwards() if isinstance(model, AbstractSearchedModel) else model.tree(eps, depth)
 
 
 def looked_for(
@@ -60,7 +89,7 @@ def looked_for(
 
     `alone`: the models that may be the output by themselves, which say how large it is; else the model.
     """
-    low, high = model.search_range()
+    low, high = search_range(model)
     sizes = jnp.stack([size_of(one, 0.0, low, high) for one in alone or (model,)])
     parameters = {
         "low": low, "high": high, "rounding": ROUNDING * eps, "size": sizes.max(),
@@ -75,6 +104,18 @@ def precisions(eps: float, reach: Any) -> Tree:
 
 
 def size_of(model: AbstractModel, t: Any, *inputs: Any) -> Float[Array, ""]:
-    """Of the outputs of a virgin model at some inputs, the largest one without its sign."""
+    """Of the outputs of a virgin model at some inputs, the largest one without its sign.
+
+    It says what rounding is, so it has no derivative.
+    """
+    frozen = jax.lax.stop_gradient(model)
+    return _size(
+        frozen, t, jax.lax.stop_gradient(jnp.stack([jnp.asarray(u, float) for u in inputs]))
+    )
+
+
+# Not compiled, steps that iterate are traced again at every call.
+@eqx.filter_jit
+def _size(model: AbstractModel, t: Any, inputs: Array) -> Array:
     own = model.init()
-    return jnp.abs(jnp.stack([model.step(own, t, jnp.asarray(u, float))[1] for u in inputs])).max()
+    return jnp.abs(jnp.stack([model.step(own, t, u)[1] for u in inputs])).max()

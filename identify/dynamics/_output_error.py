@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import decimated, interpolated
-from hysteresis.dynamics._layout import MOTION, Layout, before_first, clock, places_of
-from hysteresis.running import Known, Numbers, numbers_of, run, tangents
+from hysteresis.dynamics._layout import MOTION, Layout, before_first, clock
+from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangents
 
 from ._measured_motion import MeasuredMotion
 
@@ -114,7 +114,7 @@ class Family:
     def places(self) -> tuple[Known, np.ndarray, np.ndarray]:
         """The law's structure, its numbers without those that change, and where in them theta lies."""
         known, m = numbers_of(self.layout.tree(list(jnp.zeros(PLANT)), 1))
-        state = np.array(places_of(*MOTION)) + len(m) - known.states
+        state = [place_of(known, name) for name in MOTION]
         return known, np.asarray(m), np.array([*known.free[:PLANT], *state, *known.free[PLANT:]])
 
     def numbers(self, q: np.ndarray) -> Numbers:

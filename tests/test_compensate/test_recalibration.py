@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from compensate import AdaptiveCompensator, Advice, adaptive, export_c, export_runtime, invert
 from compensate.recalibration._parts import split
-from compensate.recalibration._recursion import bounded
 from compensate.runtime import FileError, load
 from compensate.runtime._compensator import Compensator
 from hysteresis import (
@@ -29,11 +28,11 @@ from hysteresis import (
     Scaled,
     Sum,
 )
+from hysteresis.laws import adaptive as law
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
 from tests.thorough import rest_thorough
 
-BOUNDED = jax.jit(bounded)
 ROWS = 40
 """Of a cycle."""
 
@@ -245,7 +244,12 @@ def test_bounded_is_the_constrained_minimum(seed: int):
     root = random.normal(size=(5, 5))
     covariance = root @ root.T + 0.1 * np.eye(5)
     theta, least = random.normal(size=5), random.normal(size=3)
-    found = np.asarray(BOUNDED(least, theta, covariance))
+    p, s = law.Parameters(), law.State()
+    p.parts, p.least = 3, least.tolist()
+    s.theta, s.covariance = theta.tolist(), covariance.ravel().tolist()
+    s.along, s.work = [0.0] * 5, [0.0] * 25
+    law.held_up(p, s)
+    found = np.asarray(s.theta)
     assert (found[2:] >= least - 1e-12).all()
     held = np.flatnonzero(np.isclose(found[2:], least)) + 2
     free = np.setdiff1d(np.arange(5), held)
@@ -264,15 +268,13 @@ def test_weights_keep_an_inverse(name: str):
     found, own = run(MODELS[name]), made(name)
     wrong = found.u.max() - found.u
     state, out = own.follow(found.t, found.y, wrong)
-    theta = np.asarray(state.learnt.theta)
+    theta = np.asarray(own.unknowns(state))
     assert np.isfinite(theta).all()
     assert np.isfinite(np.asarray(out.value)).all()
     assert (theta[2:] >= np.asarray(own.settings.least)).all()
-    ends = np.array([float(own.low), float(own.high)])
     outputs = [
-        sum(w * float(p.step(s, found.t[-1], u)[1]) for w, p, s in zip(
-            theta[2:], own.parts, state.parts, strict=True))
-        for u in ends
+        sum(w * float(p.simulate(found.t, u)[-1]) for w, p in zip(theta[2:], own.parts, strict=True))
+        for u in (np.append(found.u[:-1], end) for end in (own.low, own.high))
     ]  # fmt: skip
     assert outputs[1] > outputs[0]
 
@@ -341,6 +343,6 @@ def test_what_cannot_be_recalibrated_is_refused():
 def test_it_runs_in_any_loop():
     """`step` is a pure function, under `jit` and `vmap`."""
     own = made("sum")
-    steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0, 0, None)))
-    _, found = steps(own.init(), 0.0, np.array([1.0, 2.0]), np.array([np.nan, 1.0]), 0.0)
+    steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0, 0)))
+    _, found = steps(own.init(), 0.0, np.array([1.0, 2.0]), np.array([np.nan, 1.0]))
     assert found.value.shape == (2,)

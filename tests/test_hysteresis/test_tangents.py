@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from hysteresis import BoucWenForce, GeneralizedPlays, Sum
-from hysteresis.dynamics._layout import MOTION, layout_of, places_of
+from hysteresis.dynamics._layout import MOTION, layout_of
 from hysteresis.dynamics._layout import clock as even
-from hysteresis.running import _compiled, _over_time, numbers_of, run, tangents
+from hysteresis.running import _compiled, _over_time, numbers_of, place_of, run, tangents
 from tests.problems import Problem, clock, random_histories
 from tests.test_hysteresis.test_trees import KNOWN, ROWS
 
@@ -60,14 +60,14 @@ def test_an_oscillator_by_its_numbers_and_its_first_motion(spring):
     layout, rows = layout_of(spring), np.repeat(FORCE, 4)
     assert layout is not None
     numbers = numbers_of(layout.tree(list(jnp.array([1.7, 12.0, 4.5e4])), 2))
-    m, states = np.asarray(numbers.m), len(numbers.m) - numbers.known.states
-    places = [*numbers.known.free, *(states + np.array(places_of(*MOTION)))]
+    known, m = numbers.known, np.asarray(numbers.m)
+    places = [*known.free, *(place_of(known, name) for name in MOTION)]
     dm = np.zeros((len(m), len(places)))
     dm[places, range(len(places))] = 1.0
     dt = even(len(rows), 1 / 3000)
     found = tangents(numbers, dm, rows, dt)
     np.testing.assert_allclose(found.value, run(numbers, rows, dt).value, rtol=0, atol=1e-15)
-    for k, size in enumerate([*np.abs(m[numbers.known.free,]), 1e-3, 0.1, 10.0]):
+    for k, size in enumerate([*np.abs(m[list(known.free)]), 1e-3, 0.1, 10.0]):
         step = 1e-7 * max(size, 1e-3)
         ends = [run(numbers._replace(m=m + s * step * dm[:, k]), rows, dt).value for s in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * step)

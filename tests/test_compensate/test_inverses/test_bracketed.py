@@ -94,10 +94,3 @@ def test_leading_models_need_a_grid():
     density = RidgeDensity(LOW, HIGH, np.ones((3, 3)))
     with pytest.raises(InputError, match=r"leading model with a RidgeDensity.*\[not-invertible\]"):
         invert(Preisach(density, np.full(3, 100.0), leading=True))
-
-
-def test_memory_that_the_exact_inverse_does_not_know_is_bracketed():
-    w = weights(np.random.default_rng(5))
-    plain = GridDensity(LOW, HIGH, w)
-    for model in (Preisach(plain, up=0.5 * w), Preisach(plain, dead_band=0.1)):
-        assert isinstance(invert(model), BracketedCompensator)

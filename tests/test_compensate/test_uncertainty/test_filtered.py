@@ -10,8 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    InputError,
+    LinearSponge,
+    MovingPreisach,
+    Preisach,
+)
 from hysteresis.preisach import GridDensity
+from hysteresis.running import _over_time as over_time
 from tests.problems import HIGH, LOW, PROBLEMS, SAMPLES, clock, histories, random_histories, without
 from tests.thorough import rest_thorough
 
@@ -140,6 +148,31 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel
         state, _ = step(state, t[k], jnp.asarray(broken[k]))
     rest = compensator.simulate(t[half:], broken[half:], state)
     np.testing.assert_allclose(rest.value, whole.value[half:], rtol=0, atol=1e-9)
+
+
+def test_compiled_it_is_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch):
+    compensator = FilteredCompensator(LinearSponge(2.0, 1.0, 0.5), 0.05, 0.02, by_time=True)
+    t, y, _ = noisy(LinearSponge(2.0, 1.0, 0.5), walk(0.05, SAMPLES, 2))
+    y[3] = np.nan
+    each = []
+    for seconds in (np.inf, 0.0):
+        monkeypatch.setattr(over_time, "COMPILING", {True: seconds, False: seconds})
+        each.append(compensator.simulate(t, y))
+    for a, b in zip(each[0][:3], each[1][:3], strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_model_without_laws_is_filtered_step_by_step():
+    """A moving model, whose laws go from readings to inputs only, is its inner one without feedback."""
+    t, y, sigma = noisy(GRID, walk(0.05, SAMPLES, 2))
+    y[3] = np.nan
+    each = [
+        FilteredCompensator(model, 0.05, sigma).simulate(t, y)
+        for model in (GRID, MovingPreisach(GRID, 0.0))
+    ]
+    np.testing.assert_allclose(each[1].value, each[0].value, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(each[1].deviation, each[0].deviation, rtol=1e-6)
+    np.testing.assert_array_equal(each[1].status, each[0].status)
 
 
 def test_nothing_is_known_before_the_first_reading():

@@ -7,6 +7,11 @@ it is NaN at once, where it is negative after that time.
 # pyright: basic, reportUndefinedVariable=false
 
 
+def loop(made):
+    """Here nothing is compiled."""
+    return made
+
+
 @loop
 def run(m, n, first, size, u, dt, c, rows, y):
     for k in range(rows):
@@ -30,6 +35,19 @@ def find(m, n, first, size, y, dt, c, rows, u, status):
         take(m, n, get(c, k))
         put(u, k, found(m, n, h, get(y, k)))
         put(status, k, 1.0 * status_of(m, n))
+
+
+@loop
+def find_told(m, n, first, size, y, dt, c, rows, u, status, said):
+    """As `find`, and what the law around the tree says then. Where y is not finite nothing moves. No
+    sequence begins."""
+    for k in range(rows):
+        x = get(y, k)
+        if x - x == 0.0:
+            take(m, n, get(c, k))
+            put(u, k, found(m, n, get(dt, k), x))
+            put(status, k, 1.0 * status_of(m, n))
+        told(m, n, said, k)
 
 
 @loop

@@ -1,0 +1,53 @@
+"""`hysid warm`: compile ahead what fits and their compensators run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import identify
+from compensate import invert
+from compensate.guards._run_in import driven
+from hysteresis import AbstractModel, InputError
+from hysteresis.laws._tree import KINDS
+from hysteresis.running._compiled import available, loop_of
+from hysteresis.running._law import law
+from hysteresis.running._numbers import Structure
+from hysteresis.running._over_time import compiled_at_once
+
+
+def warm(folders: Sequence[Path]) -> dict[str, Any]:
+    """Compile what these fits run, forwards and backwards; without any, each law alone.
+
+    Raises `InputError` `missing-extra` without Numba, and what reading a fit raises.
+    """
+    if not available():
+        raise InputError(
+            "missing-extra",
+            "nothing can be compiled: Numba cannot be imported.",
+            fix='install it: python -m pip install "numba>=0.63"',
+        )
+    before = loop_of.cache_info().currsize
+    with compiled_at_once():
+        for folder in folders:
+            _run(identify.load(folder).model)
+    if not folders:
+        for kind in KINDS:
+            own = {} if kind == "series" else law(kind).functions
+            for way, needed in (("run", "move"), ("find", "find")):
+                if needed in own:
+                    loop_of(Structure(kind, (), ()), way)
+    return {"loops": loop_of.cache_info().currsize - before}
+
+
+def _run(model: AbstractModel) -> None:
+    """Three samples within what the model was trained on, and their estimates."""
+    low, high = (0.0, 1.0) if model.trained is None else map(float, model.trained)
+    t, u = np.arange(3.0), driven(model, np.linspace(low, high, 3))
+    y = np.asarray(model.simulate(t, u))
+    try:
+        compensator = invert(model)
+    except InputError:
+        return
+    compensator.simulate(t, y if u.ndim == 1 else np.column_stack([y, u[:, 1]]))

@@ -1,0 +1,254 @@
+"""Trees of laws over time: what is compiled is the plain text, and its derivatives are exact."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
+from hysteresis.laws._tree import node_of
+from hysteresis.running import Numbers, _compiled, estimates, numbers_of, outputs
+from hysteresis.running import _over_time as over_time
+from hysteresis.trees import plain
+from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
+from tests.test_compensate.test_inverses.test_conditioned import model as conditioned
+from tests.test_compensate.test_inverses.test_conditioned import walk
+from tests.thorough import rest_thorough
+
+
+def _has_tree(model: AbstractModel) -> bool:
+    try:
+        model.tree()
+    except InputError:
+        return False
+    return True
+
+
+WITH_LAWS = [problem for problem in PROBLEMS if _has_tree(problem.model())]
+FORWARDS = [p for p in WITH_LAWS if p.model().tree()["kind"] not in ("moving", "oscillator")]
+INVERTED = [p for p in WITH_LAWS if not p.tags & {"no-inverse"}]
+
+each_forwards = pytest.mark.parametrize("problem", FORWARDS, ids=lambda p: p.name)
+
+COMPILED = ("sum", "bouc-wen", "series")
+"""Of every run: compiling all takes minutes."""
+
+
+def some_compiled(problems: list[Problem]) -> Any:
+    some = rest_thorough(problems, lambda p: p.name in COMPILED)
+    return pytest.mark.parametrize("problem", some, ids=lambda p: p.name)
+
+
+def numbers(model: AbstractModel) -> Numbers:
+    return numbers_of(model.tree())
+
+
+def history(problem: Problem, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs and times since the sample before."""
+    rng = np.random.default_rng(seed)
+    u = random_histories(rng, problem.low, problem.high, (1, SAMPLES))[0]
+    return u, np.diff(clock(seed), prepend=clock(seed)[0])
+
+
+@pytest.fixture
+def compiled() -> Iterator[None]:
+    """Whatever is short, too."""
+    pytest.importorskip("numba")
+    with over_time.compiled_at_once():
+        yield
+
+
+@pytest.fixture
+def without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (over_time, _compiled):
+        monkeypatch.setattr(module, "available", lambda: False)
+    monkeypatch.setattr(over_time, "loop_of", _compiled.loop_of.__wrapped__)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys((True, False), np.inf))
+
+
+@some_compiled(FORWARDS)
+@pytest.mark.usefixtures("compiled")
+def test_compiled_outputs_are_those_of_the_text(problem: Problem):
+    """Bit for bit: no operation changes its order."""
+    model = problem.model()
+    u, dt = history(problem)
+    node = node_of(plain(model.tree()))
+    wanted = [node.move(*now) for now in zip(dt.tolist(), u.tolist(), strict=True)]
+    np.testing.assert_array_equal(over_time.run(numbers(model), u, dt).value, wanted)
+
+
+@some_compiled(INVERTED)
+@pytest.mark.usefixtures("compiled")
+def test_compiled_estimates_are_those_of_the_text(problem: Problem):
+    model = problem.model()
+    u, dt = history(problem)
+    y = np.asarray(model.simulate(np.cumsum(dt), u))
+    node = node_of(plain(model.tree()))
+    wanted = [(node.find(*now), node.status()) for now in zip(dt.tolist(), y.tolist(), strict=True)]
+    found = over_time.find(numbers(model), y, dt)
+    np.testing.assert_array_equal(np.stack([found.value, found.status], 1), wanted)
+
+
+@each_forwards
+@pytest.mark.usefixtures("interpreted")
+def test_plain_python_goes_on_where_it_was(problem: Problem):
+    """From the numbers after any sample, as from the state itself."""
+    own = numbers(problem.model())
+    u, dt = history(problem)
+    whole = over_time.run(own, u, dt)
+    first = over_time.run(own, u[:17], dt[:17])
+    rest = over_time.run(own._replace(m=first.m), u[17:], dt[17:])
+    np.testing.assert_array_equal(np.append(first.value, rest.value), whole.value)
+    np.testing.assert_array_equal(rest.m, whole.m)
+
+
+@some_compiled(FORWARDS)
+@pytest.mark.parametrize("way", ["compiled", "interpreted"])
+def test_sequences_begin_in_the_first_state(
+    problem: Problem, way: str, request: pytest.FixtureRequest
+):
+    """At once where dt is NaN, after a time where it is negative."""
+    request.getfixturevalue(way)
+    own, (u, dt) = numbers(problem.model()), history(problem)
+    alone = over_time.run(own, u[20:], np.append(0.0, dt[21:])).value
+    again = over_time.run(own, u, np.r_[dt[:20], np.nan, dt[21:]]).value[20:]
+    np.testing.assert_array_equal(again, alone)
+    late = over_time.run(own, u[20:], dt[20:]).value
+    again = over_time.run(own, u, np.r_[dt[:20], -dt[20], dt[21:]]).value[20:]
+    np.testing.assert_array_equal(again, late)
+
+
+def _freed(tree: dict[str, Any]) -> dict[str, Any]:
+    """With all real parameters made by JAX, so that all have derivatives."""
+    found = dict(tree)
+    if "parameters" in tree:
+        found["parameters"] = {
+            name: value if isinstance(value, int) else jnp.asarray(value, float)
+            for name, value in tree["parameters"].items()
+        }
+    return found | ({"parts": [_freed(one) for one in tree["parts"]]} if "parts" in tree else {})
+
+
+@pytest.mark.parametrize(
+    ("problem", "way"),
+    rest_thorough(
+        [(p, way) for p in FORWARDS for way in ("compiled", "without_numba")],
+        lambda pair: (pair[1] == "compiled") == (pair[0].name in COMPILED),
+    ),
+)
+def test_columns_are_the_derivatives(problem: Problem, way: str, request: pytest.FixtureRequest):
+    """Against central differences: by four combinations of all numbers, and by the input."""
+    request.getfixturevalue(way)
+    own = numbers_of(_freed(plain(problem.model().tree())))
+    u, dt = history(problem)
+    rng = np.random.default_rng(1)
+    size, reals = len(own.m), len(own.m) - own.known.states
+    free = [k for k in own.known.free if k < reals and own.m[k] not in (0.0, 1e30, -1e30)]
+    dm, du = np.zeros((size, 5)), np.zeros((SAMPLES, 5))
+    dm[free, :4] = rng.uniform(-1, 1, (len(free), 4)) * np.abs(own.m[free])[:, None]
+    du[:, 4] = rng.normal(size=SAMPLES)
+    found = over_time.tangents(own, dm, u, dt, du)
+    step = 1e-7
+    for k in range(5):
+        ends = [
+            over_time.run(own._replace(m=own.m + s * dm[:, k]), u + s * du[:, k], dt).value
+            for s in (step, -step)
+        ]
+        wanted = (ends[0] - ends[1]) / (2 * step)
+        off = np.abs(found.columns[:, k] - wanted)
+        # Rounding of the outputs over the step; a kink may lie between the ends.
+        assert np.quantile(off, 0.9) <= 1e-6 * (1.0 + np.abs(wanted).max()), k
+    # A root is one step of Newton's nearer.
+    again = over_time.run(own, u, dt).value
+    np.testing.assert_allclose(found.value, again, rtol=0, atol=1e-14 * np.abs(again).max())
+
+
+def _plays(theta: Any) -> PrandtlIshlinskii:
+    return PrandtlIshlinskii(theta[:2], theta[2:4], theta[4])
+
+
+THETA = np.array([0.1, 0.4, 0.3, 0.2, 1.0])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_inside_programs_of_jax_it_is_the_same(seed: int):
+    rng = np.random.default_rng(seed)
+    u, none, theta = rng.normal(size=20), np.zeros(20), jnp.asarray(THETA)
+
+    def run(theta: Any) -> Any:
+        return outputs(numbers(_plays(theta)), u, none)[0]
+
+    def back(theta: Any) -> Any:
+        return estimates(numbers(_plays(theta)), run(theta), none, 0.0).value
+
+    plain_run = run(theta)
+    np.testing.assert_array_equal(jax.jit(run)(theta), plain_run)
+    lanes = jax.vmap(run)(jnp.stack([theta, 1.1 * theta]))
+    np.testing.assert_array_equal(lanes[0], plain_run)
+    forward, reverse = jax.jacfwd(run)(theta), jax.jacrev(run)(theta)
+    np.testing.assert_allclose(forward, reverse, rtol=0, atol=1e-14)
+    # What is found behind the outputs is the input, whatever the parameters.
+    np.testing.assert_allclose(back(theta), u, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(jax.jacfwd(back)(theta), 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        jax.jvp(lambda u: outputs(numbers(_plays(theta)), u, none)[0], (u,), (u,))[1],
+        _along(u, theta), rtol=0, atol=1e-6,
+    )  # fmt: skip
+
+
+def _along(u: np.ndarray, theta: Any) -> np.ndarray:
+    ends = [outputs(numbers(_plays(theta)), (1 + s) * u, 0 * u)[0] for s in (1e-7, -1e-7)]
+    return (np.asarray(ends[0]) - np.asarray(ends[1])) / 2e-7
+
+
+KEPT = """
+import numpy as np
+from hysteresis import PrandtlIshlinskii
+from hysteresis.running import _over_time, numbers_of
+own = numbers_of(PrandtlIshlinskii(np.array([0.1]), np.array([0.5]), 1.0).tree())
+with _over_time.compiled_at_once():
+    _over_time.run(own, np.zeros(3), np.zeros(3))
+from hysteresis.running._compiled import _name, _folder
+import sys
+loop = getattr(sys.modules[_name(own.known.structure.bare, "run")], "run")
+print(sum(loop.stats.cache_hits.values()))
+"""
+
+
+def test_another_process_finds_what_was_compiled(tmp_path: Path):
+    pytest.importorskip("numba")
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+
+    def hits() -> int:
+        done = subprocess.run(
+            [sys.executable, "-c", KEPT], env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout)
+
+    assert (hits(), hits()) == (0, 1)
+    for file in (tmp_path / "hysid").rglob("*.nb?"):  # as a full disk leaves it
+        file.write_bytes(file.read_bytes()[:20])
+    code = KEPT.rpartition("from hysteresis.running._compiled")[0]
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_condition_is_taken_before_each_row():
+    model = conditioned()
+    rows = np.column_stack(walk())
+    found = over_time.run(numbers(model), rows, np.zeros(len(rows))).value
+    np.testing.assert_allclose(found, model.simulate(None, rows), rtol=0, atol=1e-12)
