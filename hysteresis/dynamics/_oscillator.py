@@ -1,6 +1,7 @@
 """A mass on a spring, a damper and a hysteretic force."""
 
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,19 +10,49 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._law_model import OWN, AbstractLawModel, LawState
-from .._model import AbstractModel, Series, Tree
+from .._law_model import AbstractLawModel
+from .._model import AbstractModel, Series, Tree, evaluated
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
-from ..running import place_of
+from ..running import Numbers, numbers_of, place_of
 from ._coupled import CoupledOscillators
-from ._layout import Layout, before_first, layout_of
+from ._layout import before_first, layout_of
 from ._rate_form import BoucWenForce, RateState
+
+Motion: TypeAlias = Any
+"""`LawState` or `CoupledState`."""
+
+
+class OscillatorLaw(AbstractLawModel):
+    """Newmark's step of a straight force, by `hysteresis/laws/oscillator.py`.
+
+    - `plant`: mass, damping and stiffness.
+    """
+
+    plant: tuple[Scalar, Scalar, Scalar]
+    hysteresis: AbstractModel
+    substeps: int = eqx.field(static=True)
+
+    @property
+    def needs_time(self) -> bool:
+        return True
+
+    def laws(self, eps: float, depth: int) -> Tree:
+        """Its `find` goes from force to displacement."""
+        layout = layout_of(self.hysteresis)
+        assert layout is not None
+        arrays = (jnp.asarray(x) for x in (layout.limit, layout.radii, layout.reach))
+        free = dict(zip(("limit", "radii", "reach"), arrays, strict=True))
+        return replace(layout, **free).tree(self.plant, self.substeps)
+
+    def numbers(self) -> Numbers:
+        """The law, at rest."""
+        return numbers_of(self.forwards())
 
 
 @register
-class Oscillator(AbstractLawModel):
+class Oscillator(AbstractModel[Any, Any]):
     """A mass on a spring, a damper and a hysteretic force, driven by a force.
 
         m y'' + c y' + k y + z[y] = u
@@ -93,20 +124,15 @@ class Oscillator(AbstractLawModel):
         """The hysteresis, or the parts of its sum."""
         return self.hysteresis.parts if isinstance(self.hysteresis, Sum) else (self.hysteresis,)
 
-    @property
-    def needs_time(self) -> bool:
-        return True
+    def init(self, t0: Any = None, u0: Any = None) -> Motion:
+        return self._run_by().init(t0, u0)
 
-    def init(self, t0: Any = None, u0: Any = None) -> Any:
-        other = self._chain()
-        return super().init(t0, u0) if other is None else other.init(t0, u0)
-
-    def moving(self, displacement: float, velocity: float, force: float = 0.0) -> Any:
+    def moving(self, displacement: float, velocity: float, force: float = 0.0) -> Motion:
         """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
-        if (other := self._chain()) is None:
-            now = before_first(self._numbers(), (displacement, velocity, force))
-            return self.init()._replace(numbers=jnp.asarray(now))
-        state = other.init()
+        inner, state = self._run_by(), self.init()
+        if isinstance(inner, OscillatorLaw):
+            now = before_first(inner.numbers(), (displacement, velocity, force))
+            return state._replace(numbers=jnp.asarray(now))
         y, v, z = (jnp.asarray(x, state.force.dtype) for x in (displacement, velocity, force))
         parts = (x._replace(u=y, z=z) if isinstance(x, RateState) else x for x in state.parts)
         return state._replace(displacement=y[None], velocity=v[None], parts=tuple(parts))
@@ -117,56 +143,43 @@ class Oscillator(AbstractLawModel):
         """`simulate`, by NumPy."""
         return np.asarray(self.simulate(np.asarray(t, float), np.asarray(force), starts=starts))
 
-    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Float[Array, ""]]:
-        one = super() if (other := self._chain()) is None else other
+    def step(self, state: Motion, t: Any, u: Any) -> tuple[Motion, Float[Array, ""]]:
+        inner = self._run_by()
         if self.between == "held" and t is not None:
-            now = jnp.asarray(u, float)
-            state, _ = one.step(state, t, jnp.where(jnp.isnan(state.t), now, self._force(state)))
-        return one.step(state, t, u)
+            before = jnp.where(jnp.isnan(state.t), jnp.asarray(u, float), self._force(state))
+            state, _ = inner.step(state, t, before)
+        return inner.step(state, t, u)
 
     def prepare(
         self,
         t: Series | None,
         u: Series,
-        state: Any = None,
+        state: Motion | None = None,
         *,
         starts: tuple[int, ...] = (0,),
     ) -> Any:
-        one = super() if (other := self._chain()) is None else other
         state = self.init() if state is None else state
         t, u, starts = self._rows(t, u, state, starts)
-        return one.prepare(t, u, state, starts=starts)
+        return self._run_by().prepare(t, u, state, starts=starts)
 
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
-        found = (super() if (other := self._chain()) is None else other).evaluate(prepared)
-        return found[::2] if self.between == "held" else found
-
-    def simulate(
-        self,
-        t: Series | None,
-        u: Series,
-        state: Any = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> Float[Array, " samples"]:
-        if (other := self._chain()) is None:
-            return super().simulate(t, u, state, starts=starts)
-        state = other.init() if state is None else state
-        t, u, starts = self._rows(t, u, state, starts)
-        found = other.simulate(t, u, state, starts=starts)
+        inner = self._run_by()
+        law = isinstance(inner, OscillatorLaw)
+        found = inner.evaluate(prepared) if law else evaluated(inner, prepared)
         return found[::2] if self.between == "held" else found
 
     def follow(
-        self, t: Series | None, u: Series, state: Any = None
-    ) -> tuple[Any, Float[Array, " samples"]]:
-        if (other := self._chain()) is None:
-            after, found = super().follow(t, u, state)
-        else:
-            state = other.init() if state is None else state
-            after, found = other.stream(*self._rows(t, u, state, (0,))[:2], state)
+        self, t: Series | None, u: Series, state: Motion | None = None
+    ) -> tuple[Motion, Float[Array, " samples"]]:
+        """All samples at once: (state after the last one, outputs)."""
+        state = self.init() if state is None else state
+        t, u, _ = self._rows(t, u, state, (0,))
+        after, found = self._run_by().stream(t, u, state)
         return after, found[::2] if self.between == "held" else found
 
-    def _rows(self, t: Any, u: Any, state: Any, starts: tuple[int, ...]) -> tuple[Any, Any, Any]:
+    def _rows(
+        self, t: Any, u: Any, state: Motion, starts: tuple[int, ...]
+    ) -> tuple[Any, Any, tuple[int, ...]]:
         """What is run: a held force is straight up to each sample, as it was at the one before, and another
         row after no time has the new one."""
         if self.between != "held" or t is None:
@@ -177,30 +190,34 @@ class Oscillator(AbstractLawModel):
         both = jnp.stack([before, u], 1).ravel()
         return jnp.repeat(jnp.asarray(t), 2), both, tuple((2 * first).tolist())
 
-    def _force(self, state: Any) -> Array:
+    def _force(self, state: Motion) -> Array:
         """That of the last sample."""
-        if not isinstance(state, LawState):
+        inner = self._run_by()
+        if not isinstance(inner, OscillatorLaw):
             return state.force[0]
-        known, m = self._numbers()
+        known, m = inner.numbers()
         return state.numbers[place_of(known, "force") - len(m)]
 
-    def _chain(self) -> CoupledOscillators | None:
-        """The same as a chain of one mass, where there is no law of it."""
+    def _run_by(self) -> Any:
+        """Its law, or where there is none, or that is not known yet, a chain of one mass."""
         known = all(is_concrete(x.n) for x in self.parts if isinstance(x, BoucWenForce))
-        if known and self._layout() is not None:
-            return None
+        if known and (law := self._law()) is not None:
+            return law
         m, c, k = (jnp.asarray(x)[None] for x in (self.mass, self.damping, self.stiffness))
         return CoupledOscillators(
             m, c, k, (self.hysteresis,), substeps=self.substeps, integrator=self.integrator
         )
 
-    def _layout(self) -> Layout | None:
-        return layout_of(self.hysteresis) if self.integrator == "newmark" else None
+    def _law(self) -> OscillatorLaw | None:
+        if self.integrator != "newmark" or layout_of(self.hysteresis) is None:
+            return None
+        plant = self.mass, self.damping, self.stiffness
+        return OscillatorLaw(plant, self.hysteresis, self.substeps)
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
-        layout = self._layout()
-        if layout is None or (depth != OWN and self.between != "linear"):
+        law = self._law()
+        if law is None or self.between != "linear":
             raise InputError(
                 "not-exportable",
                 "this oscillator cannot be exported.",
@@ -208,4 +225,4 @@ class Oscillator(AbstractLawModel):
                 " it is not integrated by Newmark's method with a straight force.",
                 fix="fit it with identify.fit(record, 'Oscillator').",
             )
-        return layout.tree((self.mass, self.damping, self.stiffness), self.substeps)
+        return law.laws(eps, depth)
