@@ -101,7 +101,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
         if (simulated := getattr(self, "simulated", None)) is not None:
             return simulated(t, u, state, starts)
-        evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(_evaluate, self)
+        evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(evaluated, self)
         return evaluate(self.prepare(t, u, state, starts=starts))
 
     @in_own_precision
@@ -175,7 +175,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
 # A scan that is not compiled is traced again in every call: 0.3 s for 240 samples of Bouc-Wen, not 3 ms.
 @eqx.filter_jit
-def _evaluate(model: AbstractModel, prepared: Any) -> Array:
+def evaluated(model: AbstractModel, prepared: Any) -> Array:
     return model.evaluate(prepared)
 
 

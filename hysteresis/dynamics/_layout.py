@@ -1,5 +1,6 @@
-"""The parts of a hysteresis as the arrays that the compiled loop takes."""
+"""The parts of a hysteresis as the arrays that the law of an oscillator takes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,12 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._model import AbstractModel
+from .._model import AbstractModel, Tree
 from .._parameter import array_module, is_concrete
 from ..models._compose import Sum
 from ..models._viscoelastic_chain import Known
+from ..running import Numbers, place_of
+from ..trees import node
 from ._generalized_plays import GeneralizedPlays
 from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
+
+MOTION = ("y", "v", "z")
+"""Of the law's state: displacement, velocity and force in rate form."""
 
 
 @dataclass
@@ -38,12 +44,27 @@ class Layout:
         """The first height of each play, and the end."""
         return np.concatenate([[0], np.cumsum(self.counts)]).astype(np.int64)
 
-    @property
-    def parameters(self) -> int:
-        """How many columns the sensitivities have."""
-        from ._newmark_kernel import FIXED  # loads numba
-
-        return FIXED + self.rate.size + len(self.heights)
+    def tree(self, plant: Sequence[Any], substeps: int) -> Tree:
+        """The law of a mass, damping and stiffness around it, at rest."""
+        mass, damping, stiffness = plant
+        knots, plays = self.rate.shape[1], len(self.radii)
+        cells = np.asarray(self.counts, float) - 1
+        return node(
+            "oscillator",
+            {
+                "substeps": substeps, "mass": mass, "damping": damping, "stiffness": stiffness,
+                "knots": knots, "limit": self.limit,
+                "per": (knots - 1) / (2 * self.limit) if knots else 0.0,
+                "rate": jnp.asarray(self.rate), "plays": plays, "radii": self.radii,
+                "low": -self.reach, "scale": cells / (2 * self.reach),
+                "first": self.first[:-1].astype(float), "cells": cells,
+                "heights": jnp.asarray(self.heights),
+            },
+            {
+                "begun": 0, "y": 0.0, "v": 0.0, "a": 0.0, "z": 0.0, "force": 0.0,
+                "play": np.zeros(max(plays, 1)), "f": 0.0, "steep": 0.0, "total": 0.0, "stretch": 0.0,
+            },
+        )  # fmt: skip
 
 
 def layout_of(model: AbstractModel) -> Layout | None:
@@ -77,3 +98,18 @@ def _rate_of(part: AbstractRateForm, xp: Any) -> tuple[Any, Any] | None:
     a, g, d = (xp.asarray(x, float) for x in (part.alpha, part.beta_gamma, part.beta_delta))
     rate = xp.array([[a + g - d, a, a - g - d], [a - g - d, a, a + g - d]])
     return rate if is_concrete(part.n) else jnp.where(part.n == 1.0, rate, jnp.nan), 1.0
+
+
+def before_first(numbers: Numbers, motion: Any = ()) -> Float[np.ndarray, " state"]:
+    """The state at the end of the law's numbers as one before a first sample, where the acceleration is to
+    be found; with another `motion`: displacement, velocity and force in rate form."""
+    known, m = numbers.known, np.array(numbers.m, float)
+    m[place_of(known, "begun")] = 0.0
+    for name, value in zip(MOTION, motion, strict=False):
+        m[place_of(known, name)] = value
+    return m[len(m) - known.states :]
+
+
+def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:
+    """Times since the row before, of an even clock that begins."""
+    return np.append(np.nan, np.full(count - 1, h))

@@ -1,41 +1,58 @@
 """A mass on a spring, a damper and a hysteretic force."""
 
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import replace
+from typing import Any, ClassVar, TypeAlias
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import AbstractModel, AbstractSteppedModel, Tree
+from .._law_model import AbstractLawModel
+from .._model import AbstractModel, Series, Tree, evaluated
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
-from ..trees import node
-from ._fast_path import Compiled
-from ._layout import layout_of
-from ._rate_form import AbstractRateForm
-from ._runge_kutta import runge_kutta
+from ..running import Numbers, numbers_of, place_of
+from ._coupled import CoupledOscillators
+from ._layout import before_first, layout_of
+from ._rate_form import BoucWenForce, RateState
 
-NEWTON_STEPS = 4
+Motion: TypeAlias = Any
+"""`LawState` or `CoupledState`."""
 
 
-class OscillatorState(NamedTuple):
-    """Time (NaN before the first sample) and force of the last sample, motion, and the parts' states."""
+class OscillatorLaw(AbstractLawModel):
+    """Newmark's step of a straight force, by `hysteresis/laws/oscillator.py`.
 
-    t: Array
-    force: Array
-    displacement: Array
-    velocity: Array
-    acceleration: Array
-    parts: tuple[Any, ...]
+    - `plant`: mass, damping and stiffness.
+    """
+
+    plant: tuple[Scalar, Scalar, Scalar]
+    hysteresis: AbstractModel
+    substeps: int = eqx.field(static=True)
+
+    @property
+    def needs_time(self) -> bool:
+        return True
+
+    def laws(self, eps: float, depth: int) -> Tree:
+        """Its `find` goes from force to displacement."""
+        layout = layout_of(self.hysteresis)
+        assert layout is not None
+        arrays = (jnp.asarray(x) for x in (layout.limit, layout.radii, layout.reach))
+        free = dict(zip(("limit", "radii", "reach"), arrays, strict=True))
+        return replace(layout, **free).tree(self.plant, self.substeps)
+
+    def numbers(self) -> Numbers:
+        """The law, at rest."""
+        return numbers_of(self.forwards())
 
 
 @register
-class Oscillator(AbstractSteppedModel[OscillatorState]):
+class Oscillator(AbstractModel[Any, Any]):
     """A mass on a spring, a damper and a hysteretic force, driven by a force.
 
         m y'' + c y' + k y + z[y] = u
@@ -107,72 +124,100 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
         """The hysteresis, or the parts of its sum."""
         return self.hysteresis.parts if isinstance(self.hysteresis, Sum) else (self.hysteresis,)
 
-    def init(self, t0: Any = None, u0: Any = None) -> OscillatorState:
-        zero = jnp.zeros_like(self.mass)
-        t = zero * jnp.nan if t0 is None else jnp.asarray(t0, zero.dtype)
-        return OscillatorState(t, zero, zero, zero, zero, tuple(part.init() for part in self.parts))
+    def init(self, t0: Any = None, u0: Any = None) -> Motion:
+        return self._run_by().init(t0, u0)
+
+    def moving(self, displacement: float, velocity: float, force: float = 0.0) -> Motion:
+        """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
+        inner, state = self._run_by(), self.init()
+        if isinstance(inner, OscillatorLaw):
+            now = before_first(inner.numbers(), (displacement, velocity, force))
+            return state._replace(numbers=jnp.asarray(now))
+        y, v, z = (jnp.asarray(x, state.force.dtype) for x in (displacement, velocity, force))
+        parts = (x._replace(u=y, z=z) if isinstance(x, RateState) else x for x in state.parts)
+        return state._replace(displacement=y[None], velocity=v[None], parts=tuple(parts))
 
     def displacement(
         self, t: ArrayLike, force: ArrayLike, *, starts: tuple[int, ...] = (0,)
     ) -> Float[np.ndarray, " samples"]:
-        """`simulate`, by a compiled loop where the clock is even, Newmark's method and a straight force are
-        chosen, and the hysteresis is one part in rate form at most and plays: sixty times as fast."""
-        t, u = np.asarray(t, float), np.asarray(force, float)
-        if self.integrator == "newmark" and self.between == "linear":
-            compiled = Compiled.of(self)
-            if compiled is not None:
-                found = compiled.over_samples(t, u, starts, self.substeps)
-                if found is not None:
-                    return found
-        return np.asarray(self.simulate(t, u, starts=starts))
+        """`simulate`, by NumPy."""
+        return np.asarray(self.simulate(np.asarray(t, float), np.asarray(force), starts=starts))
 
-    def step(
-        self, state: OscillatorState, t: Any, u: Any
-    ) -> tuple[OscillatorState, Float[Array, ""]]:
-        if t is None:
-            raise InputError(
-                "no-time",
-                "an oscillator needs a clock.",
-                fix="give times, in the unit of its parameters.",
-            )
-        u = jnp.asarray(u, state.force.dtype)
-        t = jnp.asarray(t, u.dtype)
-        new = jnp.isnan(state.t)
-        h = jnp.where(new, 0.0, t - jnp.where(new, t, state.t)) / self.substeps
-        # The first sample is where the motion begins: its acceleration alone is found.
-        before = self._at_rest(state, u, new)
-        push = u if self.between == "held" else None
-        if self.between == "held":
-            past = jnp.where(new, u, state.force)
-            before = before._replace(
-                acceleration=before.acceleration + (past - before.force) / self.mass
-            )
+    def step(self, state: Motion, t: Any, u: Any) -> tuple[Motion, Float[Array, ""]]:
+        inner = self._run_by()
+        if self.between == "held" and t is not None:
+            before = jnp.where(jnp.isnan(state.t), jnp.asarray(u, float), self._force(state))
+            state, _ = inner.step(state, t, before)
+        return inner.step(state, t, u)
 
-        def fine(k: Array, at: OscillatorState) -> OscillatorState:
-            share = (k + 1.0) / self.substeps
-            force: Array = jnp.where(new, u, state.force + (u - state.force) * share)
-            force = jnp.where(new, u, state.force) if push is not None else force
-            advance = self._newmark if self.integrator == "newmark" else self._runge_kutta
-            last = jnp.where(new, u, state.force + (u - state.force) * k / self.substeps)
-            last = force if push is not None else last
-            clock = jnp.where(new, t, state.t + (t - state.t) * share)
-            return advance(at, clock, h, last, force)
+    def prepare(
+        self,
+        t: Series | None,
+        u: Series,
+        state: Motion | None = None,
+        *,
+        starts: tuple[int, ...] = (0,),
+    ) -> Any:
+        state = self.init() if state is None else state
+        t, u, starts = self._rows(t, u, state, starts)
+        return self._run_by().prepare(t, u, state, starts=starts)
 
-        after, _ = jax.lax.scan(
-            lambda at, k: (fine(k, at), None),
-            before._replace(t=t),
-            jnp.arange(self.substeps, dtype=u.dtype),
+    def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
+        inner = self._run_by()
+        law = isinstance(inner, OscillatorLaw)
+        found = inner.evaluate(prepared) if law else evaluated(inner, prepared)
+        return found[::2] if self.between == "held" else found
+
+    def follow(
+        self, t: Series | None, u: Series, state: Motion | None = None
+    ) -> tuple[Motion, Float[Array, " samples"]]:
+        """All samples at once: (state after the last one, outputs)."""
+        state = self.init() if state is None else state
+        t, u, _ = self._rows(t, u, state, (0,))
+        after, found = self._run_by().stream(t, u, state)
+        return after, found[::2] if self.between == "held" else found
+
+    def _rows(
+        self, t: Any, u: Any, state: Motion, starts: tuple[int, ...]
+    ) -> tuple[Any, Any, tuple[int, ...]]:
+        """What is run: a held force is straight up to each sample, as it was at the one before, and another
+        row after no time has the new one."""
+        if self.between != "held" or t is None:
+            return t, u, starts
+        u, first = jnp.asarray(u, float), np.asarray(starts)
+        begin = jnp.where(jnp.isnan(state.t), u[first], self._force(state))
+        before = jnp.concatenate([u[:1], u[:-1]]).at[first].set(begin)
+        both = jnp.stack([before, u], 1).ravel()
+        return jnp.repeat(jnp.asarray(t), 2), both, tuple((2 * first).tolist())
+
+    def _force(self, state: Motion) -> Array:
+        """That of the last sample."""
+        inner = self._run_by()
+        if not isinstance(inner, OscillatorLaw):
+            return state.force[0]
+        known, m = inner.numbers()
+        return state.numbers[place_of(known, "force") - len(m)]
+
+    def _run_by(self) -> Any:
+        """Its law, or where there is none, or that is not known yet, a chain of one mass."""
+        known = all(is_concrete(x.n) for x in self.parts if isinstance(x, BoucWenForce))
+        if known and (law := self._law()) is not None:
+            return law
+        m, c, k = (jnp.asarray(x)[None] for x in (self.mass, self.damping, self.stiffness))
+        return CoupledOscillators(
+            m, c, k, (self.hysteresis,), substeps=self.substeps, integrator=self.integrator
         )
-        after = after._replace(t=t, force=u)
-        if self.between == "held":
-            jump = (u - jnp.where(new, u, state.force)) / self.mass
-            after = after._replace(acceleration=after.acceleration + jump)
-        return after, after.displacement
+
+    def _law(self) -> OscillatorLaw | None:
+        if self.integrator != "newmark" or layout_of(self.hysteresis) is None:
+            return None
+        plant = self.mass, self.damping, self.stiffness
+        return OscillatorLaw(plant, self.hysteresis, self.substeps)
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
-        layout = layout_of(self.hysteresis)
-        if layout is None or self.integrator != "newmark" or self.between != "linear":
+        law = self._law()
+        if law is None or self.between != "linear":
             raise InputError(
                 "not-exportable",
                 "this oscillator cannot be exported.",
@@ -180,114 +225,4 @@ class Oscillator(AbstractSteppedModel[OscillatorState]):
                 " it is not integrated by Newmark's method with a straight force.",
                 fix="fit it with identify.fit(record, 'Oscillator').",
             )
-        arrays = layout.rate, layout.limit, layout.radii, layout.reach, layout.heights
-        rate, limit, radii, reach, heights = map(jnp.asarray, arrays)
-        knots, plays = rate.shape[1], len(radii)
-        cells, none = np.asarray(layout.counts, float) - 1, np.zeros(max(plays, 1))
-        return node(
-            "oscillator",
-            {
-                "substeps": self.substeps, "mass": self.mass, "damping": self.damping,
-                "stiffness": self.stiffness, "knots": knots, "limit": limit,
-                "per": (knots - 1) / (2 * limit) if knots else 0.0, "rate": rate,
-                "plays": plays, "radii": radii, "low": -reach,
-                "scale": cells / (2 * reach), "first": layout.first[:-1].astype(float),
-                "cells": cells, "heights": heights,
-            },
-            {
-                "begun": 0, "y": 0.0, "v": 0.0, "a": 0.0, "z": 0.0, "force": 0.0, "play": none,
-                "next": none, "f": 0.0, "steep": 0.0, "total": 0.0, "stretch": 0.0,
-            },
-        )  # fmt: skip
-
-    def _at_rest(self, state: OscillatorState, u: Array, new: Array) -> OscillatorState:
-        """The state with the acceleration that the first force gives."""
-        _, z = self._of_displacement(state.parts, state.t, state.displacement)
-        for own in self._rate_forces(state.parts):
-            z = z + own
-        y, v = state.displacement, state.velocity
-        found = (u - self.damping * v - self.stiffness * y - z) / self.mass
-        return state._replace(
-            acceleration=jnp.where(new, found, state.acceleration),
-            force=jnp.where(new, u, state.force),
-        )
-
-    def _rate_forces(self, states: tuple[Any, ...]) -> list[Array]:
-        pairs = zip(self.parts, states, strict=True)
-        return [own.z for part, own in pairs if isinstance(part, AbstractRateForm)]
-
-    def _of_displacement(
-        self, states: tuple[Any, ...], t: Any, y: Any
-    ) -> tuple[tuple[Any, ...], Array]:
-        """States and force at a displacement, of the parts that follow it; the others stay as they are."""
-        after, force = [], jnp.zeros_like(y)
-        for part, own in zip(self.parts, states, strict=True):
-            if not isinstance(part, AbstractRateForm):
-                own, z = part.step(own, t, y)
-                force = force + z
-            after.append(own)
-        return tuple(after), force
-
-    def _newmark(
-        self, at: OscillatorState, t: Array, h: Array, _: Array, u: Array
-    ) -> OscillatorState:
-        """One step of average acceleration: Newton's method for the acceleration after it, whose last step
-        carries the derivatives."""
-
-        def motion(model: "Oscillator", at: OscillatorState, a1: Array) -> tuple[Array, Array]:
-            y1 = at.displacement + h * at.velocity + 0.25 * h * h * (at.acceleration + a1)
-            return y1, at.velocity + 0.5 * h * (at.acceleration + a1)
-
-        def off(model: "Oscillator", at: OscillatorState, a1: Array) -> Array:
-            y1, v1 = motion(model, at, a1)
-            _, z = model._of_displacement(at.parts, t, y1)
-            for part, own in zip(model.parts, at.parts, strict=True):
-                if isinstance(part, AbstractRateForm):
-                    z = z + part.after(own.z, at.velocity, v1, h)
-            return model.mass * a1 + model.damping * v1 + model.stiffness * y1 + z - u
-
-        def newton(model: "Oscillator", at: OscillatorState, a1: Any) -> Any:
-            error, by_a = jax.jvp(lambda x: off(model, at, x), (a1,), (jnp.ones_like(a1),))
-            return a1 - error / jax.lax.stop_gradient(by_a)
-
-        frozen: Any = jax.lax.stop_gradient((self, at))
-        a1: Any = frozen[1].acceleration
-        for _turn in range(NEWTON_STEPS - 1):
-            a1 = jax.lax.stop_gradient(newton(frozen[0], frozen[1], a1))
-        a1 = newton(self, at, a1)
-        y1, v1 = motion(self, at, a1)
-        parts, _ = self._of_displacement(at.parts, t, y1)
-        parts = tuple(
-            own._replace(u=y1, z=part.after(own.z, at.velocity, v1, h))
-            if isinstance(part, AbstractRateForm)
-            else own
-            for part, own in zip(self.parts, parts, strict=True)
-        )
-        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=parts)
-
-    def _runge_kutta(
-        self, at: OscillatorState, t: Array, h: Array, last: Array, u: Array
-    ) -> OscillatorState:
-        """One step of the classical Runge-Kutta method; parts that follow the displacement are taken from
-        their state before the step."""
-        rates = [part for part in self.parts if isinstance(part, AbstractRateForm)]
-
-        def slopes(motion: Any, share: float) -> Any:
-            y, v, z = motion
-            _, force = self._of_displacement(at.parts, t - (1 - share) * h, y)
-            for own in z:
-                force = force + own
-            push = last + (u - last) * share
-            a = (push - self.damping * v - self.stiffness * y - force) / self.mass
-            return v, a, [v * part.slope(one, v < 0) for part, one in zip(rates, z, strict=True)]
-
-        start = (at.displacement, at.velocity, self._rate_forces(at.parts))
-        y1, v1, z1 = runge_kutta(slopes, start, h)
-        parts, _ = self._of_displacement(at.parts, t, y1)
-        forces = iter(z1)
-        parts = tuple(
-            own._replace(u=y1, z=next(forces)) if isinstance(part, AbstractRateForm) else own
-            for part, own in zip(self.parts, parts, strict=True)
-        )
-        a1 = slopes((y1, v1, z1), 1.0)[1]
-        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=parts)
+        return law.laws(eps, depth)

@@ -33,8 +33,8 @@ class Parameters:
 
 
 class State:
-    """Displacement, velocity, acceleration, hysteretic force in rate form, force and plays; `begun` is 0
-    before the first sample, which is at rest. The others are of the calculation."""
+    """Displacement, velocity, acceleration, hysteretic force in rate form, force and plays. `begun` is 0
+    before the first sample, whose force gives the acceleration. The others are of the calculation."""
 
     status: int
     begun: int
@@ -44,98 +44,118 @@ class State:
     z: float
     force: float
     play: Reals
-    next: Reals
     f: float
     steep: float
     total: float
     stretch: float
 
 
-def rated(p: Parameters, s: State, z: float, v: float) -> None:
-    """f and its slope along z."""
-    first = p.knots if v < 0.0 else 0
-    place = (z + p.limit) * p.per
+def cell(count: int, place: float) -> int:
+    """The cell of a place among `count` cells, the outer ones without end."""
     k = 0
     if place > 0.0:
-        k = p.knots - 2
+        k = count - 1
         if place < k:
             k = int(place)
-    rise = p.rate[first + k + 1] - p.rate[first + k]
-    s.steep = rise * p.per
-    s.f = p.rate[first + k] + rise * (place - k)
+    return k
+
+
+def rated(p: Parameters, s: State, falling: int) -> None:
+    """f and its slope along z."""
+    k = cell(p.knots - 1, (s.z + p.limit) * p.per)
+    first = p.knots + k if falling else k
+    s.steep = (p.rate[first + 1] - p.rate[first]) * p.per
+    s.f = p.rate[first] + (p.rate[first + 1] - p.rate[first]) * ((s.z + p.limit) * p.per - k)
 
 
 def pulled(p: Parameters, s: State, y: float) -> None:
-    """The plays at y, the sum of their curves and its slope."""
+    """The sum of the plays' curves at y, and its slope."""
     s.total = 0.0
     s.stretch = 0.0
     for j in range(p.plays):
-        at = s.play[j]
-        moves = p.radii[j] == 0.0
-        if at > y + p.radii[j]:
-            at = y + p.radii[j]
+        # A play that moves is as far from y as its radius.
+        far = 0.0
+        moves = 0
+        if s.play[j] >= y + p.radii[j]:
+            far = p.radii[j]
             moves = 1
-        if at < y - p.radii[j]:
-            at = y - p.radii[j]
+        if s.play[j] <= y - p.radii[j]:
+            far = -p.radii[j]
             moves = 1
-        s.next[j] = at
-        place = (at - p.low[j]) * p.scale[j]
-        k = 0
-        if place > 0.0:
-            k = int(p.cells[j]) - 1
-            if place < k:
-                k = int(place)
-        begin = int(p.first[j]) + k
-        rise = p.heights[begin + 1] - p.heights[begin]
-        s.total = s.total + p.heights[begin] + rise * (place - k)
+        at = y + far if moves else s.play[j]
+        k = cell(int(p.cells[j]), (at - p.low[j]) * p.scale[j])
+        i = int(p.first[j]) + k
+        s.total = s.total + p.heights[i]
         if moves:
-            s.stretch = s.stretch + rise * p.scale[j]
+            s.total = s.total + (p.heights[i + 1] - p.heights[i]) * (
+                (far - p.low[j]) * p.scale[j] - k
+            )
+            s.stretch = s.stretch + (p.heights[i + 1] - p.heights[i]) * p.scale[j]
+        else:
+            s.total = s.total + (p.heights[i + 1] - p.heights[i]) * (
+                (at - p.low[j]) * p.scale[j] - k
+            )
+    s.total = s.total + s.stretch * y
 
 
-def moved(p: Parameters, s: State, h: float, push: float) -> None:
-    """One step of Newmark's method: Newton's iterations for the acceleration."""
+def taken(p: Parameters, s: State, y: float) -> None:
+    """The plays go to y."""
+    for j in range(p.plays):
+        if s.play[j] > y + p.radii[j]:
+            s.play[j] = y + p.radii[j]
+        if s.play[j] < y - p.radii[j]:
+            s.play[j] = y - p.radii[j]
+
+
+def settled(p: Parameters, s: State, h: float, z0: float, push: float) -> float:
+    """The acceleration at the end of a step, by Newton's method, and with it z by the trapezoidal rule,
+    z = z0 + half v f(z), which is straight in each cell."""
     half = 0.5 * h
     quarter = 0.25 * h * h
-    z0 = s.z
-    if p.knots > 0:
-        rated(p, s, s.z, s.v)
-        z0 = s.z + half * s.v * s.f
-    z1 = s.z
     a1 = s.a
-    turn = 0
-    while turn < 4:  # at most: 4
+    for _turn in range(4):  # settles
         y1 = s.y + h * s.v + quarter * (s.a + a1)
         v1 = s.v + half * (s.a + a1)
         follow = 0.0
         if p.knots > 0:
-            for _inner in range(2):
-                rated(p, s, z1, v1)
-                damp = 1.0 / (1.0 - half * v1 * s.steep)
-                off = (z1 - z0 - half * v1 * s.f) * damp
-                z1 = z1 - off
-                follow = damp * half * (s.f - off * s.steep)
-        pulled(p, s, y1)
-        missing = p.mass * a1 + p.damping * v1 + p.stiffness * y1 + z1 + s.total - push
+            rated(p, s, v1 < 0.0)
+            damp = 1.0 - half * v1 * s.steep
+            s.z = s.z - (s.z - z0 - half * v1 * s.f) / damp  # vanishes
+            follow = half * s.f / damp
+        if p.plays > 0:
+            pulled(p, s, y1)
         firm = p.mass + half * (p.damping + follow) + quarter * (p.stiffness + s.stretch)
-        change = missing / firm
+        pull = p.mass * a1 + p.damping * v1 + p.stiffness * y1 + s.z + s.total
+        change = (pull - push) / firm  # vanishes
         a1 = a1 - change
-        turn = turn + 1
         if change * change < 1e-24 * a1 * a1:
-            turn = 4
-    s.y = s.y + h * s.v + quarter * (s.a + a1)
-    s.v = s.v + half * (s.a + a1)
+            return a1
+    return a1
+
+
+def moved(p: Parameters, s: State, h: float, push: float) -> None:
+    """One step of Newmark's method."""
+    z0 = s.z
+    if p.knots > 0:
+        rated(p, s, s.v < 0.0)
+        z0 = s.z + 0.5 * h * s.v * s.f
+    a1 = settled(p, s, h, z0, push)
+    s.y = s.y + h * s.v + 0.25 * h * h * (s.a + a1)
+    s.v = s.v + 0.5 * h * (s.a + a1)
     s.a = a1
-    s.z = z1
-    for j in range(p.plays):
-        s.play[j] = s.next[j]
+    if p.knots > 0:
+        rated(p, s, s.v < 0.0)
+        s.z = s.z - (s.z - z0 - 0.5 * h * s.v * s.f) / (1.0 - 0.5 * h * s.v * s.steep)  # vanishes
+    taken(p, s, s.y)
 
 
 def find(p: Parameters, s: State, dt: float, force: float) -> float:
     """The displacement at the sample whose force this is."""
     s.status = OK
     if not s.begun:
-        pulled(p, s, 0.0)
-        s.a = (force - s.total) / p.mass
+        pulled(p, s, s.y)
+        taken(p, s, s.y)
+        s.a = (force - p.damping * s.v - p.stiffness * s.y - s.z - s.total) / p.mass
         s.force = force
         s.begun = 1
         return s.y

@@ -6,6 +6,8 @@ from ._numbers import held_at_first as held_at_first
 from ._numbers import numbers_of as numbers_of
 from ._numbers import place_of as place_of
 from ._over_time import looks as looks
+from ._over_time import run as run
+from ._over_time import tangents as tangents
 from ._told import Told as Told
 from ._told import told as told
 from ._traced import estimates as estimates

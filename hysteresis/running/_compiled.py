@@ -43,7 +43,7 @@ njit = _njit(error_model="numpy")
 
 def loop(made):
     kinds = types.void(*[types.int64] * made.__code__.co_argcount)
-    return _njit(kinds, cache=CACHED, error_model="numpy")(made)
+    return _njit(kinds, cache=CACHED, nogil=True, error_model="numpy")(made)
 
 
 """
@@ -86,9 +86,9 @@ def reals_of(structure: Structure) -> int:
     return int(line.removeprefix("LOCALS = "))
 
 
-def table_of(D: np.ndarray) -> np.ndarray:
-    """What marks are told of the table of tangents."""
-    return np.array([D.ctypes.data, D.shape[1]], np.int64) if available() else D
+def table_of(D: np.ndarray, spots: np.ndarray) -> np.ndarray:
+    """What marks are told of the table of tangents and of the parameters that are directions."""
+    return np.array([D.ctypes.data, D.shape[1], spots.ctypes.data]) if available() else D
 
 
 @cache

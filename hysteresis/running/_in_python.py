@@ -26,7 +26,7 @@ def in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     text = ast.fix_missing_locations(_Lists().visit(ast.parse(text_of(structure, wanted))))
     space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
     space |= dict.fromkeys((f"mark{count}" for count in range(MOST + 1)), _mark)
-    space |= {"njit": lambda made: made, "loop": lambda made: made}
+    space |= {"spot": _spot, "njit": lambda made: made, "loop": lambda made: made}
     exec(compile(text, f"<{wanted}>", "exec"), space)
     # Marks write rows of the table of tangents, which is NumPy's.
     table = (OUTPUTS, OUTPUTS + 1) if "tangents" in wanted else ()
@@ -59,6 +59,10 @@ class _Lists(ast.NodeTransformer):
             case ast.Call(func=ast.Name(id="put"), args=[array, place, value]):
                 return ast.Assign([ast.Subscript(array, place, ast.Store())], value)
         return node
+
+
+def _spot(t: Any, x: int, a: int, d: float) -> None:
+    t[x] += d * t[a]
 
 
 def _mark(t: Any, x: int, *given: Any) -> None:

@@ -67,9 +67,13 @@ def find_told(m, n, first, size, y, dt, c, rows, u, status, said):
 
 
 @loop
-def tangents(m, n, first, size, u, dt, c, rows, t, D, width, columns, dfirst, moved, du, y, dy):
+def tangents(
+    m, n, first, size, u, dt, c, rows, t, D, width, columns, dfirst, moved, du, since, every, y, dy
+):
     """D: a row of `width` for every real; dfirst (size, width) its rows of m at first; du (rows, columns),
-    tangents of the input, where it is `moved`; dy (rows, columns) those of the output."""
+    tangents of the input, where it is `moved`; dy those of the output, of every `every`th row from `since`
+    on."""
+    at = 0
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
     for k in range(rows):
@@ -85,8 +89,10 @@ def tangents(m, n, first, size, u, dt, c, rows, t, D, width, columns, dfirst, mo
                 put(D, U * width + j, get(du, k * columns + j))
         take(m, n, get(c, k))
         put(y, k, move_r(m, n, t, h, get(u, k)))
-        for j in range(columns):
-            put(dy, k * columns + j, get(D, Y * width + j))
+        if k >= since and (k - since) % every == 0:
+            for j in range(columns):
+                put(dy, at + j, get(D, Y * width + j))
+            at = at + columns
 
 
 @loop

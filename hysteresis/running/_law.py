@@ -27,13 +27,14 @@ HEAD = 2
 @dataclass
 class Law:
     """`fields`: of Parameters and State, name to "int", "float" or "Reals". `settles`: the lines of loops
-    that end in a root, by a comment "settles"."""
+    that end in a root, by a comment "settles"; `vanishes`: those of quotients that are 0 there."""
 
     kind: str
     module: ModuleType
     fields: dict[str, dict[str, str]] = field(default_factory=dict)
     functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
     settles: set[int] = field(default_factory=set)
+    vanishes: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         source = inspect.getsource(self.module)
@@ -51,8 +52,9 @@ class Law:
                     if isinstance(a, ast.AnnAssign) and isinstance(a.target, ast.Name)
                 }
         for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT and token.string.startswith("# settles"):
-                self.settles.add(token.start[0])
+            if token.type == tokenize.COMMENT:
+                found = {"# settles": self.settles, "# vanishes": self.vanishes}
+                found.get(token.string, set()).add(token.start[0])
 
     def named(self, structure: str, *kinds: str) -> list[str]:
         """The fields of these kinds, in their order."""

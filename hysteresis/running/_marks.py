@@ -9,7 +9,8 @@ then those of m: LOCALS + address.
 A real has a number only where it can depend on something that is asked for: `constant` parameters and what
 is made of them have none. A loop with the comment "settles" finds a root by Newton's method. It runs
 without marks, and then its body once more with them: the derivative of a root is that of one step from
-there, because a step there changes nothing else (implicit function theorem).
+there, because a step there changes nothing else (implicit function theorem). What a step is divided by does
+not matter there: such a quotient has the comment "vanishes". A real that nothing depends on has no marks.
 """
 
 import ast
@@ -28,8 +29,10 @@ Key = tuple[str, str]
 """A real: its function and its name; or its law and its structure and field."""
 Leaf = tuple[str, str]
 """The number of a real, and the derivative by it."""
-ROUNDS = 12
-"""In which it is found what depends on what; a law needs four."""
+ARRAY: Key = ("", "array")
+"""Of an array that has a name in a function."""
+ROUNDS = 24
+"""In which it is found what depends on what; a law needs ten."""
 
 
 class Marked(Translation):
@@ -41,6 +44,11 @@ class Marked(Translation):
         self.numbers: dict[Key, int] = {}
         self.active: set[Key] = set()
         self.changed = False
+        # Reals that others depend on: all of them may, until it is known what is active.
+        self.used: set[Key | str] | None = None
+        self.using: set[Key | str] = set()
+        self.copies: dict[Key, bool] = {}
+        self.copied = False
         self.fresh: dict[str, str] = {}
         # An argument that is at every call the same argument of the caller has the caller's number.
         self.sources: dict[Key, set[Key | None]] = {}
@@ -61,14 +69,22 @@ class Marked(Translation):
         title = f"{self.root}_r"
         if title in self.texts:
             return title
-        self.active |= {(self.root, a.arg) for a in law(kind).functions[name].args.args}
+        given = {a.arg for a in law(kind).functions[name].args.args} - {"dt"}
+        self.active |= {(self.root, x) for x in given}
+        self.used, self.copied = None, False
         for _ in range(ROUNDS):
             self.changed, self.fresh, self.sources = False, {}, {}
+            self.copies = self.copies if self.copied else {}
+            self.using = {str(self.number(self.root, "return"))}
             _Recording(self, law(kind), name).add()
             found = {k: one for k, (one, *more) in self.sources.items() if one and not more}
             if not found.items() <= self.same.items():
                 self.same |= found
                 self.changed = True
+            if not self.changed and (not self.copied or self.used != self.using):
+                self.used = self.using if self.copied else None
+                self.copied = True
+                continue
             if not self.changed:
                 self.texts.update(self.fresh)
                 return title
@@ -82,6 +98,11 @@ class _Recording(Function):
 
     def __init__(self, home: Marked, of: Law, name: str):
         super().__init__(home, of, name)
+        # Of reals in m, and of locals, by their numbers.
+        self.names: dict[str, Key] = {}
+        self.locals: dict[str, Key] = {}
+        self.vanishing = False
+        self.moved = self.written()
         # Which numbers the arguments of a helper have depends on who calls it: each law has its own.
         if self.title != home.root:
             self.title = f"{home.root}__{self.title}"
@@ -102,7 +123,9 @@ class _Recording(Function):
         for node in body:
             match node:
                 case ast.Assign(targets=[target], value=e):
+                    self.vanishing = node.lineno in self.of.vanishes
                     lines += self.assign(target, e, depth)
+                    self.vanishing = False
                 case ast.Return(value=ast.expr() as e):
                     lines += self.give(e, depth)
                 case ast.Expr(value=ast.Call(func=ast.Name(id=g), args=args)):
@@ -128,6 +151,10 @@ class _Recording(Function):
         before: list[str] = []
         text, leaves = self.whole(e, before)
         key, number = self.real(target)
+        if isinstance(target, ast.Name) and self.is_copy(key, leaves):
+            ((other, _),) = leaves
+            self.home.using.add(self.names.get(other, other))
+            return [i + x for x in [*before, f"{number} = {other}", self.put(target, text)]]
         # The partial derivatives are those at the old values: they are taken before the new one is there.
         mark = self.mark(key, number, leaves)
         if leaves and mark:
@@ -151,22 +178,74 @@ class _Recording(Function):
         if leaves and key not in self.home.active:
             self.home.active.add(key)
             self.home.changed = True
-        if key not in self.home.active:
+        if key not in self.home.active or not self.is_used(key, number):
             return []
-        given = "".join(f", {other}, {by}" for other, by in leaves)
-        return [f"mark{len(leaves)}(_t, {number}{given})"]
+        self.home.using |= {self.names.get(x, x) for x, _ in leaves if x != number}
+        # Of an array of parameters each one mostly is a direction of its own.
+        spots = [leaf for leaf in leaves if self.is_spot(leaf[0])]
+        others = [leaf for leaf in leaves if leaf not in spots]
+        given = "".join(f", {other}, {by}" for other, by in others)
+        same = others == [(number, "1.0")]
+        lines = [] if same else [f"mark{len(others)}(_t, {number}{given})"]
+        return [*lines, *(f"spot(_t, {number}, {other}, {by})" for other, by in spots)]
+
+    def is_spot(self, number: str) -> bool:
+        structure, _, name = self.names.get(number, ARRAY)[1].partition(".")
+        return structure == "Parameters" and self.of.fields[structure][name] == "Reals"
+
+    def written(self) -> set[Key] | None:
+        """What the function changes; None where it calls others that may change anything."""
+        found: set[Key] = set()
+        for n in ast.walk(self.node):
+            if isinstance(n, ast.Call) and isinstance(n.func, ast.Name):
+                owner = self.called(n.func.id)
+                if owner and Function(self.home, owner, n.func.id).returns != "int":
+                    return None
+            if isinstance(n, ast.Assign):
+                (target,) = n.targets
+                base = target.value if isinstance(target, ast.Subscript) else target
+                if isinstance(base, ast.Name):
+                    found.add((self.title, base.id) if base is target else ARRAY)
+                else:
+                    found.add(self.real(base)[0])
+        return found
+
+    def is_copy(self, key: Key, leaves: list[Leaf]) -> bool:
+        """Whether a local is at every assignment that of another real, which stays: it needs no tangents of
+        its own, only the number of those."""
+        if self.home.copies.get(key, True):
+            number = leaves[0][0] if len(leaves) == 1 else ""
+            other = self.names.get(number) or self.locals.get(number, ARRAY)
+            own = self.moved is not None and other != ARRAY and other not in self.moved
+            self.home.copies[key] = own and leaves[0][1] == "1.0"
+        return self.home.copied and self.home.copies[key]
+
+    def is_used(self, key: Key, number: str) -> bool:
+        """Whether anything may depend on a real: a local is known by its number, one of the state by its
+        key. An array has more than one name."""
+        known = number if number.isdecimal() else key
+        name = key[1].removeprefix("State.")
+        is_array = key == ARRAY or self.of.fields.get("State", {}).get(name) == "Reals"
+        return self.home.used is None or is_array or known in self.home.used
 
     def real(self, e: ast.expr) -> tuple[Key, str]:
         """The key and the number of a real variable, or of one in m."""
         if isinstance(e, ast.Name):
-            return (self.title, e.id), str(self.home.number(self.title, e.id))
+            key = self.title, e.id
+            if self.home.copied and self.home.copies.get(key):
+                return key, f"_n_{e.id}"
+            number = str(self.home.number(*key))
+            self.locals[number] = key
+            return key, number
         base = e.value if isinstance(e, ast.Subscript) else e
         number = f"LOCALS + {self.address(e)}"
         if isinstance(base, ast.Name):  # an array that has a name here, of whatever structure
-            return ("", "array"), number
+            return ARRAY, number
         assert isinstance(base, ast.Attribute)
         assert isinstance(base.value, ast.Name)
-        return (self.of.kind, f"{self.kinds[base.value.id]}.{base.attr}"), number
+        key = self.of.kind, f"{self.kinds[base.value.id]}.{base.attr}"
+        self.names[number] = key
+        return key, number
 
     def is_active(self, key: Key) -> bool:
         structure, _, name = key[1].partition(".")
@@ -204,7 +283,7 @@ class _Recording(Function):
                     case ast.Mult():
                         return f"({x} * {y})", _sum(_times(y, dx), _times(x, dy))
                     case ast.Div():
-                        rest = _times(f"(-{x} / ({y} * {y}))", dy)
+                        rest = [] if self.vanishing else _times(f"(-{x} / ({y} * {y}))", dy)
                         return f"({x} / {y})", _sum(_times(f"(1.0 / {y})", dx), rest)
             case ast.IfExp():
                 name = self.temporary("if")

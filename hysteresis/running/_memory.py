@@ -3,20 +3,25 @@
 `get(m, i)`, `put(m, i, x)`, `whole(n, i)`: the i-th number at an address, without a check of bounds.
 
 `mark k(t, x, a_1, d_1, ..., a_k, d_k)`: the tangents of the real x are the sum of d_i times those of a_i.
-At the address t stand the address of the table of tangents (reals, columns) and its number of columns, a
-multiple of four: numba makes no vectors of loops this short, so they are written here.
+At the address t stand the address of the table of tangents (reals, columns), its number of columns, a
+multiple of four, and the address of SPOTS. numba makes no vectors of loops this short, so they are written
+here.
+
+`spot(t, x, a, d)`: x depends on the parameter a, too. A parameter mostly is a direction of its own, so its
+only tangent is 1 in one column. SPOTS says in which; NONE where there is none, and WIDELY where a has
+others.
 
 Nothing here knows a law, so that all laws share it.
 """
 
-from typing import Any
+from typing import Any, no_type_check
 
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ._memory_sizes import MOST, WIDE
+from ._memory_sizes import MOST, WIDE, WIDELY
 
 _REAL, _WORD = ir.DoubleType(), ir.IntType(64)
 _VECTOR = ir.VectorType(_REAL, WIDE)
@@ -37,7 +42,9 @@ def get(typing: Any, m: Any, i: Any) -> Any:
 @intrinsic
 def whole(typing: Any, n: Any, i: Any) -> Any:
     def make(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.load(_at(builder, given[0], given[1], _WORD))
+        found = builder.load(_at(builder, given[0], given[1], _WORD))
+        found.set_metadata("invariant.load", builder.module.add_metadata([]))  # n never changes
+        return found
 
     return types.int64(types.int64, types.int64), make
 
@@ -84,4 +91,18 @@ def _mark(count: int) -> Any:
     return intrinsic(space[f"mark{count}"])
 
 
-MARKS = {f"mark{count}": _mark(count) for count in range(MOST + 1)}
+_two = _mark(2)
+
+
+@njit(error_model="numpy")
+@no_type_check
+def spot(t: Any, x: Any, a: Any, d: Any) -> None:
+    column = whole(whole(t, 2), a)
+    if column >= 0:
+        place = x * whole(t, 1) + column
+        put(whole(t, 0), place, get(whole(t, 0), place) + d)
+    elif column == WIDELY:
+        _two(t, x, x, 1.0, a, d)
+
+
+MARKS = {"spot": spot} | {f"mark{count}": _mark(count) for count in range(MOST + 1)}

@@ -4,3 +4,5 @@ MOST = 16
 """Reals that one assignment may depend on."""
 WIDE = 4
 """Columns of tangents at a time."""
+NONE, WIDELY = -1, -2
+"""In place of a column: a parameter without tangents, and one that is no direction of its own."""

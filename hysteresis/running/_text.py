@@ -210,7 +210,7 @@ class Text:
         ]
         given = [("dt", dt) if name == "dt" else (outputs or [x])[0] for name in floats]
         for name, (_, number) in zip(floats, given, strict=True):
-            if (key, name) in self.home.numbers:
+            if (key, name) in self.home.active:
                 lines.append(f"mark1(t, {self.home.number(key, name)}, {number}, 1.0)")
         values = ", ".join(value for value, _ in given)
         lines.append(f"{out[0]} = {title}(m, n, t, {node.row}, {values})")

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import BoucWenForce, DuhemForce, InputError, Oscillator, interpolated
-from hysteresis.dynamics._fast_path import Compiled
+from hysteresis.dynamics._layout import clock, layout_of
 
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family
@@ -128,18 +128,19 @@ def design_excitation(
             f"{fit.name} has no mass, so that no level and band of a multisine is sought for it.",
             fix="identify.design says which inputs tell the rest of a Preisach density.",
         )
-    compiled = Compiled.of(model)
-    if compiled is None or not isinstance(model.hysteresis, BoucWenForce | DuhemForce):
+    layout = layout_of(model.hysteresis)
+    if layout is None or not isinstance(model.hysteresis, BoucWenForce | DuhemForce):
         raise InputError(
             "no-design",
             f"the hysteresis of {fit.name} has no slopes over its force.",
             fix="fit Oscillator(BoucWen) or Oscillator(Duhem) to the same record, and design by that.",
         )
     motion = measured_motion(fit.train, detail.recorded.period)
-    knots, limit = compiled.layout.rate.shape[1], compiled.layout.limit
+    knots, limit = layout.rate.shape[1], layout.limit
     words = detail.classes[0]
     family = duhem_family(knots, limit, bool(words.get("symmetric", True)), False)
-    theta = np.concatenate([compiled.plant, np.zeros(STATE), compiled.layout.rate.ravel()])
+    plant = float(model.mass), float(model.damping), float(model.stiffness)
+    theta = np.concatenate([plant, np.zeros(STATE), layout.rate.ravel()])
     q = family.unknowns_of(theta)
     prior = np.diag(family.prior_root(words.get("deviations", ())) ** 2)
     warm = periods_to_steady_state(motion, detail.linear)
@@ -158,14 +159,16 @@ def design_excitation(
             force = multisine(low, high, level, rows=rows, dt=motion.dt, seed=seed)
             fine = interpolated(force, substeps, "band-limited", True)
             turns = periods_to_steady_state(motion, detail.linear, rows)
-            y, by, _ = compiled.run(
-                fine, motion.dt / substeps, warm=turns, every=substeps,
-                limit=FAR * trained * max(1.0, level / usual),
-            )  # fmt: skip
-            reach = float(np.abs(y).max())
-            if not np.isfinite(reach) or (largest is not None and reach > largest):
+            first = turns * len(fine)
+            fine = np.tile(fine, 1 + turns)
+            dt = clock(len(fine), motion.dt / substeps)
+            y, by = family.moved(q, fine, dt, kept=(first, substeps))
+            if not np.abs(y).max() < FAR * trained * max(1.0, level / usual):
                 continue
-            J = by @ family.T / fit.noise.sigma
+            reach = float(np.abs(y[first:]).max())
+            if largest is not None and reach > largest:
+                continue
+            J = by / fit.noise.sigma
             spread = covariance_of(J.T @ J + prior)
             error = float(np.sqrt(np.mean(np.einsum("pi,ij,pj->p", slopes, spread, slopes))))
             plant = np.sqrt(np.diag(spread)[:3]) / np.abs(q[:3])

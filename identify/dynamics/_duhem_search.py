@@ -41,7 +41,7 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
     ]
     basis = np.column_stack([np.ones(knots), at, *hinges])
     count = PLANT + STATE + 2 * knots
-    plain = [*np.eye(count)[[0, 1, 2, *((4, 5, 6) if free_state else ())]]]
+    plain = [*np.eye(count)[: PLANT + (STATE if free_state else 0)]]
     first, middle = len(plain), PLANT + STATE + knots
     columns, of_hinges = list(plain), []
     for side in (None,) if symmetric else (0, 1):
@@ -102,7 +102,7 @@ def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, lis
     family = duhem_family(3, limit, True, not motion.periodic)
     best, tried = None, []
     points = [_start(motion, linear, family, *point) for point in product(SHARES, LOSSES, SKEWS)]
-    # The compiled loop lets other threads run: two starts side by side take hardly longer than one.
+    # The compiled law lets other threads run: two starts side by side take hardly longer than one.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         for k in range(0, len(points), SIDE_BY_SIDE):
             one = in_this_precision(lambda q: levenberg_marquardt(setting, family, q))

@@ -1,17 +1,22 @@
 """Output error: simulated motion against measured, with sensitivities, by Levenberg-Marquardt."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from hysteresis import decimated, interpolated
-from hysteresis.dynamics._fast_path import Compiled
-from hysteresis.dynamics._layout import Layout
+from hysteresis.dynamics._layout import MOTION, Layout, before_first, clock
+from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangents
 
 from ._measured_motion import MeasuredMotion
+
+ALONE = 1.5
+"""Numbers of the law for each unknown up to which derivatives are taken by the former."""
 
 FAR = 30.0
 """A simulated motion beyond this many times the largest measured one has failed."""
@@ -19,8 +24,8 @@ FAR = 30.0
 TRIES = 7
 """So often the damping is raised tenfold before a step is given up."""
 
-PLANT, STATE = 4, 3
-"""Mass, damping, stiffness and constant force; displacement, velocity and hysteretic force at first."""
+PLANT, STATE = 3, 3
+"""Mass, damping, stiffness; displacement, velocity and hysteretic force at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +48,12 @@ class Setting:
         fine = interpolated(motion.force, substeps, "band-limited", motion.periodic)
         return cls(motion, substeps, stages, warm if motion.periodic else 0, fine)
 
+    @cached_property
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """The force of all periods, and its clock."""
+        force = np.tile(self.force, 1 + self.warm)
+        return force, clock(len(force), self.motion.dt / self.substeps)
+
     def simulated(
         self,
         family: "Family",
@@ -54,51 +65,34 @@ class Setting:
 
         It begins in the `state`, or in that of q.
         """
-        theta = family.T @ q
+        first = self.warm * len(self.force)
+        kept = (first, self.substeps) if jacobian else None
+        fine, by = family.moved(q, *self.rows, state, kept)
         limit = FAR * float(np.abs(self.motion.displacement).max())
-        compiled, own = self._compiled(family, theta)
-        state = own if state is None else state
-        fine, by, _ = compiled.run(
-            self.force,
-            self.motion.dt / self.substeps,
-            warm=self.warm,
-            every=self.substeps if jacobian else 0,
-            state=state,
-            limit=limit,
-        )
-        if not np.isfinite(fine[-1]):
+        if not (-limit < fine.min() and fine.max() < limit):
             return np.full(len(self.motion.force), np.nan), None
+        fine = fine[first:]
         y = fine[:: self.substeps]
         if self.stages:
             y = decimated(fine, self.stages, self.motion.periodic)
-        return y, (by @ family.T if jacobian else None)
+        return y, by
 
     def steady_state(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " state"]:
         """The state where a period begins, after `warm` of them; its acceleration is to be found."""
-        compiled, state = self._compiled(family, family.T @ q)
-        h = self.motion.dt / self.substeps
-        _, _, state = compiled.run(self.force, h, warm=self.warm, state=state)
-        _, _, state = compiled.run(self.force[[-1, 0]], h, state=state)
-        state[2] = np.nan
-        return state
-
-    def _compiled(self, family: "Family", theta: np.ndarray) -> tuple[Compiled, np.ndarray]:
-        """The loop's plant and hysteresis, and the state at first."""
-        compiled = Compiled(np.zeros(4), family.layout).changed(theta)
-        state = compiled.rest()
-        state[[0, 1, 3]] = theta[PLANT : PLANT + STATE]
-        return compiled, state
+        numbers = family.numbers(q)
+        force, dt = self.rows
+        after = run(numbers, np.append(force, force[0]), np.append(dt, dt[-1])).m
+        return before_first(numbers._replace(m=after))
 
     def hysteretic_force(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " fine"]:
         """z over the fine steps: what the motion leaves of the force."""
-        theta = family.T @ q
-        plain = replace(self, stages=())
-        compiled, state = self._compiled(family, theta)
         h = self.motion.dt / self.substeps
-        y, _, _ = compiled.run(plain.force, h, warm=self.warm, state=state)
+        y, _ = family.moved(q, *self.rows)
+        y = y[-len(self.force) :]
         v = np.gradient(y, h)
         a = np.gradient(v, h)
-        return (self.force - theta[0] * a - theta[1] * v - theta[2] * y - theta[3])[2:-2]
+        mass, damping, stiffness = (family.T @ q)[:PLANT]
+        return (self.force - mass * a - damping * v - stiffness * y)[2:-2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +109,42 @@ class Family:
     T: Float[np.ndarray, "theta unknowns"]
     groups: tuple[tuple[np.ndarray, float], ...] = ()
     words: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def places(self) -> tuple[Known, np.ndarray, np.ndarray]:
+        """The law's structure, its numbers without those that change, and where in them theta lies."""
+        known, m = numbers_of(self.layout.tree(list(jnp.zeros(PLANT)), 1))
+        state = [place_of(known, name) for name in MOTION]
+        return known, np.asarray(m), np.array([*known.free[:PLANT], *state, *known.free[PLANT:]])
+
+    def numbers(self, q: np.ndarray) -> Numbers:
+        """The law with these unknowns."""
+        known, m, places = self.places
+        m = m.copy()
+        m[places] = self.T @ q
+        return Numbers(known, m)
+
+    def moved(
+        self,
+        q: np.ndarray,
+        force: Float[np.ndarray, " fine"],
+        dt: Float[np.ndarray, " fine"],
+        state: Float[np.ndarray, " state"] | None = None,
+        kept: tuple[int, int] | None = None,
+    ) -> tuple[Float[np.ndarray, " fine"], Any]:
+        """Displacements of a force, dt after the row before, and the derivatives by q of those `kept`."""
+        known, m = self.numbers(q)
+        if state is not None:
+            m[len(m) - known.states :] = state
+        numbers = Numbers(known, m)
+        if kept is None:
+            return run(numbers, force, dt).value, None
+        # A column for each number of the law takes half the time of one for each unknown.
+        alone = len(self.T) < ALONE * len(q)
+        dm = np.zeros((len(m), len(self.T) if alone else len(q)))
+        dm[self.places[2]] = np.eye(len(self.T)) if alone else self.T
+        found = tangents(numbers, dm, force, dt, kept=kept)
+        return found.value, found.columns @ self.T if alone else found.columns
 
     def prior_root(self, deviations: Sequence[float]) -> Float[np.ndarray, " unknowns"]:
         """One over the standard deviation of each unknown's prior, 0 for none."""

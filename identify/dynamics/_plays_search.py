@@ -8,8 +8,9 @@ from jaxtyping import Float
 
 from hysteresis import interpolated
 from hysteresis._precision import in_this_precision
-from hysteresis.dynamics._fast_path import plays_along
-from hysteresis.dynamics._layout import Layout
+from hysteresis.dynamics._layout import Layout, clock
+from hysteresis.running import numbers_of, run
+from hysteresis.trees import node
 
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
@@ -59,7 +60,10 @@ def plays_family(
         counts[:] = 2
     layout = Layout(radii=radii, reach=ends, counts=counts, heights=np.zeros(int(counts.sum())))
     count = PLANT + STATE + len(layout.heights)
-    columns = [*np.eye(count)[: 6 if free_state else 4]]
+    columns = [*np.eye(count)[: 5 if free_state else 3]]
+    constant = np.zeros(count)
+    constant[PLANT + STATE :][: counts[0]] = 1.0  # of the play that is the displacement itself
+    columns.insert(PLANT, constant)
     slopes, curves, first_curve = [], [], []
     for j, (first, end) in enumerate(zip(layout.first[:-1], layout.first[1:], strict=True)):
         at = np.linspace(-ends[j], ends[j], end - first)
@@ -95,8 +99,9 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     smooth = np.fft.irfft(np.where(use, Y, 0), n)
     path = interpolated(smooth, FINER, "band-limited", motion.periodic)
     own = family.layout
-    plays = plays_along(path, own.radii, FINER, ROUNDS if motion.periodic else 1)[:n]
-    columns = [-(w**2) * Y, 1j * w * Y, Y, n * (w == 0) + 0j]
+    plays = plays_along(np.tile(path, ROUNDS if motion.periodic else 1), own.radii)
+    plays = plays[-len(path) :: FINER][:n]
+    columns = [-(w**2) * Y, 1j * w * Y, Y]
     columns += [np.zeros(len(w))] * STATE
     for j, (first, end) in enumerate(zip(own.first[:-1], own.first[1:], strict=True)):
         count = end - first
@@ -139,6 +144,22 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
         q = q.copy()
         q[4] = motion.displacement[0]
     return Equation(bic, rms, family.words["reach"], family, q)
+
+
+def plays_along(
+    path: Float[np.ndarray, " fine"], radii: Float[np.ndarray, " plays"]
+) -> Float[np.ndarray, "fine plays"]:
+    """The plays of some radii along a path from 0: what the law of plays gives, of one at a time."""
+    dt = clock(len(path), 0.0)
+    state = {"u": 0.0, "speed": 0.0, "z": np.zeros(1)}
+    found = np.empty((len(path), len(radii)))
+    for k, radius in enumerate(radii):
+        one = {
+            "plays": 1, "thresholds": [radius], "rates": [0.0], "weights": [1.0], "slope": 0.0,
+            "offset": 0.0, "leading": 0, "nested": 1,
+        }  # fmt: skip
+        found[:, k] = run(numbers_of(node("plays", one, state)), path, dt).value
+    return found
 
 
 def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equation]:

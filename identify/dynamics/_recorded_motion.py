@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import Oscillator, RateState, Record, decimated, interpolated
-from hysteresis.dynamics._fast_path import Compiled
+from hysteresis import Oscillator, Record, decimated, interpolated
 
 from ._measured_motion import EVEN, REPEATED, even_clock, period_of
 
@@ -109,6 +108,7 @@ class RecordedMotion:
         fine = interpolated(once, substeps, "band-limited", True)
         found, state = self._run(fine, dt / substeps, None, periodic=True)
         for _ in range(MOST_PERIODS):
+            state = state._replace(t=jnp.zeros_like(state.t))
             new, state = self._run(fine, dt / substeps, state, periodic=True)
             apart = float(np.abs(new - found).max())
             found = new
@@ -118,11 +118,11 @@ class RecordedMotion:
 
     def _moved(
         self, force: np.ndarray, substeps: int, dt: float, as_fitted: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
+    ) -> tuple[np.ndarray, Any]:
         fine = interpolated(force, substeps, "band-limited")
         start = None
         if as_fitted and any(self.initial):
-            start = np.array([*self.initial[:2], np.nan, self.initial[2]])
+            start = self.model.moving(*self.initial)
         return self._run(fine, dt / substeps, start)
 
     def _run(
@@ -132,27 +132,8 @@ class RecordedMotion:
         that at its end, where the next one begins."""
         count = len(fine)
         fine = np.append(fine, fine[0]) if periodic else fine
-        compiled = Compiled.of(self.model)
-        if compiled is not None:
-            start = compiled.rest()
-            if state is not None:
-                start[: len(state)] = state
-            found, _, after = compiled.run(fine, h, state=start)
-            return found[:count], after
         model = replace(self.model, substeps=1, between="linear")
-        own = model.init()
-        if isinstance(state, np.ndarray):
-            y, v, _, z = state
-            parts = tuple(
-                one._replace(u=jnp.asarray(y), z=jnp.asarray(z))
-                if isinstance(one, RateState)
-                else one
-                for one in own.parts
-            )
-            own = own._replace(displacement=jnp.asarray(y), velocity=jnp.asarray(v), parts=parts)
-        elif state is not None:
-            own = state._replace(t=jnp.zeros_like(state.t))
-        after, found = model.stream(h * np.arange(len(fine)), fine, own)
+        after, found = model.stream(h * np.arange(len(fine)), fine, state)
         return np.asarray(found)[:count], after
 
     @staticmethod

@@ -111,7 +111,7 @@ def fit_oscillator(
     theta = optimum.family.T @ optimum.q
     recorded = RecordedMotion(
         model, motion.dt, oversampling, found.setting.stages, motion.period,
-        (float(theta[4]), float(theta[5]), float(theta[6])), motion.force,
+        (float(theta[3]), float(theta[4]), float(theta[5])), motion.force,
     )  # fmt: skip
     detail = Motion(
         recorded, optimum.chi, motion.sigma, tuple(one.words for one in found.tried), linear,
@@ -162,7 +162,7 @@ def model_of(tried: Tried, substeps: int) -> Oscillator:
     """The oscillator of a fit in its own terms."""
     family, q = tried.found.family, tried.found.q
     theta = family.T @ q
-    m, c, k, constant = theta[:PLANT]
+    m, c, k = theta[:PLANT]
     own = theta[PLANT + STATE :]
     hysteresis: AbstractModel
     if tried.name == "BoucWen":
@@ -175,9 +175,8 @@ def model_of(tried: Tried, substeps: int) -> Oscillator:
         half = len(own) // 2
         hysteresis = DuhemForce(rising=own[:half], falling=own[half:], limit=family.layout.limit)
     else:
-        values, layout = own.copy(), family.layout
-        values[: layout.counts[0]] += constant
-        hysteresis = GeneralizedPlays(layout.radii, layout.reach, values, layout.counts.tolist())
+        layout = family.layout
+        hysteresis = GeneralizedPlays(layout.radii, layout.reach, own, layout.counts.tolist())
     return Oscillator(m, max(c, 0.0) if c > -1e-12 else c, k, hysteresis, substeps)
 
 

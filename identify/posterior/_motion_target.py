@@ -1,4 +1,4 @@
-"""The log-posterior of an oscillator whose class has few parameters, by the compiled loop."""
+"""The log-posterior of an oscillator whose class has few parameters, by its law."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +25,7 @@ from ..results._fit_result import FitResult
 from ._log_posterior import NOISE_PRIORS
 
 SIDE_BY_SIDE = 2
-"""Threads: the compiled loop lets others run."""
+"""Threads: the compiled law lets others run."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,6 +182,9 @@ def test_columns_are_the_derivatives(problem: Problem, way: str, request: pytest
         off = np.abs(found.columns[:, k] - wanted)
         # Rounding of the outputs over the step; a kink may lie between the ends.
         assert np.quantile(off, 0.9) <= 1e-6 * (1.0 + np.abs(wanted).max()), k
+    # Numbers that are directions of their own are marked in another way.
+    alone = over_time.tangents(own, np.eye(size)[:, free], u, dt).columns @ dm[free, :4]
+    np.testing.assert_allclose(alone, found.columns[:, :4], rtol=1e-9, atol=1e-9 * np.ptp(alone))
     # A root is one step of Newton's nearer.
     again = over_time.run(own, u, dt).value
     np.testing.assert_allclose(found.value, again, rtol=0, atol=1e-14 * np.abs(again).max())

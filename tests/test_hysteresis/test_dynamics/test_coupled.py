@@ -9,8 +9,6 @@ from hysteresis import (
     CoupledOscillators,
     GeneralizedPlays,
     InputError,
-    Oscillator,
-    Sum,
     parameters,
 )
 
@@ -24,15 +22,6 @@ FORCE = 40 * np.sin(2 * np.pi * (18 * T + 40 * T**2)) * np.minimum(1, 20 * T)
 
 def chain(*links, **options) -> CoupledOscillators:
     return CoupledOscillators(MASS, DAMPING, STIFFNESS, links or (SPRING, PLAYS), **options)
-
-
-def test_a_chain_of_one_mass_is_an_oscillator():
-    options = {"substeps": 4}
-    link = Sum(SPRING, PLAYS)
-    one = CoupledOscillators([1.7], [12.0], [4.5e4], (link,), **options)
-    plant = Oscillator(1.7, 12.0, 4.5e4, link, **options)
-    got, wanted = (np.asarray(m.simulate(T[:60], FORCE[:60])) for m in (one, plant))
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_matrices_of_a_chain_are_the_chain():

@@ -1,15 +1,27 @@
-"""An oscillator: order of convergence, energy, the linear limit, the compiled loop and its recorder."""
+"""An oscillator: its law and JAX, order of convergence, energy, the linear limit, and its recorder."""
+
+from dataclasses import replace
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import firwin, lfilter
 
 import hysteresis
-from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator, Sum
-from hysteresis.dynamics._fast_path import Compiled
+from hysteresis import (
+    BoucWenForce,
+    CoupledOscillators,
+    DuhemForce,
+    GeneralizedPlays,
+    InputError,
+    Oscillator,
+    Sum,
+)
+from hysteresis.dynamics._layout import MOTION, clock, layout_of
+from hysteresis.running import numbers_of, place_of, run, tangents
 from tests.thorough import rest_thorough
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
@@ -26,40 +38,59 @@ def plant(hysteresis: hysteresis.AbstractModel = MIXED, **options) -> Oscillator
 @pytest.mark.parametrize(
     "spring", rest_thorough([ANY, MIXED, Sum(MIXED, PLAYS)], 1), ids=["duhem", "mixed", "sum"]
 )
-def test_the_compiled_loop_is_the_step_of_the_model(spring: hysteresis.AbstractModel):
+def test_the_law_is_a_chain_of_one_mass(spring: hysteresis.AbstractModel):
+    """Which is written in JAX; its input may be held, too."""
     model = plant(spring, substeps=5)
-    assert Compiled.of(model) is not None
-    fast = model.displacement(T, FORCE, starts=(0, 120))
-    law = np.asarray(
-        eqx.filter_jit(lambda m: m.evaluate(m.prepare(T, FORCE, starts=(0, 120))))(model)
-    )
-    np.testing.assert_allclose(fast, law, rtol=0, atol=1e-12 * np.abs(law).max())
+    chain = CoupledOscillators([1.7], [12.0], [4.5e4], (spring,), substeps=5)
+    law = model.displacement(T, FORCE, starts=(0, 120))
+    wanted = np.asarray(chain.simulate(T, FORCE, starts=(0, 120)))
+    np.testing.assert_allclose(law, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
-def test_what_the_loop_does_not_know_is_run_by_jax():
+def test_what_the_law_does_not_know_is_run_by_jax():
     bent = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=300.0, n=1.5)
-    for model in (plant(bent), plant(hysteresis.BoucWen(4e4, 0.3, 3e-4))):
-        assert Compiled.of(model) is None
-    model = plant(hysteresis.BoucWen(4e4, 0.3, 3e-4), substeps=4)
-    assert np.isfinite(model.displacement(T[:40], FORCE[:40])).all()
+    for spring in (bent, hysteresis.BoucWen(4e4, 0.3, 3e-4)):
+        model = plant(spring, substeps=4)
+        found = model.displacement(T[:40], FORCE[:40])
+        state, rest = model.stream(T[:20], FORCE[:20])
+        assert np.isfinite(found).all()
+        assert np.ptp(found) > 0
+        rest = np.r_[rest, model.stream(T[20:40], FORCE[20:40], state)[1]]
+        np.testing.assert_allclose(rest, found, rtol=0, atol=1e-12)
 
 
-def test_sensitivities_are_derivatives():
-    """Against central differences of so small a step that no turning point changes its place."""
-    compiled = Compiled.of(plant(Sum(MIXED, PLAYS)))
-    assert compiled is not None
-    fine = hysteresis.interpolated(FORCE, 10, "linear")
-    _, by, _ = compiled.run(fine, 1 / 7500, every=10)
-    theta = compiled.theta
-    for k in [0, 1, 2, 3, *range(7, len(theta))]:
-        step = 1e-7 * max(abs(theta[k]), 1.0)
-        ends = []
-        for sign in (1, -1):
-            moved = theta.copy()
-            moved[k] += sign * step
-            ends.append(compiled.changed(moved).run(fine, 1 / 7500)[0][::10])
+def test_a_motion_begins_as_it_is_said():
+    """In one sixteenth of a period of the undamped oscillation, and the same in JAX."""
+    model, w = plant(BoucWenForce(alpha=1e-9), substeps=40), np.sqrt(4.5e4 / 1.7)
+    t = np.array([0.0, np.pi / (8 * w)])
+    slow = plant(BoucWenForce(alpha=1e-9, n=2.0), substeps=40)
+    for one in (model, slow):
+        _, y = replace(one, damping=jnp.asarray(1e-12)).stream(t, [0.0, 0.0], one.moving(1e-3, 0.2))
+        wanted = 1e-3 * np.cos(w * t) + 0.2 / w * np.sin(w * t)
+        np.testing.assert_allclose(y, wanted, rtol=1e-3)
+
+
+@pytest.mark.parametrize("spring", [MIXED, Sum(MIXED, PLAYS)], ids=["rate", "plays"])
+def test_an_oscillator_by_its_numbers_and_its_first_motion(spring):
+    layout, rows = layout_of(spring), np.repeat(FORCE, 4)
+    assert layout is not None
+    numbers = numbers_of(layout.tree(list(jnp.array([1.7, 12.0, 4.5e4])), 2))
+    known, m = numbers.known, np.asarray(numbers.m)
+    places = [*known.free, *(place_of(known, name) for name in MOTION)]
+    dm = np.zeros((len(m), len(places)))
+    dm[places, range(len(places))] = 1.0
+    dt = clock(len(rows), 1 / 3000)
+    found = tangents(numbers, dm, rows, dt)
+    np.testing.assert_allclose(found.value, run(numbers, rows, dt).value, rtol=0, atol=1e-15)
+    for k, size in enumerate([*np.abs(m[list(known.free)]), 1e-3, 0.1, 10.0]):
+        step = 1e-7 * max(size, 1e-3)
+        ends = [run(numbers._replace(m=m + s * step * dm[:, k]), rows, dt).value for s in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * step)
-        assert np.abs(slope - by[:, k]).max() <= 2e-3 * np.abs(slope).max() + 1e-12, k
+        assert np.abs(found.columns[:, k] - slope).max() <= 1e-3 * np.abs(slope).max() + 1e-12, k
+    # Two directions at once, and a part of the rows.
+    both = tangents(numbers, dm[:, :4] @ np.array([[1.0], [2], [0], [3]]), rows, dt, kept=(7, 5))
+    wanted = found.columns[7::5, :4] @ [1.0, 2, 0, 3]
+    np.testing.assert_allclose(both.columns[:, 0], wanted, rtol=0, atol=1e-9 * np.ptp(wanted))
 
 
 @pytest.mark.parametrize(("integrator", "order"), [("newmark", 2), ("runge-kutta", 4)])
@@ -89,11 +120,10 @@ def test_the_linear_limit_has_the_analytic_frequency_response():
     """Without hysteresis, in steady state; the trapezoidal rule shifts frequencies by (w h)^2 / 12."""
     n, f0 = 1024, 8
     model = Oscillator(2.0, 60.0, 5e4, BoucWenForce(alpha=1e-9))
-    compiled = Compiled.of(model)
-    assert compiled is not None
     u = np.cos(2 * np.pi * f0 * np.arange(n) / n) * 10
-    fine = hysteresis.interpolated(u, 40, periodic=True)
-    y, _, _ = compiled.run(fine, 1 / (750 * 40), warm=3)
+    fine = np.tile(hysteresis.interpolated(u, 40, periodic=True), 4)
+    model = replace(model, substeps=1)
+    y = model.displacement(np.arange(len(fine)) / (750 * 40), fine)[-40 * n :]
     w = 2 * np.pi * f0 * 750 / n
     wanted = 10 / (5e4 - 2.0 * w**2 + 60j * w)
     got = 2 * np.fft.rfft(y[::40])[f0] / n
@@ -102,18 +132,19 @@ def test_the_linear_limit_has_the_analytic_frequency_response():
 
 def test_energy_balance():
     """The work of the force is what mass and spring hold and damper and hysteresis took."""
-    model = plant(Sum(MIXED, PLAYS))
-    compiled = Compiled.of(model)
-    assert compiled is not None
+    model = plant(Sum(MIXED, PLAYS), substeps=1)
     h, fine = 1 / 30000, hysteresis.interpolated(FORCE, 40)
-    y, _, _ = compiled.run(fine, h)
+    y = model.displacement(h * np.arange(len(fine)), fine)
     v = np.gradient(y, h)
     z = fine - 1.7 * np.gradient(v, h) - 12 * v - 4.5e4 * y
     parts = [part.init() for part in model.parts]
     thin = slice(0, None, 40)
-    own = sum(
-        np.asarray(part.stream(None, y[:4000], state)[1])
-        for part, state in zip(model.parts, parts, strict=True)
+    own = np.sum(
+        [
+            part.stream(None, y[:4000], state)[1]
+            for part, state in zip(model.parts, parts, strict=True)
+        ],
+        0,
     )
     np.testing.assert_allclose(own[20:-20], z[20:3980], rtol=0, atol=2e-3 * np.abs(z).max())
     work = np.cumsum(fine * v) * h
