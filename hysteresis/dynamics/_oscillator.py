@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._law_model import AbstractLawModel
+from .._law_model import AbstractLawModel, LawInput
 from .._model import AbstractModel, Series, Tree, evaluated
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
@@ -34,9 +34,7 @@ class OscillatorLaw(AbstractLawModel):
     hysteresis: AbstractModel
     substeps: int = eqx.field(static=True)
 
-    @property
-    def needs_time(self) -> bool:
-        return True
+    needs_time = True
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
@@ -48,7 +46,7 @@ class OscillatorLaw(AbstractLawModel):
 
     def numbers(self) -> Numbers:
         """The law, at rest."""
-        return numbers_of(self.forwards())
+        return numbers_of(self.tree())
 
 
 @register
@@ -163,9 +161,9 @@ class Oscillator(AbstractModel[Any, Any]):
         return self._run_by().prepare(t, u, state, starts=starts)
 
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
-        inner = self._run_by()
-        law = isinstance(inner, OscillatorLaw)
-        found = inner.evaluate(prepared) if law else evaluated(inner, prepared)
+        # What was prepared says which it is: while JAX traces it may not be known.
+        law = self._law() if isinstance(prepared, LawInput) else None
+        found = law.evaluate(prepared) if law else evaluated(self._chain(), prepared)
         return found[::2] if self.between == "held" else found
 
     def follow(
@@ -201,8 +199,9 @@ class Oscillator(AbstractModel[Any, Any]):
     def _run_by(self) -> Any:
         """Its law, or where there is none, or that is not known yet, a chain of one mass."""
         known = all(is_concrete(x.n) for x in self.parts if isinstance(x, BoucWenForce))
-        if known and (law := self._law()) is not None:
-            return law
+        return (known and self._law()) or self._chain()
+
+    def _chain(self) -> CoupledOscillators:
         m, c, k = (jnp.asarray(x)[None] for x in (self.mass, self.damping, self.stiffness))
         return CoupledOscillators(
             m, c, k, (self.hysteresis,), substeps=self.substeps, integrator=self.integrator

@@ -147,7 +147,7 @@ class _Step:
         ]
         return graph.node("Concat", flat, "reals", axis=0)
 
-    # The nodes of the tree, as in runtime/_tree.py
+    # The nodes of the tree, as in hysteresis/laws/_tree.py
 
     def _part(self, tree: Tree) -> Part:
         part = part_of(tree["kind"], tree["parameters"], len(self.parts))

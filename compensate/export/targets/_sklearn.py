@@ -9,7 +9,7 @@ from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 
 RUNTIME = Path(_file.__file__).parent
-MODULES = ("_compensator.py", "_file.py", "_shape.py", "_status.py", "_tree.py")
+MODULES = ("_compensator.py", "_file.py", "_shape.py", "_status.py")
 LAWS = Path(laws.__file__).parent
 
 
