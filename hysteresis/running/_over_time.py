@@ -16,12 +16,13 @@ from ._compiled import available, is_kept, loop_of, reals_of, table_of
 from ._in_python import in_python
 from ._memory_sizes import NONE, WIDE, WIDELY
 from ._numbers import Numbers, Structure
+from ._text import text_of
 
 LINE = 8
 """Reals in a line of the cache."""
 
-COMPILING = {True: 0.3, False: 3.0}
-"""Seconds until a loop is there: from disk, or compiled."""
+COMPILING = {"kept": 0.3, "line": 0.014}
+"""Seconds until a loop is there: from disk, or compiled, for each line of its text."""
 
 SOME = 64
 """Rows between two looks at the watch."""
@@ -95,7 +96,7 @@ def through(
     """The loop `wanted` over all rows into `outputs`, with `more` arguments; the numbers m after them."""
     key, rows = (numbers.known.structure.bare, wanted), _rows(x, dt)
     first, m, done = _own(numbers.m), np.array(numbers.m, float), 0
-    enough = COMPILING[is_kept(*key)] if available() else np.inf
+    enough = _compiling(*key)
     while done < len(rows.x):
         begun = perf_counter()
         plain = _spent.get(key, 0.0) < enough
@@ -108,6 +109,15 @@ def through(
             _spent[key] = _spent.get(key, 0.0) + perf_counter() - begun
         done = end
     return m
+
+
+def _compiling(structure: Structure, wanted: str) -> float:
+    """Seconds that compiling takes; for ever without numba."""
+    if not available():
+        return np.inf
+    if is_kept(structure, wanted):
+        return COMPILING["kept"]
+    return COMPILING["line"] * text_of(structure, wanted).count("\n")
 
 
 def tangents(

@@ -74,7 +74,7 @@ def without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys((True, False), np.inf))
+    monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys(over_time.COMPILING, np.inf))
 
 
 @some_compiled(FORWARDS)

@@ -156,7 +156,7 @@ def test_compiled_it_is_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch
     y[3] = np.nan
     each = []
     for seconds in (np.inf, 0.0):
-        monkeypatch.setattr(over_time, "COMPILING", {True: seconds, False: seconds})
+        monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys(over_time.COMPILING, seconds))
         each.append(compensator.simulate(t, y))
     for a, b in zip(each[0][:3], each[1][:3], strict=True):
         np.testing.assert_array_equal(a, b)
