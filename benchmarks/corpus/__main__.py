@@ -36,10 +36,6 @@ ROWS = 60
 TOLERANCE = 1e-9
 EXCEPTIONS: dict[str, tuple[float, str]] = {
     "fits": (1e-5, "a solver stops within a tolerance of its own, and flat directions widen it"),
-    "laws/stops-by-span/by parameters": (
-        1e-2,
-        "the first sample lies on the first level: of the slopes on its two sides JAX took the mean",
-    ),
 }
 """Beginnings of names, what their numbers may be off by, and why."""
 
