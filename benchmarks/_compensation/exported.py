@@ -179,7 +179,7 @@ def _python(model: Preisach, y: np.ndarray, value: np.ndarray, folder: Path) -> 
     step, clock = compensator.step, time.perf_counter_ns
     for reading in readings:
         begin = clock()
-        estimate = step(reading)
+        estimate = step(0.0, reading)
         seconds.append(clock() - begin)
         found.append(estimate.value)
     worst = np.abs(np.array(found) - value).max() / np.ptp(value)
