@@ -1,5 +1,6 @@
 """Exported compensators: equal to JAX, how fast, how they bear what comes in a loop."""
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -261,13 +262,9 @@ def _share(found: np.ndarray, value: np.ndarray, percent: float = 100) -> float:
 
 def _instructions(folder: Path, ends: tuple[str, ...]) -> Row:
     """Of the costliest step, beside the operations that the header states."""
-    stated = int(
-        (folder / "it.h")
-        .read_text()
-        .split("A step takes at most\n * ")[1]
-        .split()[0]
-        .replace(",", "")
-    )
+    said = re.search(r"takes at most[\s*]+([\d,]+)", (folder / "it.h").read_text())
+    assert said is not None
+    stated = int(said[1].replace(",", ""))
     what = f"C: instructions of the costliest step, of the {stated:,} operations stated"
     program = _compiled(folder, "counted", "-O2", *ends)
     counts = []

@@ -22,6 +22,6 @@ def inverse_of(model: AbstractModel) -> AbstractCompensator:
         >>> from compensate import inverse_of
         >>> from hysteresis import LinearSponge
         >>> type(inverse_of(LinearSponge(K=2.0))).__name__
-        'LinearSpongeCompensator'
+        'LawCompensator'
     """
     raise InputError("not-a-model", f"a {type(model).__name__} is not a model.")
