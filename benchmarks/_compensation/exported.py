@@ -262,7 +262,7 @@ def _share(found: np.ndarray, value: np.ndarray, percent: float = 100) -> float:
 
 def _instructions(folder: Path, ends: tuple[str, ...]) -> Row:
     """Of the costliest step, beside the operations that the header states."""
-    said = re.search(r"takes at most[\s*]+([\d,]+)", (folder / "it.h").read_text())
+    said = re.search(r"take more than ([\d,]+)", (folder / "it.h").read_text())
     assert said is not None
     stated = int(said[1].replace(",", ""))
     what = f"C: instructions of the costliest step, of the {stated:,} operations stated"
