@@ -24,7 +24,6 @@ from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
 from .dynamics._input_force import InputForce as InputForce
 from .dynamics._input_force import input_force as input_force
 from .dynamics._oscillator import Oscillator as Oscillator
-from .dynamics._oscillator import OscillatorState as OscillatorState
 from .dynamics._rate_form import AbstractRateForm as AbstractRateForm
 from .dynamics._rate_form import BoucWenForce as BoucWenForce
 from .dynamics._rate_form import DuhemForce as DuhemForce
