@@ -1,6 +1,6 @@
 """The user's own folder for compiled programs.
 
-Whoever can write there decides what is run. So it is for this user alone: a folder that is a link, belongs
+Who can write there decides what is run. So it is for this user alone: a folder that is a link, belongs
 to somebody else or can be written by others is neither read nor written.
 """
 

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float
 
 from ._errors import InputError
 from ._model import AbstractModel, Series
-from ._parameter import is_concrete
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -46,9 +45,8 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     """Whether outputs depend on the rate: a class says so, or a property where a parameter decides."""
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
-        known, m = self._numbers()
         t = jnp.asarray(jnp.nan if t0 is None else t0, float)
-        return LawState(jnp.asarray(m[len(m) - known.states :], float), t)
+        return LawState(jnp.asarray(self._numbers().state, float), t)
 
     def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
         if t is None:
@@ -102,12 +100,9 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         return numbers_of(self.tree(depth=OWN) if forwards is None else forwards())
 
     def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
-        known, m = self._numbers()
-        known_now = all(map(is_concrete, (m, state)))
-        xp: Any = np if known_now else jnp
-        m = xp.concatenate([xp.asarray(m)[: len(m) - known.states], xp.asarray(state)])
-        y, after = outputs(Numbers(known, m), u, dt)
-        return jnp.asarray(y), jnp.asarray(after[len(m) - known.states :])
+        numbers = self._numbers().with_state(state)
+        y, after = outputs(numbers, u, dt)
+        return jnp.asarray(y), jnp.asarray(numbers._replace(m=after).state)
 
     def _require_time(self) -> None:
         if self.needs_time:

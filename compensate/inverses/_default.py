@@ -1,4 +1,4 @@
-"""The inverse of a model that is no law of ours: by bisection, after a check that its output rises."""
+"""The inverse of a model without laws: by bisection, after a check that its output rises."""
 
 from typing import Any, NamedTuple
 

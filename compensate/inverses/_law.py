@@ -23,14 +23,12 @@ from hysteresis import (
     is_concrete,
     register,
 )
+from hysteresis._law_model import OWN
 from hysteresis.records._common_part import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Estimate, Status
-
-OWN = 0
-"""Reversals that a Preisach model remembers: as many as it says itself."""
 
 
 class LawState(NamedTuple):
@@ -79,7 +77,7 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         return "sum" in self.known.structure.kinds()
 
     def init(self) -> LawState:
-        first = self.numbers[len(self.numbers) - self.known.states :]
+        first = Numbers(self.known, self.numbers).state
         return LawState(first, jnp.asarray(jnp.nan, float), self.held)
 
     def step(self, state: LawState, t: ArrayLike | None, y: ArrayLike) -> tuple[LawState, Estimate]:
@@ -103,16 +101,14 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         times: Any = xp.zeros(y.shape[:1]) if t is None else xp.asarray(t, y.dtype)
         if xp is np:
             self._check_steps(times)
-        m = xp.concatenate(
-            [xp.asarray(self.numbers)[: self.numbers.shape[-1] - own.shape[-1]], own]
-        )
-        dt = xp.diff(times, prepend=before)
-        found = estimates(Numbers(self.known, m), y, dt, held)
+        numbers = Numbers(self.known, self.numbers).with_state(own)
+        found = estimates(numbers, y, xp.diff(times, prepend=before), held)
         valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
         latest = xp.where(valid, xp.arange(len(times)), -1).max(initial=-1)
         last = xp.where(latest < 0, before, times[latest] if len(times) else before)
         held = found.value[-1] if len(times) else held
-        after = LawState(*(jnp.asarray(x) for x in (found.m[-own.shape[-1] :], last, held)))
+        own = numbers._replace(m=found.m).state
+        after = LawState(*(jnp.asarray(x) for x in (own, last, held)))
         status = told_of_condition(self.model, y, found.status)
         return after, Estimate(jnp.asarray(found.value), jnp.asarray(status))
 

@@ -5,4 +5,4 @@ MOST = 16
 WIDE = 4
 """Columns of tangents at a time."""
 NONE, WIDELY = -1, -2
-"""In place of a column: a parameter without tangents, and one that is no direction of its own."""
+"""In place of a column: a parameter without tangents, and one with several, or with another than 1."""

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from .._parameter import is_concrete
 from ..laws._tree import Tree, parts_of
 from ._law import law
 
@@ -56,6 +57,16 @@ class Numbers(NamedTuple):
 
     known: Known
     m: Any
+
+    @property
+    def state(self) -> Any:
+        return self.m[len(self.m) - self.known.states :]
+
+    def with_state(self, state: Any) -> "Numbers":
+        """The same parameters in another state."""
+        xp: Any = np if is_concrete(self.m) and is_concrete(state) else jnp
+        parameters = xp.asarray(self.m)[: len(self.m) - self.known.states]
+        return self._replace(m=xp.concatenate([parameters, xp.asarray(state)]))
 
 
 def with_laws(tree: Tree) -> list[Tree]:

@@ -2,7 +2,7 @@
 
 Compiling a tree that this machine has not seen takes seconds, which a short record is not worth. How much
 is still to come is not known, so plain Python goes on until it has taken as long as compiling would: no
-more than twice the time of whoever had known (the ski-rental problem; Karlin et al. 1988).
+more than twice the shortest time that is possible (the ski-rental problem; Karlin et al. 1988).
 """
 
 from collections.abc import Iterator

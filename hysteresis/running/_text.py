@@ -128,29 +128,22 @@ class Text:
         if kind in AROUND:
             return AROUND[kind](self, node, name)
         if kind == "sum" and name == "find":
-            look = self.function(node, "look")
-            search = self.home.values("sum", "search", {"look": look})
+            look = {"look": self.function(node, "look")}
             moves = [self.call(part, self._follows(part)) for part in inner]
-            return [f"x = {search}(m, n, {node.row}, dt, x)", *moves, "return x"]
+            return [f"x = {self.law(node, 'search', 'dt', 'x', given=look)}", *moves, "return x"]
         if kind == "sum":
             return [f"return {' + '.join(self.call(part, name) for part in inner)}"]
         if kind in WRAPPED:
             (part,) = inner
             if name == "find":
-                back = self.home.values(kind, "back")
-                return [f"return {self.call(part, name, f'{back}(m, n, {node.row}, x)')}"]
-            onward = self.home.values(kind, WRAPPED[kind])
-            return [f"return {onward}(m, n, {node.row}, {self.call(part, name)})"]
+                return [f"return {self.call(part, name, self.law(node, 'back', 'x'))}"]
+            return [f"return {self.law(node, WRAPPED[kind], self.call(part, name))}"]
         if kind == "moving":
             (part,) = inner
-            back = self.home.values(kind, "less_feedback")
-            said = f"{self.status(part)}(m, n)"
-            return [
-                f"h = {self.call(part, name)}",
-                f"return {back}(m, n, {node.row}, h, x, {said})",
-            ]
-        time = "dt, " if law(kind).takes_time(name) else ""
-        return [f"return {self.home.values(kind, name)}(m, n, {node.row}, {time}x)"]
+            back = self.law(node, "less_feedback", "h", "x", f"{self.status(part)}(m, n)")
+            return [f"h = {self.call(part, name)}", f"return {back}"]
+        time = ["dt"] if law(kind).takes_time(name) else []
+        return [f"return {self.law(node, name, *time, 'x')}"]
 
     def _follows(self, node: Node) -> str:
         own = law(node.kind).functions if not node.parts else {}

@@ -43,16 +43,16 @@ def told(
 
 def _told(known: Known, width: int, m: Any, *given: Any) -> tuple[Any, ...]:
     state, t, held, times, y = map(np.asarray, given)
-    m = np.append(np.asarray(m, float)[: len(m) - known.states], state)
+    numbers = Numbers(known, np.asarray(m, float)).with_state(state)
     reading, count = y[:, 0] if y.ndim == 2 else y, len(y)
     rows = np.flatnonzero(np.isfinite(reading) & np.isfinite(times))
     passed, dt = np.diff(times[rows], prepend=t), np.zeros(count)
     dt[rows] = np.where(passed > 0.0, passed, 0.0)
     value, status, said = np.empty(count), np.full(count, float(INVALID)), np.empty((count, width))
-    m = over_time.through("find_told", Numbers(known, m), y, dt, (value, status, said))
+    m = over_time.through("find_told", numbers, y, dt, (value, status, said))
     latest = np.full(count, -1)
     latest[rows] = rows
     latest = np.maximum.accumulate(latest)
     value = np.where(latest < 0, held, value[latest]) if count else value
     last = times[rows[-1]] if len(rows) else t
-    return value, status.astype(int), said, m[len(m) - known.states :], np.asarray(last)
+    return value, status.astype(int), said, Numbers(known, m).state, np.asarray(last)

@@ -48,8 +48,13 @@ def on_host(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
     """`run` of NumPy's arrays, at once, or called back from JAX's program: without derivatives."""
     if all(map(is_concrete, given)):
         return run(*given)
-    traced = [jnp.asarray(z, float) for z in given]
-    return jax.pure_callback(partial(_lanes, run, _axes(traced)), kinds, *traced, vmap_method=_EACH)
+    return _called_back(run, kinds, *(jnp.asarray(z, float) for z in given))
+
+
+def _called_back(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
+    """`run` of NumPy's arrays, over lanes where `vmap` has put some before the arrays' own axes."""
+    host = partial(_lanes, run, tuple(x.ndim for x in given))
+    return jax.pure_callback(host, kinds, *given, vmap_method=_EACH)
 
 
 @cache
@@ -86,9 +91,7 @@ def _differentiable(known: Known, run: Callable[..., Any], tangents: Callable[..
         kinds = (jax.ShapeDtypeStruct(dt.shape, dt.dtype), jax.ShapeDtypeStruct(m.shape, m.dtype))
         if len(given) > 3:
             kinds = (*kinds, jax.ShapeDtypeStruct(dt.shape, jnp.zeros(0, int).dtype))
-        return jax.pure_callback(
-            partial(_lanes, run, _axes(given)), kinds, *given, vmap_method=_EACH
-        )
+        return _called_back(run, kinds, *given)
 
     def by_numbers(m: Any, x: Any, dt: Any) -> Any:
         dm = np.zeros((len(m), len(index)))
@@ -106,20 +109,14 @@ def _differentiable(known: Known, run: Callable[..., Any], tangents: Callable[..
         dy = jnp.zeros_like(out[0])
         if not isinstance(dm, SymbolicZero):
             kind = (jax.ShapeDtypeStruct((*dt.shape, len(index)), dt.dtype),)
-            host = partial(_lanes, by_numbers, _axes((m, x, dt)))
-            dy += jax.pure_callback(host, kind, m, x, dt, vmap_method=_EACH)[0] @ dm[index]
+            dy += _called_back(by_numbers, kind, m, x, dt)[0] @ dm[index]
         if not isinstance(dx, SymbolicZero):
             kind = (jax.ShapeDtypeStruct(dt.shape, dt.dtype),)
-            host = partial(_lanes, by_given, _axes((m, x, dt, dx)))
-            dy += jax.pure_callback(host, kind, m, x, dt, dx, vmap_method=_EACH)[0]
+            dy += _called_back(by_given, kind, m, x, dt, dx)[0]
         rest = [jnp.zeros_like(out[1]), *(np.zeros(o.shape, jax.dtypes.float0) for o in out[2:])]
         return out, (dy, *rest)
 
     return law
-
-
-def _axes(given: Any) -> tuple[int, ...]:
-    return tuple(x.ndim for x in given)
 
 
 def _lanes(one: Callable[..., Any], axes: tuple[int, ...], *given: Any) -> tuple[np.ndarray, ...]:
