@@ -126,7 +126,7 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         self.numbers = jnp.asarray(m, float)
 
     def init(self) -> LawState:
-        first = self.numbers[len(self.numbers) - self.known.states :]
+        first = Numbers(self.known, self.numbers).state
         return LawState(first, jnp.asarray(jnp.nan, float), jnp.asarray(self.low, float))
 
     def restarted(self, state: LawState) -> LawState:

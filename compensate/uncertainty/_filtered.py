@@ -122,7 +122,7 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         if self.numbers is None or self.known is None:
             value = jnp.zeros_like(never)
             return FilteredState((self.model.init(), self.raw.init(), 0.0, inf, 0), never, value)
-        first = self.numbers[len(self.numbers) - self.known.states :]
+        first = Numbers(self.known, self.numbers).state
         return FilteredState(first, never, self.numbers[place_of(self.known, "value")])
 
     def simulate(
