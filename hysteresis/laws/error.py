@@ -53,12 +53,12 @@ class State:
     speed: float
 
 
-ANY_MOTION = {
+ANY_MOTION: dict[str, float | list[float]] = {
     "low": -1e30, "high": 1e30, "least": -1e30, "most": 1e30, "turns": [-1e30, 1e30] * 4, "slow": 0.0,
     "fast": 1e30, "near": 1.0, "factor": 1.0, "timed": 1e30, "growth": 0.0, "hurry": 0.0,
 }  # fmt: skip
 """Of files that do not know for which motions their error was learnt."""
-UNMOVED = {
+UNMOVED: dict[str, float] = {
     "moved": 0, "known": 0, "last": 0.0, "before": 0.0, "earlier": 0.0, "begin": 0.0, "elapsed": 0.0,
     "speed": 0.0,
 }  # fmt: skip
