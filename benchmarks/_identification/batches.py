@@ -1,4 +1,4 @@
-"""Batches: side by side against one by one, bad records, two workers against one, a worker that dies.
+"""Batches: lines in closed form, one by one, bad records, two workers against one, a worker that dies.
 
 python -m benchmarks._identification.batches [--quick] [--json]
 python -m benchmarks._identification.batches --growth 100,1000,10000,100000
@@ -46,11 +46,11 @@ def curves(count: int, first: int = 0) -> list[Record]:
 
 def batch_rows(quick: bool) -> list[Row]:
     """The rows of a table of benchmarks."""
-    return [*_side_by_side(quick), *_bad_record(), *_workers(quick)]
+    return [*_lines(quick), *_bad_record(), *_workers(quick)]
 
 
-def _side_by_side(quick: bool) -> list[Row]:
-    """Both after compiling; the loop is timed on 20 records and scaled to 1,000."""
+def _lines(quick: bool) -> list[Row]:
+    """The loop is timed on 20 records after compiling and scaled to 1,000."""
     records = curves(1000)
     for record in records[:2]:
         identify.fit(record, SPONGE, **SAME)
@@ -58,11 +58,11 @@ def _side_by_side(quick: bool) -> list[Row]:
     for record in records[:20]:
         identify.fit(record, SPONGE, **SAME)
     loop = (time.perf_counter() - begin) / 20 * len(records)
-    identify.fit_many(records, SPONGE)
+    identify.fit_many(records, SPONGE, **SAME)
     taken = []
     for _ in range(3 if quick else 7):
         begin = time.perf_counter()
-        batch = identify.fit_many(records, SPONGE)
+        batch = identify.fit_many(records, SPONGE, **SAME)
         taken.append(time.perf_counter() - begin)
     begin = time.perf_counter()
     batch.table()
@@ -78,7 +78,7 @@ def _side_by_side(quick: bool) -> list[Row]:
         ),
         noted("the same with the table of all of them", loop / (many + table)),
         noted("fit_many of them, s", many, min(taken)),
-        noted("putting one FitResult together when it is asked for, ms", 1e3 * each),
+        noted("the fit of one record when it is asked for, ms", 1e3 * each),
     ]  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def _bad_record() -> list[Row]:
     records = curves(999)
     y = records[0].output
     records.insert(500, Record.from_arrays(np.zeros(ROWS), y))
-    batch = identify.fit_many(records, SPONGE)
+    batch = identify.fit_many(records, SPONGE, **SAME)
     named = list(batch.failed) == ["500"]
     what = "fits delivered of 1,000 of which one is bad and named"
     return [judged(what, len(batch) * named, 999, at_least=True)]
@@ -153,14 +153,14 @@ def _workers(quick: bool) -> list[Row]:
 
 def growth(counts: list[int], chunk: int = 10_000) -> None:
     """Seconds and memory of ever more curves in one process, the table kept and nothing else."""
-    identify.fit_many(curves(1000), SPONGE)
+    identify.fit_many(curves(1000), SPONGE, **SAME)
     print(f"{'curves':>9}{'seconds':>10}{'of these fits':>15}{'us a curve':>12}{'peak MB':>10}")
     for count in counts:
         begin, fitting, rows = time.perf_counter(), 0.0, []
         for first in range(0, count, chunk):
             records = curves(min(chunk, count - first), first)
             since = time.perf_counter()
-            rows += identify.fit_many(records, SPONGE).table()
+            rows += identify.fit_many(records, SPONGE, **SAME).table()
             fitting += time.perf_counter() - since
         seconds = time.perf_counter() - begin
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

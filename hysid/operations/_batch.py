@@ -52,8 +52,6 @@ def batch(
     function = identify.fit
     if selection.is_step:
         function, options = identify.fit_step, step_options(options)
-    else:
-        options = {"noise": "auto"} | options  # as `hysid fit`
     with _workers(scheduler, jobs) as executor:
         found = identify.fit_many(
             _Files(files, selection), executor=executor, out=out, resume=resume, progress=say,

@@ -23,7 +23,6 @@ from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
-from identify.batch._fit_many import SIDE_BY_SIDE
 
 from . import _configuration
 from ._controls import ROLES, settings
@@ -43,6 +42,8 @@ ABOUT = ("value", "file", "target", "made", "stamp")
 """What is remembered of a command: the fit, file and target it is for, and when these were made."""
 FAULTS = (InputError, OSError, RequestError)
 """What is refused with words; any other exception is a fault of ours, and is status 500."""
+CONSTANTS = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
+"""What is compared where a model with named constants is wanted."""
 LARGEST = 4 * 2**30
 """Bytes of an upload."""
 
@@ -90,7 +91,7 @@ class Studio:
             "files": self.folder.listed(),
             "jobs": self.jobs.listed(),
             "models": self._models,
-            "constants": list(SIDE_BY_SIDE),
+            "constants": list(CONSTANTS),
             "targets": [target for target in TARGETS if target not in ("c", "runtime")],
             "roles": ROLES,
             "settings": settings(),

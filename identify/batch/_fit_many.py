@@ -1,55 +1,35 @@
-"""`fit_many`: fit many records, side by side on one machine or distributed over an executor."""
+"""`fit_many`: fit many records, in turn or distributed over an executor."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from itertools import count
 from operator import length_hint
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-import equinox as eqx
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Record
+from hysteresis import InputError, LinearSponge, Record
 from hysteresis._note import ProgressNote
 from hysteresis._precision import in_this_precision, is_double
 from hysteresis._serialisation import described
 
-from ..fitting._candidate import Candidate
 from ..fitting._candidates import Asked, candidates
 from ..fitting._fit import fit
-from ..fitting._verdict import USABLE
-from ..parameters._settings import numbers_of, with_settings
 from ..results._fit_result import FitResult
 from ._executor import MakesExecutor, Unit, done_by
-from ._folder import (
-    Batch,
-    Folder,
-    Kept,
-    digest,
-    held_in_memory,
-    parameter_cells,
-)
-from ._side_by_side import (
-    Problem,
-    Solved,
-    errors_and_statuses,
-    kin,
-    result,
-    side_by_side,
-    structure,
-    unfit,
-)
-from ._worker import HOME, Fault, fit_alone, fit_together, packed, with_templates
+from ._folder import Batch, Folder, Kept, digest, held_in_memory
+from ._line import line_row
+from ._worker import HOME, Fault, fit_alone, packed
 
 Item = Record | tuple[Record, Record | None]
 """A record to fit, or a pair of it and the record to test the fit on."""
 
-SIDE_BY_SIDE = ("LinearSponge", "Burgers", "FoamCurve", "BoucWen")
-"""Names of models that `fit_many` fits by one compiled `vmap`."""
+FOR_A_LINE: dict[str, Any] = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
+"""With these options the fit of a linear sponge has a closed form."""
 
 
 @runtime_checkable
@@ -67,12 +47,6 @@ def fit_many(
     *,
     names: Iterable[str] | None = None,
     executor: Executor | MakesExecutor | None = None,
-    chunk: int | None = None,
-    starts: int = 32,
-    seed: int = 0,
-    conditioning: str = "keep",
-    clocks: str = "keep",
-    noise: str = "gaussian",
     out: str | Path | None = None,
     resume: bool = True,
     progress: Callable[[str], None] | None = None,
@@ -82,14 +56,11 @@ def fit_many(
 ) -> Batch:
     """Fit one model to each of many records. One that cannot be fitted is named and stops nothing.
 
-    Records with the same number of rows and the same starts of their sequences are fitted side by side by
-    one compiled `vmap`, where the model is one of few parameters (`SIDE_BY_SIDE`, or a model without relays
-    to start from), nothing is held out, and `conditioning`, `clocks` and `noise` are as above. That gives
-    what `fit` gives with these options, to the solver's tolerance, but for what it leaves out: no parts of
-    a record are held out from its own fit, so `score` is NaN and `blocks` None. A fit is put together from
-    the arrays when it is asked for, its residuals and verdict with it.
+    Every record has a `fit` of its own, with the same options, in turn or spread over the executor.
 
-    With other options and models every record has a `fit` of its own, in turn or spread over the executor.
+    Many linear sponges are quicker: with `conditioning="keep"`, `clocks="keep"`, `noise="gaussian"`, no
+    other option and no `out` the table comes from a closed form, at thousands of records a second. It has
+    what `fit` finds, but neither verdict nor score. A fit of such a batch is made when it is asked for.
 
     **Arguments:**
 
@@ -98,7 +69,6 @@ def fit_many(
     - `executor`: a `concurrent.futures.Executor`, of threads, of processes, or Dask's
       `Client.get_executor()`; or a function that makes one, and makes it anew where a worker that died
       broke it. Records and fits travel as plain arrays. None: all in this thread.
-    - `chunk`: how many records are fitted side by side; by default as many as 256 MB hold, 1024 at most.
     - `out`: a folder. Each fit is saved below it as soon as it ends, batch.json and batch.csv list them,
       and with `resume` what is there of the same data and settings is not done again.
     - `progress`: called with a line of text now and then.
@@ -116,9 +86,8 @@ def fit_many(
     """
     function = getattr(function, "inner", function)
     if function is fit:
-        own = {"conditioning": conditioning, "clocks": clocks, "noise": noise}
-        options |= own | {"starts": starts, "seed": seed, "model": model}
-    run = _Run(function, options, chunk, progress or (lambda _: None))
+        options["model"] = model
+    run = _Run(function, options, progress or (lambda _: None))
     if out is not None:
         run.folder = Folder(Path(out), run.settings(extra or {}), extra or {}, resume)
     run.total = length_hint(records)
@@ -144,17 +113,13 @@ class _Run:
         self,
         function: Callable[..., FitResult],
         options: dict[str, Any],
-        chunk: int | None,
         say: Callable[[str], None],
     ):
-        self.function, self.options, self.chunk, self.say = function, options, chunk, say
+        self.function, self.options, self.say = function, options, say
         self.asked = candidates(options["model"]) if function is fit else ()
-        self.only: Candidate | None = next(iter(self.asked)) if len(self.asked) == 1 else None
         self.batch, self.begin = Batch(), time.perf_counter()
         self.digests: dict[str, str] = {}
         self.order: list[str] = []
-        self.problems: dict[str, Problem] = {}
-        self.alone: list[tuple[str, Record]] = []
 
     def settings(self, extra: Mapping[str, Any]) -> str:
         """Digest of everything that determines the fit of a record."""
@@ -171,10 +136,6 @@ class _Run:
         """Fit every record, and return the batch."""
         try:
             for unit, outcome in done_by(self._units(items), executor):
-                self._take(unit, outcome)
-            # Of records side by side that failed together each is tried by itself.
-            alone = [self._alone(name, record, None) for name, record in self.alone]
-            for unit, outcome in done_by(alone, executor if alone else None):
                 self._take(unit, outcome)
         except BaseException:
             self._write(finished=False)
@@ -194,8 +155,6 @@ class _Run:
         return replace(batch, kept=kept, failed=failed)
 
     def _units(self, items: Iterable[tuple[str, Item | InputError]]) -> Iterator[Unit]:
-        groups: dict[Any, dict[str, Problem]] = {}
-        most: dict[Any, int] = {}
         for name, item in items:
             if name in self.digests:
                 item = InputError("given-twice", f"{name} is the name of several records.")
@@ -210,23 +169,14 @@ class _Run:
                     self.batch.kept[name] = kept
                     self.batch.skipped.append(name)
                     continue
-                problem = self._problem(train) if test is None else None
             except InputError as error:
                 self._fail(name, error)
                 continue
-            if problem is None:
-                yield self._alone(name, train, test)
-                continue
-            key = kin(problem)
-            if key not in groups:
-                groups[key] = {}
-                most[key] = self.chunk or side_by_side(problem, self.options["starts"])
-            groups[key][name] = problem
-            if len(groups[key]) == most[key]:
-                yield from self._together(groups[key])
-                groups[key] = {}
-        for group in groups.values():
-            yield from self._together(group)
+            if test is None and (line := self._line(train)) is not None:
+                self._keep(name, line)
+            else:
+                arguments = (HOME, self.function, packed(self.options), train, test, is_double())
+                yield Unit((name,), fit_alone, arguments)
 
     def _held(self, name: str, train: Record, test: Record | None) -> Kept | None:
         data = [train.digest(), test and test.digest()]
@@ -235,79 +185,23 @@ class _Run:
         return self.folder.held(name, self.digests[name])
 
     @cached_property
-    def _template(self) -> tuple[AbstractModel, Any, Any] | None:
-        """The model to start from, if the user gave one."""
-        if self.only is None or self.only.template is None:
+    def _threshold(self) -> float | None:
+        """Of the linear sponges that have a closed form, where none but these are asked for."""
+        plain = {name: value for name, value in self.options.items() if name != "model"}
+        asked = next(iter(self.asked), None)
+        if self.folder is not None or plain != FOR_A_LINE or asked is None or len(self.asked) > 1:
             return None
-        start, settings = with_settings(self.only.template, self.options.get("parameters") or {})
-        return start, settings, structure(start)
+        if isinstance(asked.template, LinearSponge):
+            return float(asked.template.threshold)
+        return -np.inf if asked.template is None and asked.kind is LinearSponge else None
 
-    @cached_property
-    def _is_for_vmap(self) -> bool:
-        usual = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
-        known = {*usual, "starts", "seed", "model", "parameters", "allow_float32"}
-        if self.only is None or self.function is not fit or set(self.options) - known:
-            return False
-        if any(self.options[name] != value for name, value in usual.items()):
-            return False
-        if any("prior" in said for said in (self.options.get("parameters") or {}).values()):
-            return False
-        if (template := self.only.template) is not None:
-            return not _has_relays(template) and bool(numbers_of(template))
-        return self.only.name in SIDE_BY_SIDE
-
-    def _problem(self, record: Record) -> Problem | None:
-        """The problem to fit side by side; None for a record that needs a fit of its own."""
-        only = self.only
-        if only is None or not self._is_for_vmap or record.channels or not record.mask.any():
+    def _line(self, record: Record) -> Kept | None:
+        if self._threshold is None or (row := line_row(record, self._threshold)) is None:
             return None
-        u, y = record.input[record.mask], record.output[record.mask]
-        if u.min() == u.max() or y.min() == y.max():
-            return None  # `fit` says what is wrong
-        said = self.options.get("parameters") or {}
-        if self._template is None:
-            start = only.suggested(record)
-            assert start is not None
-            start, settings = with_settings(start, said)
-            return Problem(record, start, False, settings, structure(start))
-        start, settings, shape = self._template
-        if record.time is None:
-            only.suggested(record)  # raises where the model needs a clock
-        return Problem(record, start, not said, settings, shape)
-
-    def _alone(self, name: str, train: Record, test: Record | None) -> Unit:
-        arguments = (HOME, self.function, packed(self.options), train, test, is_double())
-        return Unit((name,), fit_alone, arguments)
-
-    def _together(self, group: dict[str, Problem]) -> Iterator[Unit]:
-        faults = unfit([*group.values()]) if group else {}
-        names = [*group]
-        for k, error in faults.items():
-            self._fail(names[k], error)
-        good = {name: group[name] for k, name in enumerate(names) if k not in faults}
-        if good:
-            self.problems |= good
-            arguments = (
-                with_templates(good.values(), packed),
-                self.options["starts"],
-                self.options["seed"],
-                is_double(),
-            )
-            yield Unit(tuple(good), fit_together, arguments)
+        return Kept(lambda: dict(row), in_this_precision(partial(fit, record, **self.options)))
 
     def _take(self, unit: Unit, outcome: Any) -> None:
-        if isinstance(outcome, Solved):
-            problems = [self.problems.pop(name) for name in unit.names]
-            chunk = _Chunk(problems, outcome, self.options["seed"])
-            for k, name in enumerate(unit.names):
-                if np.isfinite(outcome.squares[k]):
-                    self._keep(name, chunk.kept(k))
-                else:
-                    self._fail(name, _no_start(self.options["starts"]))
-        elif isinstance(outcome, Exception) and unit.function is fit_together:
-            self.say(f"side by side ended in {_explained(outcome)} Each by itself, then")
-            self.alone += [(name, self.problems.pop(name).record) for name in unit.names]
-        elif isinstance(outcome, Exception):
+        if isinstance(outcome, Exception):
             self._fail(unit.names[0], _explained(outcome))
         elif isinstance(outcome, Fault):
             self._fail(unit.names[0], InputError(*outcome[:2], **outcome.words))
@@ -316,8 +210,8 @@ class _Run:
 
     def _keep(self, name: str, found: Kept | FitResult | dict[str, bytes]) -> None:
         if self.folder is not None:
-            fitted = found.fit() if isinstance(found, Kept) else found
-            found = self.folder.put(name, fitted, self.digests[name])
+            assert not isinstance(found, Kept)
+            found = self.folder.put(name, found, self.digests[name])
         self.batch.kept[name] = found if isinstance(found, Kept) else held_in_memory(found)
         self._went(name, "")
 
@@ -334,47 +228,6 @@ class _Run:
             self.folder.write(self.batch, time.perf_counter() - self.begin, finished=False)
 
 
-class _Chunk:
-    """Several problems that are fitted side by side."""
-
-    def __init__(self, problems: list[Problem], solved: Solved, seed: int):
-        self.problems, self.solved, self.seed = problems, solved, seed
-
-    def kept(self, k: int) -> Kept:
-        return Kept(
-            in_this_precision(lambda: self.row(k)),
-            in_this_precision(lambda: result(self.problems[k], self.solved, k, self.seed)),
-        )
-
-    @cached_property
-    def told(self) -> tuple[np.ndarray, np.ndarray]:
-        return errors_and_statuses(self.problems[0].bounds, self.solved)
-
-    def row(self, k: int) -> dict[str, Any]:
-        solved, problem = self.solved, self.problems[k]
-        y = problem.record.output[problem.record.mask]
-        rmse = float(np.sqrt(solved.squares[k] / solved.rows[k]))
-        nrmse = 100 * rmse / float(np.ptp(y)) if np.ptp(y) > 0 else float("nan")
-        good = bool(solved.converged[k]) and nrmse <= USABLE and rmse < float(np.std(y))
-        row = {
-            "model": type(problem.template).__name__, "trusted": good, "rmse": rmse,
-            "nrmse_percent": nrmse, "sigma": solved.sigma(k), "correlation_time": 1.0,
-        }  # fmt: skip
-        errors, status = self.told
-        for j, name in enumerate(problem.bounds.names):
-            honest = float(errors[k, j]) if status[k, j] == "free" else None
-            row |= parameter_cells(name, float(solved.values[k, j]), honest, str(status[k, j]))
-        return row
-
-
-def _no_start(starts: int) -> InputError:
-    return InputError(
-        "no-finite-start",
-        f"from no start, {starts} of them about the one given, has the model a finite output.",
-        fix="give a model to start from whose output is finite over the record.",
-    )
-
-
 def _explained(error: Exception) -> InputError:
     if isinstance(error, InputError):
         return error
@@ -382,12 +235,3 @@ def _explained(error: Exception) -> InputError:
     return InputError(
         "fit-broke", f"its fit ended in {type(error).__name__}: {said}", cause="a fault of ours."
     )
-
-
-def _has_relays(model: Any) -> bool:
-    """Whether a model remembers turning points; what it prepares then differs in size between records."""
-    if type(model).__module__.startswith("hysteresis.preisach"):
-        return True
-    values = [getattr(model, f.name) for f in fields(model)]
-    parts = [p for v in values for p in (v if isinstance(v, tuple) else (v,))]
-    return any(_has_relays(part) for part in parts if isinstance(part, eqx.Module))

@@ -1,6 +1,6 @@
-"""The work of one worker: one fit, or several side by side, in this process or another one."""
+"""The work of one worker: one fit, in this process or another one."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple
 from uuid import uuid4
 
@@ -16,7 +16,6 @@ from ..fitting._candidates import candidates
 from ..fitting._fit import INTERRUPTED, fit
 from ..results._fit_result import FitResult
 from ._folder import files_of
-from ._side_by_side import Problem, Solved, fit_alike
 
 HOME = uuid4().hex
 """Tells this process from others: what was fitted here need not travel."""
@@ -56,19 +55,6 @@ def _interrupts(line: str) -> None:
     """Ctrl-C ends the batch: a fit that it cut short is not one of its results."""
     if isinstance(line, ProgressNote) and line.code == INTERRUPTED:
         raise KeyboardInterrupt
-
-
-def fit_together(problems: list[Problem], starts: int, seed: int, double: bool) -> Solved:
-    with jax.enable_x64(double):
-        return fit_alike(with_templates(problems, unpacked), starts, seed)
-
-
-def with_templates(problems: Iterable[Problem], made: Callable[[Any], Any]) -> list[Problem]:
-    """Problems with other templates, those that share one still sharing it, and nothing beside that cannot
-    be pickled."""
-    problems = list(problems)
-    new = {id(t): made(t) for t in {id(p.template): p.template for p in problems}.values()}
-    return [p._replace(template=new[id(p.template)], structure=None) for p in problems]
 
 
 def packed(tree: Any) -> Any:
