@@ -51,8 +51,9 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     found, readings = [], readings_of(compensator, record)
     for _, rows in record.sequences():
         n = rows.stop - rows.start
-        # A program is compiled for each length, which takes longer than running it. So sequences are
-        # lengthened to a power of two by samples without a reading, which change nothing before them.
+        # Guards, bands and draws are programs of JAX, compiled for each length, which takes longer than
+        # running them. So sequences are lengthened to a power of two by samples without a reading, which
+        # change nothing before them.
         more = (0, (1 << (n - 1).bit_length()) - n)
         t = None if record.time is None else np.pad(record.time[rows], more, mode="edge")
         around = (more, (0, 0))[: readings.ndim]

@@ -9,12 +9,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Bool, Float
 
 from hysteresis import InputError, parameter_at, parameters
 
 from ..parameters._precision import require_double
+from ..parametric._levenberg_marquardt import least_squares
 from ..posterior._chains import Progress
 from ..posterior._emcee import first_walkers, sample_ensembles
 from ..posterior._posterior import Posterior
@@ -267,23 +267,16 @@ def _search(residuals: Callable[[Any], Array], prior: Prior, start: Array, steps
     def residuals_at(z: Array, prior: Prior) -> Array:
         return jnp.ravel(residuals(prior.at(z)))
 
-    def both(z: Array, prior: Prior) -> Array:
-        return jnp.concatenate([residuals_at(z, prior), z])
+    def both(z: Array, prior: Prior) -> tuple[Array, None]:
+        return jnp.concatenate([residuals_at(z, prior), z]), None
 
-    def value_and_aux(z: Array) -> tuple[Array, Array]:
-        value = residuals_at(z, prior)
-        return value, value
-
-    solver = optimistix.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
-    solution = optimistix.least_squares(
-        both, solver, start, args=prior, max_steps=steps, throw=False
-    )
-    z = solution.value
-    jacobian, remaining = jax.jacfwd(value_and_aux, has_aux=True)(z)
+    first = residuals_at(start, prior)
+    found = least_squares(both, start, prior, first.size + start.size, steps)
+    z = found.free
     return _Minimum(
-        z, prior.at(z), prior.values(z), jax.jacfwd(prior.values)(z), jacobian,
-        jnp.sqrt(jnp.mean(remaining**2)), solution.result == optimistix.RESULTS.successful,
-        solution.stats["num_steps"], jnp.isfinite(residuals_at(start, prior)).all(),
+        z, prior.at(z), prior.values(z), jax.jacfwd(prior.values)(z), found.jacobian[: first.size],
+        jnp.sqrt(jnp.mean(found.residuals[: first.size] ** 2)), found.converged, found.steps,
+        jnp.isfinite(first).all(),
     )  # fmt: skip
 
 

@@ -132,7 +132,7 @@ def least_squares(
     residuals: Callable[[Array, Any], tuple[Array, Any]],
     z: Array,
     arguments: Any,
-    rows: Array,
+    rows: Any,
     limit: Any,
 ) -> Found:
     """Levenberg-Marquardt from z, at most `limit` steps; one step evaluates at z and moves nowhere.
