@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ._law import PARSING
 from ._memory_sizes import MOST
 from ._numbers import Structure
 from ._text import text_of
@@ -23,11 +24,14 @@ OUTPUTS = 8
 @cache
 def in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
-    text = ast.fix_missing_locations(_Lists().visit(ast.parse(text_of(structure, wanted))))
+    text = text_of(structure, wanted)
+    with PARSING:
+        tree = ast.fix_missing_locations(_Lists().visit(ast.parse(text)))
+        code = compile(tree, f"<{wanted}>", "exec")
     space: dict[str, Any] = {name: getattr(math, name) for name in MATHS}
     space |= dict.fromkeys((f"mark{count}" for count in range(MOST + 1)), _mark)
     space |= {"spot": _spot, "njit": lambda made: made, "loop": lambda made: made}
-    exec(compile(text, f"<{wanted}>", "exec"), space)
+    exec(code, space)
     # Marks write rows of the table of tangents, which is NumPy's.
     table = (OUTPUTS, OUTPUTS + 1) if "tangents" in wanted else ()
 

@@ -17,11 +17,15 @@ import math
 import tokenize
 from dataclasses import dataclass, field
 from functools import cache
+from threading import RLock
 from types import ModuleType
 
 from ..laws import module_of
 
 HEAD = 2
+
+PARSING = RLock()
+"""Held while a syntax tree is made or compiled: CPython 3.11 fails where two threads do so at once."""
 
 
 @dataclass
@@ -96,4 +100,5 @@ class Law:
 @cache
 def law(kind: str) -> Law:
     """By the name of its file."""
-    return Law(kind, module_of(kind))
+    with PARSING:
+        return Law(kind, module_of(kind))

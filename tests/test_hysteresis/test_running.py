@@ -268,3 +268,25 @@ def test_a_condition_is_taken_before_each_row():
     rows = np.column_stack(walk())
     found = over_time.run(numbers(model), rows, np.zeros(len(rows))).value
     np.testing.assert_allclose(found, model.simulate(None, rows), rtol=0, atol=1e-12)
+
+
+READING = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from hysteresis.running._law import law
+
+def read(kind):
+    for _ in range(20):
+        law.cache_clear()
+        law(kind)
+
+kinds = ["plays", "oscillator", "bouc_wen", "preisach", "maxwell", "chain", "stops", "guard"]
+sys.setswitchinterval(1e-6)
+with ThreadPoolExecutor(8) as pool:
+    list(pool.map(read, kinds))
+"""
+
+
+def test_several_threads_may_read_laws():
+    """Two threads of the search for plays did so first, and failed now and then."""
+    subprocess.run([sys.executable, "-c", READING], check=True)
