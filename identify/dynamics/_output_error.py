@@ -24,6 +24,9 @@ FAR = 30.0
 TRIES = 7
 """So often the damping is raised tenfold before a step is given up."""
 
+PATIENCE = 3
+"""Steps in a row that gain next to nothing: those of a class that does not fit were a fifth of a search."""
+
 PLANT, STATE = 3, 3
 """Mass, damping, stiffness; displacement, velocity and hysteretic force at first."""
 
@@ -195,66 +198,91 @@ def covariance_of(
     return np.linalg.pinv(normal / both, rcond=1e-15, hermitian=True) / both
 
 
+class Place(NamedTuple):
+    """Residuals over the noise's deviation at some unknowns, and their derivatives."""
+
+    left: Float[np.ndarray, " rows"]
+    jacobian: Float[np.ndarray, "rows unknowns"]
+
+
 def levenberg_marquardt(
     setting: Setting,
     family: Family,
     q: Float[np.ndarray, " unknowns"],
     *,
     deviations: Sequence[float] = (),
+    **how: Any,
+) -> Optimum:
+    """Least squares of the displacement from a start, with a Gaussian prior of each group: `steps` at most,
+    until one would gain less than `tolerance` of the sum, with so much `damping` at first."""
+    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
+    return _descended(setting, family, q, deviations, **how)[0]
+
+
+def _descended(
+    setting: Setting,
+    family: Family,
+    q: Float[np.ndarray, " unknowns"],
+    deviations: tuple[float, ...],
+    here: Place | None = None,
     steps: int = 25,
     tolerance: float = 1e-3,
     damping: float = 1e-2,
-) -> Optimum:
-    """Least squares of the displacement from a start, with a Gaussian prior of each group."""
-    y, sigma = setting.motion.displacement, setting.motion.sigma
-    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
-    root = family.prior_root(deviations)
+) -> tuple[Optimum, Place | None]:
+    """Levenberg-Marquardt from q, where residuals may be known already, and the place where it ends.
 
-    def look(at: np.ndarray) -> tuple[Any, Any, float]:
+    Each unknown is damped in its own size. The search has converged where an undamped step would gain less
+    than `tolerance` of the sum of squares, or where `PATIENCE` steps in a row have gained no more. The loop
+    of `parametric` is compiled for each number of unknowns, of which a search has eight: that takes 0.8 to
+    1.3 s each where the whole search takes 26.
+    """
+    y, sigma = setting.motion.displacement, setting.motion.sigma
+    root, count = family.prior_root(deviations), len(q)
+
+    def look(at: np.ndarray) -> Place | None:
         found, jacobian = setting.simulated(family, at)
         if jacobian is None or not np.isfinite(found).all():
-            return None, None, np.inf
-        left = setting.motion.whitened(y - found) / sigma
-        return (
-            left,
-            setting.motion.whitened(jacobian) / sigma,
-            float(left @ left + np.sum((root * at) ** 2)),
-        )
+            return None
+        return Place(*(setting.motion.whitened(x) / sigma for x in (y - found, jacobian)))
 
-    left, J, cost = look(q)
-    count, converged = len(q), False
-    if not np.isfinite(cost):
-        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y))
-    for _ in range(steps):
-        normal = J.T @ J + np.diag(root**2)
-        right = J.T @ left - root**2 * q
+    def cost_of(place: Place | None, at: np.ndarray) -> float:
+        if place is None:
+            return np.inf
+        return float(place.left @ place.left + np.sum((root * at) ** 2))
+
+    here = here or look(q)
+    if here is None:
+        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y)), None
+    cost, still, converged = cost_of(here, q), 0, False
+    for step_number in range(steps + 1):
+        normal = here.jacobian.T @ here.jacobian + np.diag(root**2)
+        right = here.jacobian.T @ here.left - root**2 * q
         size = np.sqrt(np.diag(normal)) + 1e-300
-        scaled, failures = normal / np.outer(size, size), 0
-        while True:
-            step = np.linalg.solve(scaled + damping * np.eye(count), right / size) / size
-            new = look(q + step)
-            if new[2] < cost or failures == TRIES:
+        scaled, right = normal / np.outer(size, size), right / size
+        gain = right @ np.linalg.solve(scaled + 1e-12 * np.eye(count), right)
+        converged = converged or bool(gain < tolerance * cost) or still == PATIENCE
+        if converged or step_number == steps:
+            break
+        least = damping
+        for _ in range(TRIES + 1):
+            new = q + np.linalg.solve(scaled + damping * np.eye(count), right) / size
+            there = look(new)
+            if cost_of(there, new) < cost:
                 break
-            failures += 1
             damping = max(damping, 1e-8) * 10
-        if not new[2] < cost:
+        if there is None or not cost_of(there, new) < cost:
             converged = True  # rounding: no step is better
             break
-        gain = (cost - new[2]) / cost
-        q = q + step
-        left, J, cost = new
-        damping = max(damping * (1.0 if failures else 0.1), 1e-12)
-        if gain < tolerance and damping < 1e-3:
-            converged = True
-            break
-    normal = J.T @ J + np.diag(root**2)
+        before, cost = cost, cost_of(there, new)
+        still = still + 1 if before - cost < tolerance * before else 0
+        q, here = new, there
+        damping = max(damping * (1.0 if damping > least else 0.1), 1e-12)
     effective = count
     if len(family.groups):
         held = np.concatenate([group for group, _ in family.groups])
         effective = count - float(np.sum(np.diag(covariance_of(normal))[held] * root[held] ** 2))
-    return Optimum(
-        family, q, float(left @ left) / len(y), normal, deviations, effective, converged, len(y)
-    )
+    chi = float(here.left @ here.left) / len(y)
+    return Optimum(family, q, chi, normal, deviations, effective, converged, len(y)), here
 
 
 def with_evidence(
@@ -270,16 +298,10 @@ def with_evidence(
 ) -> Optimum:
     """Least squares with the deviation of each prior where the evidence is greatest (MacKay 1992)."""
     deviations = tuple(deviations) or tuple(d for _, d in family.groups)
-    found = None
+    found, here = None, None
     for _ in range(rounds if family.groups else 1):
-        found = levenberg_marquardt(
-            setting,
-            family,
-            q,
-            deviations=deviations,
-            steps=steps,
-            tolerance=tolerance,
-            damping=damping,
+        found, here = _descended(
+            setting, family, q, deviations, here, steps=steps, tolerance=tolerance, damping=damping
         )
         if not np.isfinite(found.chi):
             return found
