@@ -15,14 +15,14 @@ WIDEST = 2.0
 class Skewness(NamedTuple):
     """Of the marginals, in standard deviations: mean - top, and the third central moment."""
 
-    shift: Float[np.ndarray, "*fits parameters"]
-    skew: Float[np.ndarray, "*fits parameters"]
+    shift: Float[np.ndarray, " parameters"]
+    skew: Float[np.ndarray, " parameters"]
 
-    def displaced(self, deviations: float) -> Float[np.ndarray, "*fits parameters"]:
+    def displaced(self, deviations: float) -> Float[np.ndarray, " parameters"]:
         """By how much both ends of an interval of +- so many deviations lie higher."""
         return self.shift + self.skew * (deviations**2 - 1) / 6
 
-    def deviate(self, x: Float[np.ndarray, "*fits parameters"]) -> np.ndarray:
+    def deviate(self, x: Float[np.ndarray, " parameters"]) -> np.ndarray:
         """The normal deviate that stands for x deviations from the top."""
         a = self.skew / 6
         away = x - self.shift + a
@@ -30,18 +30,17 @@ class Skewness(NamedTuple):
 
 
 def points_about(
-    z: Float[np.ndarray, "*fits parameters"],
-    covariance: Float[np.ndarray, "*fits parameters parameters"],
-) -> Float[np.ndarray, "*fits points parameters"]:
+    z: Float[np.ndarray, " parameters"],
+    covariance: Float[np.ndarray, "parameters parameters"],
+) -> Float[np.ndarray, "points parameters"]:
     """Where `skewness` wants the score."""
     ways = STEP * _ways(covariance)
-    away = np.concatenate([np.zeros_like(ways[..., :1, :]), ways, -ways], -2)
-    return z[..., None, :] + away
+    return z + np.concatenate([np.zeros_like(ways[:1]), ways, -ways])
 
 
 def skewness(
-    scores: Float[np.ndarray, "*fits points parameters"],
-    covariance: Float[np.ndarray, "*fits parameters parameters"],
+    scores: Float[np.ndarray, "points parameters"],
+    covariance: Float[np.ndarray, "parameters parameters"],
 ) -> Skewness:
     """From the score, d log p / dz, at `points_about` a posterior's top.
 
@@ -56,24 +55,23 @@ def skewness(
     Moments and cumulants in the specification of distributions, Rev. Int. Stat. Inst. 5 (1938).
     """
     ways = _ways(covariance)
-    count, n = ways.shape[-2:]
-    above, below = scores[..., 1 : 1 + count, :], scores[..., 1 + count :, :]
+    count, n = ways.shape
+    above, below = scores[1 : 1 + count], scores[1 + count :]
     with np.errstate(invalid="ignore", over="ignore"):
-        bent = (above + below - 2 * scores[..., :1, :]) / STEP**2
-        shift = (ways[..., n:, :] @ bent[..., :n, :].sum(-2)[..., None])[..., 0] / 2
-        skew = (ways[..., n:, :] * bent[..., n:, :]).sum(-1)
+        bent = (above + below - 2 * scores[:1]) / STEP**2
+        shift = ways[n:] @ bent[:n].sum(0) / 2
+        skew = (ways[n:] * bent[n:]).sum(1)
     # Of more than a deviation the expansion knows nothing.
     return Skewness(*(np.clip(np.where(np.isfinite(x), x, 0.0), -1.0, 1.0) for x in (shift, skew)))
 
 
 def _ways(covariance: np.ndarray) -> np.ndarray:
     """Columns of L, then v_i; nothing along what the data leave open."""
-    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
+    variance = np.diagonal(covariance)
     with np.errstate(invalid="ignore"):
         known = (variance > 0) & (variance < WIDEST**2)
-    both = known[..., :, None] & known[..., None, :]
-    C = np.where(both, covariance, 0.0)
+    C = np.where(np.outer(known, known), covariance, 0.0)
     sizes, vectors = np.linalg.eigh(C)
-    roots = np.swapaxes(vectors * np.sqrt(np.maximum(sizes, 0.0))[..., None, :], -1, -2)
+    roots = (vectors * np.sqrt(np.maximum(sizes, 0.0))).T
     sd = np.sqrt(np.where(known, variance, 1.0))
-    return np.concatenate([roots, C / sd[..., :, None]], -2)
+    return np.concatenate([roots, C / sd[:, None]])

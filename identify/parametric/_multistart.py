@@ -95,23 +95,18 @@ def multi_start(
     return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
 
 
-def thinned_rows(
-    record: Record, most: int, turning: bool = True
-) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
+def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
     """About `most` rows of a record and the starts among them: enough to look for a start.
 
     Every k-th sequence is kept where there are many. Of each, blocks of rows give those of the least and
-    the greatest input, so that `turning` points stay; else every k-th row. Up to twice `most` all are kept.
+    the greatest input, so that turning points stay. Up to twice `most` all are kept.
     """
     sequences = [rows for _, rows in record.sequences()]
     if len(record) <= 2 * most:
         return np.arange(len(record)), tuple(rows.start for rows in sequences)
     few = sequences[:: max(1, min(len(record) // most, len(sequences) // 8))]
     stride = -(-sum(rows.stop - rows.start for rows in few) // most)
-    if turning:
-        kept = [rows.start + _extremes(record.input[rows], 2 * stride) for rows in few]
-    else:
-        kept = [np.arange(rows.start, rows.stop, stride) for rows in few]
+    kept = [rows.start + _extremes(record.input[rows], 2 * stride) for rows in few]
     starts = np.cumsum([0, *(len(rows) for rows in kept[:-1])])
     return np.concatenate(kept), tuple(int(k) for k in starts)
 

@@ -46,8 +46,8 @@ def rescaled(
 
 def statuses(
     bounds: Transform,
-    free: Float[np.ndarray, "*fits parameters"],
-    error: Float[np.ndarray, "*fits parameters"],
+    free: Float[np.ndarray, " parameters"],
+    error: Float[np.ndarray, " parameters"],
 ) -> np.ndarray:
     """Of every parameter "free", "at bound" or "unidentified", from the free vector and its errors.
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from hysteresis import AbstractModel, Record
 from hysteresis._serialisation import decoded
 from hysteresis.curves import PolynomialCurve
+from hysteresis.running import numbers_of, run
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
@@ -251,12 +252,8 @@ class DiscreteSpectrum:
 
 
 def folded(curve: PolynomialCurve, state: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
-    """The curve at these states, in NumPy: no program is compiled for every number of rows."""
-    low, high = float(curve.low), float(curve.high)
-    polynomial = np.polynomial.Polynomial(np.asarray(curve.coefficients))
-    x = (2 * state - low - high) / (high - low)
-    inside = np.clip(x, -1.0, 1.0)
-    return np.asarray(polynomial(inside) + polynomial.deriv()(inside) * (x - inside))
+    """The curve at these states, by its law, which is not compiled for every number of rows."""
+    return run(numbers_of(curve.tree()), state, np.zeros(len(state))).value
 
 
 Detail: TypeAlias = (

@@ -57,8 +57,3 @@ def test_what_is_open_or_not_a_number_displaces_nothing() -> None:
     assert not np.any(bent.skew[1:])
     nothing = skewness(np.full_like(points, np.nan), covariance)
     np.testing.assert_array_equal(nothing.displaced(NINETY), np.zeros(3))
-    many = skewness(
-        np.stack([score(points_about(np.zeros(1), np.eye(1) * SIZE**2))] * 2),
-        np.stack([np.eye(1) * SIZE**2] * 2),
-    )
-    np.testing.assert_array_equal(many.shift[0], of_log().shift)
