@@ -16,8 +16,7 @@ from .calibration._optimal_design import Choice, choose
 from .comparison._change import Change, ParameterChange, change
 from .comparison._compare import Compared, Comparison, Difference, Pair, compare, compare_candidates
 from .comparison._pooling import Interval, Pooled, PooledParameter, pool
-from .comparison._psis_loo import Loo, loo
-from .comparison._trend import ChangeOverTime, ParameterTrend, change_over_time
+from .comparison._psis_loo import Loo
 from .diagnostics._profile_likelihood import Profile, profile, profiles
 from .diagnostics._residual_breakdown import Breakdown, breakdown
 from .diagnostics._sensitivity import Sensitivity, sensitivity
@@ -81,7 +80,6 @@ __all__ = [
     "Calibration",
     "Candidate",
     "Change",
-    "ChangeOverTime",
     "Characteristic",
     "Choice",
     "Compared",
@@ -108,7 +106,6 @@ __all__ = [
     "Pair",
     "Parameter",
     "ParameterChange",
-    "ParameterTrend",
     "Parametric",
     "Pooled",
     "PooledParameter",
@@ -130,7 +127,6 @@ __all__ = [
     "breakdown",
     "calibrate",
     "change",
-    "change_over_time",
     "choose",
     "compare",
     "compare_candidates",
@@ -151,7 +147,6 @@ __all__ = [
     "internal",
     "load",
     "load_posterior",
-    "loo",
     "metrics",
     "multisine",
     "pool",

@@ -19,23 +19,17 @@ def compare(
         float,
         typer.Option(help="With --change: the relative difference that counts as a change."),
     ] = 0.05,
-    times: Annotated[
-        str,
-        typer.Option(
-            metavar="T[,T]", help="With --change: when the data of each fit were measured."
-        ),
-    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Rank models of the same data, or test for a change.
 
-    With --change the folders are fits of one model to different data, in order of time.
+    With --change the folders are two fits of one model to different data: before, after.
     """
     start_jax()
     from ..operations import _compare  # after JAX is set up
 
     if change:
-        document = _compare.change(folders, margin, _compare.parse_times(times))
+        document = _compare.change(folders, margin)
         lines = _compare.change_lines(document)
     else:
         document = _compare.compare(folders)

@@ -29,44 +29,25 @@ def compare(folders: Sequence[Path]) -> dict[str, Any]:
     }
 
 
-def change(
-    folders: Sequence[Path], margin: float, times: Sequence[float] | None = None
-) -> dict[str, Any]:
-    """One model on different data: what changed between two, or how it went with time over more."""
+def change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
+    """One model on two data sets: what changed from the first to the second."""
     places = _places(folders)
     names, fits = list(places), list(places.values())
-    if len(fits) < 3 and times is None:
-        if len(fits) < 2:
-            raise InputError(
-                "too-few-fits",
-                "A change needs at least two fits.",
-                place=str(folders[0]),
-                fix="Name the folders in order of time: before, after.",
-            )
-        found = identify.change(*fits, margin=margin)
-        figures = {k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")}
-    else:
-        when = list(range(len(fits))) if times is None else list(times)
-        found = identify.change_over_time(fits, when)
-        figures = {"times": when}
+    if len(fits) != 2:
+        raise InputError(
+            "too-few-fits" if len(fits) < 2 else "bad-option",
+            f"A change is between two fits; {', '.join(names)} {'is' if len(fits) < 2 else 'are'} given.",
+            place=str(folders[0]),
+            fix="Name two folders in order of time: before, after.",
+        )
+    found = identify.change(*fits, margin=margin)
     return {
         "models": names,
         "parameters": [p._asdict() | {"clear": p.clear} for p in found.parameters],
         "left_out": found.left_out,
-        **figures,
+        **{k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")},
         "words": list(found.words),
     }
-
-
-def parse_times(text: str) -> list[float] | None:
-    """Numbers with commas between; None where there are none. Raises `InputError` `bad-option`."""
-    try:
-        return [float(part) for part in text.split(",")] if text else None
-    except ValueError:
-        raise InputError(
-            "bad-option",
-            f"--times {text} is not a list of numbers separated by commas, one for each fit.",
-        ) from None
 
 
 def comparison_lines(document: dict[str, Any]) -> list[str]:
@@ -96,24 +77,13 @@ def change_lines(document: dict[str, Any]) -> list[str]:
     columns = {
         "parameter": [p["name"] for p in listed],
         "unit": [pretty(p["unit"]) or "1" for p in listed],
+        "before": [number(p["before"], p["error"]) for p in listed],
+        "after": [number(p["after"], p["error"]) for p in listed],
+        "difference": [f"{number(p['difference'])} ± {p['error']:.2g}" for p in listed],
+        "": [_part(p["difference"], p["before"]) for p in listed],
+        "p": ["< 0.0001" if p["p_holm"] < 1e-4 else f"{p['p_holm']:.2g}" for p in listed],
     }
-    if "times" in document:
-        said = f"{len(document['times'])} records from time {document['times'][0]:g} on:"
-        columns |= {
-            "at first": [number(p["first"]) for p in listed],
-            "at last": [number(p["last"]) for p in listed],
-            "": [_part(p["last"] - p["first"], p["first"]) for p in listed],
-        }
-    else:
-        said = " -> ".join(document["models"])
-        columns |= {
-            "before": [number(p["before"], p["error"]) for p in listed],
-            "after": [number(p["after"], p["error"]) for p in listed],
-            "difference": [f"{number(p['difference'])} ± {p['error']:.2g}" for p in listed],
-            "": [_part(p["difference"], p["before"]) for p in listed],
-        }
-    columns["p"] = ["< 0.0001" if p["p_holm"] < 1e-4 else f"{p['p_holm']:.2g}" for p in listed]
-    return [said, "", *_table(columns, left=2), "", *document["words"]]
+    return [" -> ".join(document["models"]), "", *_table(columns, left=2), "", *document["words"]]
 
 
 def _places(folders: Sequence[Path]) -> dict[str, Path]:

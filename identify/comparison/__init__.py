@@ -1,1 +1,1 @@
-"""Comparing fits: information criteria, PSIS-LOO, change, trend, pooling."""
+"""Comparing fits: information criteria, PSIS-LOO, change, pooling."""

@@ -45,16 +45,6 @@ def loo(log_likelihood: Float[np.ndarray, "draws rows"]) -> Loo:
 
     Source: Vehtari, Gelman, Gabry, Practical Bayesian model evaluation using leave-one-out
     cross-validation and WAIC, Statistics and Computing 27 (2017).
-
-    In the example: 400 draws of a mean, 50 measurements of it.
-
-    **Example:**
-
-        >>> mean = 0.1 * np.random.default_rng(0).normal(size=(400, 1))
-        >>> y = np.random.default_rng(1).normal(size=50)
-        >>> found = identify.loo(-0.5 * (y - mean) ** 2 - 0.5 * np.log(2 * np.pi))
-        >>> f"{found.elpd:.1f} ± {found.error:.1f}", found.unreliable
-        ('-65.8 ± 5.0', 0)
     """
     draws, rows = log_likelihood.shape
     pointwise, k = np.empty(rows), np.empty(rows)

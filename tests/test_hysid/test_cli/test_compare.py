@@ -14,14 +14,13 @@ from tests.test_identify.lines import line, pressed
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Two models of a new sponge, and one of the same sponge after three and after six months."""
+    """Two models of a new sponge, and one of the same sponge after six months."""
     place = tmp_path_factory.mktemp("compare")
     new = pressed(1.2, 5.4, seed=0)
     identify.save(line(*new), place / "new")
     identify.save(line(*new, slope=1.1), place / "too soft")
     free, soft = line(*new), replace(line(*new, slope=1.1), name="too soft")
     identify.save(replace(free, candidates=(free, soft)), place / "both")
-    identify.save(line(*pressed(1.25, 5.8, seed=1)), place / "later")
     identify.save(line(*pressed(1.298, 6.186, seed=2)), place / "aged")
     return place
 
@@ -93,26 +92,14 @@ def test_a_change_is_told_parameter_by_parameter(folder):
     assert wide.json()["parameters"][0]["changed"] < 0.01
 
 
-def test_three_records_in_time_have_a_trend(folder):
-    places = [folder / name for name in ("new", "later", "aged")]
-    found = run("compare", *places, "--change", "--times", "0,3,6", "--json").json()
-    assert found["times"] == [0, 3, 6]
-    K, _ = found["parameters"]
-    assert K["rate"] == pytest.approx(0.098 / 6, rel=0.2)
-    said = run("compare", *places, "--change").out
-    assert said.startswith("3 records from time 0 on:")
-    assert "per unit of time" in said
-
-
 @pytest.mark.parametrize(
     ("names", "options", "words"),
     [
         (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
         (("new", "new"), (), ("named twice",)),
         (("new",), (), ("too-few-fits",)),
-        (("new",), ("--change",), ("A change needs at least two fits",)),
-        (("new", "aged"), ("--change", "--times", "0,x"), ("--times 0,x", "[bad-option]")),
-        (("new", "aged"), ("--change", "--times", "0,1"), ("cannot tell a trend from scatter",)),
+        (("new",), ("--change",), ("between two fits; new is given", "[too-few-fits]")),
+        (("new", "aged", "both"), ("--change",), ("new, aged, both are given", "[bad-option]")),
         (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
         (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
     ],

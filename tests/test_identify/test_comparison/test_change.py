@@ -1,20 +1,17 @@
-"""Changes, trends and pooled specimens: p values are uniform, intervals hold what they say."""
+"""Changes and pooled specimens: p values are uniform, intervals hold what they say."""
 
 import emcee
 import numpy as np
 import pytest
-import scipy.linalg
-import scipy.optimize
 import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError
-from identify import change, change_over_time, pool
+from identify import change, pool
 from identify.comparison._change import between, holm
 from identify.comparison._gaussian_estimate import Estimate, estimate
 from identify.comparison._pooling import PRIOR, population_draws
-from identify.comparison._trend import line_in_time
 from identify.parameters._transform import Transform
 from tests.test_identify.lines import line, pressed
 from tests.thorough import rest_thorough
@@ -129,71 +126,12 @@ def test_what_cannot_be_compared_is_refused() -> None:
         change(before, after, margin=5)
     with pytest.raises(InputError, match="2 fits but 1 posteriors"):
         change(before, after, posteriors=[None])
-    with pytest.raises(InputError, match="3 times"):
-        change_over_time([before, after], [0, 1, 2])
-    with pytest.raises(InputError, match="cannot tell a trend from scatter"):
-        change_over_time([before, after], [0, 1])
     with pytest.raises(InputError, match="no fit has a parameter 'E1'; they have K, b, threshold"):
         pool([before, after], ["E1"])
     with pytest.raises(InputError, match="no parameter is known in every fit"):
         pool([before, after], ["threshold"])
     with pytest.raises(InputError, match="give two or more"):
         pool([before])
-
-
-def restricted(z: np.ndarray, X: np.ndarray, V: np.ndarray) -> float:
-    """REML as it is defined: the likelihood of what is left when the line is projected out."""
-    contrasts = scipy.linalg.null_space(X.T)
-    cov = contrasts.T @ V @ contrasts
-    return float(scipy.stats.multivariate_normal.logpdf(contrasts.T @ z, cov=cov))
-
-
-@pytest.mark.parametrize("scatter", [0.0, 0.1, 0.5])
-def test_a_trend_is_that_of_the_restricted_likelihood(scatter: float) -> None:
-    random = np.random.default_rng(5)
-    t = np.sort(random.uniform(0, 10, 12))
-    variance = random.uniform(0.05, 0.2, 12) ** 2
-    z = 1 + 0.05 * t + random.normal(0, np.sqrt(variance + scatter**2))
-    found = line_in_time(t, z, variance)
-    X = np.stack([np.ones_like(t), t], 1)
-
-    def worse(tau: float) -> float:
-        return -restricted(z, X, np.diag(variance + tau**2))
-
-    best = scipy.optimize.minimize_scalar(worse, bounds=(0, 2), method="bounded").x
-    # Two minimisers of one flat function.
-    assert found.scatter == pytest.approx(best if worse(best) < worse(0.0) else 0.0, abs=1e-3)
-    w = np.sqrt(1 / (variance + found.scatter**2))
-    np.testing.assert_allclose(
-        found.coefficients, np.linalg.lstsq(X * w[:, None], z * w)[0], rtol=1e-6
-    )
-    later = line_in_time(t - 3, z, variance)
-    assert later.coefficients[1] == pytest.approx(found.coefficients[1])
-    assert later.coefficients[0] == pytest.approx(found.coefficients[0] + 3 * found.coefficients[1])
-
-
-def test_an_interval_of_a_trend_holds_nine_times_in_ten() -> None:
-    """Thirty records that scatter: binomial(400, 0.9) is within 340 and 380 but once in 1,000 times."""
-    random = np.random.default_rng(6)
-    t, variance, inside = np.linspace(0, 5, 30), np.full(30, 0.01), 0
-    quantile = scipy.stats.t.ppf(0.95, 28)
-    for _ in range(400):
-        found = line_in_time(t, random.normal(0.3 * t, np.sqrt(0.01 + 0.04)), variance)
-        inside += abs(found.coefficients[1] - 0.3) < quantile * np.sqrt(found.covariance[1, 1])
-    assert 340 <= inside <= 380
-
-
-def test_records_over_time_show_how_a_sponge_ages() -> None:
-    times = np.arange(6.0)
-    fits = [line(*pressed(1.2 + 0.02 * t, 5.4, seed=int(t))) for t in times]
-    found = change_over_time(fits, times)
-    K, b = found.parameters
-    assert K.low < 0.02 < K.high
-    assert K.clear
-    assert not b.clear
-    assert K.last - K.first == pytest.approx(5 * K.rate)
-    assert "K: +0.0" in found.words[0]
-    assert "b: no significant trend" in found.words[1]
 
 
 # Several specimens

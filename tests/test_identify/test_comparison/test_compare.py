@@ -20,11 +20,10 @@ from identify import (
     compare,
     compare_candidates,
     fit,
-    loo,
     save,
 )
 from identify.comparison._information_criteria import criteria, log_evidence
-from identify.comparison._psis_loo import smoothed
+from identify.comparison._psis_loo import loo, smoothed
 from identify.posterior._log_posterior import target
 from identify.posterior._mode import top_of
 from tests.test_identify.lines import line, pressed
