@@ -32,7 +32,7 @@ HEAVY = (
 )  # fmt: skip
 
 BROUGHT = {
-    "IPython": "ipywidgets", "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
+    "PIL": "matplotlib", "jaxlib": "jax", "lineax": "optimistix",
     "llvmlite": "numba",
     "xarray": "arviz", "click": "typer", "mpl_toolkits": "matplotlib", "sklearn": "scikit-learn",
     "typing_extensions": "optimistix", "traitlets": "anywidget",

@@ -1,8 +1,6 @@
 """What a notebook is shown: whole HTML, nobody's markup, the names, units and verdicts that matter."""
 
 import base64
-import re
-import warnings
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -171,48 +169,3 @@ def test_other_things_have_no_page():
 def test_notebooks_find_it(make):
     thing = make()
     assert thing._repr_html_() == html(thing)
-
-
-def widgets() -> Any:
-    pytest.importorskip("ipywidgets", reason="the extra hysid[notebook]")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of IPython's own imports
-        from hysid import widgets
-
-        return widgets
-
-
-def error_of(page: str) -> float:
-    return float(re.findall(r"rms error ([\d.]+)", page)[0])
-
-
-def test_sliders_move_the_model():
-    shown: Any = widgets().sliders(fitted().model, record())
-    assert shown.names == ("K", "b")  # the threshold is fixed
-    page = shown.box.children[-1]
-    first = page.value
-    read(f"<div>{first}</div>")
-    model: Any = fitted().model
-    K = float(model.K)
-    shown.set("K", 2 * K)
-    assert float(shown.model.K) == pytest.approx(2 * K)
-    assert float(model.K) == K
-    assert error_of(page.value) > 3 * error_of(first)
-    shown.reset()
-    assert page.value == first
-
-
-def test_sliders_stay_within_bounds():
-    model = Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)
-    shown = widgets().sliders(model, record())
-    assert shown.box.children[0].description == "E1 (N/mm)"
-    for slider, name in zip(shown.box.children[:2], shown.names[:2], strict=True):
-        for end in (slider.min, slider.max):
-            shown.set(name, 10**end)
-            assert np.isfinite(error_of(shown.box.children[-1].value))
-        shown.reset()
-
-
-def test_sliders_have_names():
-    with pytest.raises(InputError, match="no slider"):
-        widgets().sliders(fitted().model, record()).set("gone", 1.0)

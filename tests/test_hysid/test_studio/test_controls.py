@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import identify
+from hysid.figures._sliders import moved, sliders_of
 from hysid.studio._controls import on_page, settings, worded
 from hysid.studio._shapes import STIFFNESS, WIDTH, handles_of, reshaped
-from hysteresis import InputError, Record
+from hysteresis import Burgers, InputError, Record, parameter_at
 from hysteresis.rigs import SpongeRig
 
 ROOT = Path(__file__).parents[3]
@@ -67,6 +68,19 @@ def test_names_are_left_as_they_are(document):
 def test_settings_speak_of_no_options():
     assert len({one["name"] for one in settings()}) == len(settings()) > 15
     assert not any(OPTION.search(one["help"]) for one in worded(settings()))
+
+
+def test_sliders_stay_within_bounds():
+    model = Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)
+    found = sliders_of(model, {"input": "N", "output": "mm", "time": "s"})
+    assert {"E1", "eta1", "E2", "eta2"} <= {one.name for one in found}
+    for one in found:
+        assert one.low < one.value < one.high
+        for end in (one.low, one.high):
+            there = moved(model, {one.name: end})
+            y = there.simulate(np.arange(5.0), np.arange(5.0))
+            assert float(parameter_at(there, one.name)) == pytest.approx(end)
+            assert np.isfinite(np.asarray(y)).all()
 
 
 def test_sliders_move_the_figures_that_they_name():
