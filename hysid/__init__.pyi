@@ -30,7 +30,6 @@ from hysteresis import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
 from hysteresis import GeneralizedPlays as GeneralizedPlays
 from hysteresis import InputError as InputError
-from hysteresis import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
 from hysteresis import LinearSponge as LinearSponge
 from hysteresis import ModulatedStops as ModulatedStops
 from hysteresis import MonotoneCurve as MonotoneCurve

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from itertools import pairwise
 
-import jax
 import numpy as np
 from scipy import integrate, stats
 
@@ -15,8 +14,6 @@ from hysteresis.preisach import (
     GridDensity,
     LogNormalDensity,
     LorentzianDensity,
-    NetworkDensity,
-    RidgeDensity,
     SumDensity,
 )
 
@@ -34,16 +31,6 @@ def warped(rng: np.random.Generator, low: float, high: float) -> GridDensity:
 
 def factorised(rng: np.random.Generator, low: float, high: float) -> FactorisedDensity:
     return FactorisedDensity(low, high, *rng.uniform(0.2, 1.0, (2, CELLS)))
-
-
-def network(rng: np.random.Generator, low: float, high: float) -> NetworkDensity:
-    key = jax.random.key(rng.integers(2**31))
-    total = rng.uniform(1, 3)
-    return NetworkDensity.random(low, high, total, key, hidden=(4, 3), resolution=CELLS)
-
-
-def ridge(rng: np.random.Generator, low: float, high: float) -> RidgeDensity:
-    return RidgeDensity(low, high, rng.uniform(0.1, 1.0, (CELLS, CELLS)))
 
 
 def coercive(kind: type[Coercive]) -> Make:
@@ -71,15 +58,13 @@ def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
         size * bias_width,
         order=16,
     )
-    return SumDensity((normal, ridge(rng, low, low + 0.4 * size)))
+    return SumDensity((normal, warped(rng, low, low + 0.4 * size)))
 
 
 KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity, LogNormalDensity)
 DENSITIES: dict[str, Make] = {
     "warped": warped,
     "factorised": factorised,
-    "network": network,
-    "ridge": ridge,
     **{kind.__name__: coercive(kind) for kind in KINDS},
     "sum": mixture,
 }
@@ -96,12 +81,6 @@ def plain_everett(density: AbstractDensity, a: float, b: float) -> float:
     if isinstance(density, Coercive):
         whole = coercive_integral(density, density.high, density.low)
         return float(density.total) * coercive_integral(density, a, b) / whole
-    if isinstance(density, RidgeDensity):
-        left, width = density.edges[:-1], (density.high - density.low) / density.cells
-        # The part of 0 <= x <= width with p_i + x <= a and p_j + x >= b.
-        last = np.minimum(a - left, width)[:, None]
-        part = np.maximum(last - np.maximum(b - left, 0.0), 0.0) / width
-        return float((np.tril(np.asarray(density.weights)) * part).sum())
     assert isinstance(density, AbstractGridDensity)
     left, width = density.edges[:-1], np.diff(density.edges)
     w = np.tril(np.asarray(density.masses()))

@@ -1,5 +1,6 @@
 """A monotone network of the Everett function, from reading to force."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series, register
 from hysteresis._type_variables import PyTree
-from hysteresis.preisach import NetworkDensity
+from hysteresis.preisach import GridDensity
 
 
 @register
@@ -62,12 +63,18 @@ class EverettNetwork(AbstractModel[Any, Any]):
     ) -> "EverettNetwork":
         """One to start a training from: a line from 0 to `force` at the reading `high`, few loops."""
         hidden = (25, 12)
-        network = NetworkDensity.random(
-            0.0, high, 1.0, key, hidden=hidden, resolution=cells
-        ).network
+        layers = _layers(hidden)
+        # Each layer preserves the size of its inputs.
+        matrices = (
+            jax.random.normal(one, (outputs, inputs)) / np.sqrt(inputs)
+            for one, (inputs, outputs) in zip(
+                jax.random.split(key, len(layers)), layers, strict=True
+            )
+        )
+        parts = [part for W in matrices for part in (W.ravel(), jnp.zeros(W.shape[0]))]
         line = float(np.log(np.expm1(1.0)))  # softplus of it is 1
         return cls(
-            jnp.asarray(network), jnp.asarray(line - 1.0), jnp.full(cells, line),
+            jnp.concatenate(parts), jnp.asarray(line - 1.0), jnp.full(cells, line),
             jnp.full(len(tuple(times)), line - 1.0), 1.5 * high, 1.5 * force, tuple(times), hidden,
         )  # fmt: skip
 
@@ -75,19 +82,30 @@ class EverettNetwork(AbstractModel[Any, Any]):
     def model(self) -> Series:
         """The chain of models this is: relaxing, then a leading Preisach model."""
         cells, dtype = len(self.rises), self.network.dtype
-        mass = 0.02 * self.force * jax.nn.softplus(self.total)
-        density = NetworkDensity(
-            0.0, self.high, mass, self.network, resolution=cells, hidden=self.hidden
-        )
-        weights = jnp.tril(density.masses())
+        mass = self._masses()
+        weights = jnp.tril(0.02 * self.force * jax.nn.softplus(self.total) * mass / mass.sum())
         # The least R with which a leading model rises along every branch; see `Preisach.least_slope`.
         support = 2 * (weights.sum(0) + weights.sum(1))
         rises = support + jax.nn.softplus(self.rises) * (self.force / cells)
-        relays = Preisach(density, rises, -weights.sum(), leading=True)
+        relays = Preisach(GridDensity(0.0, self.high, weights), rises, -weights.sum(), leading=True)
         if not self.times:
             return Series([relays])
         c, tau = 0.05 * jax.nn.softplus(self.relaxing), jnp.array(self.times, dtype)
         return Series([GeneralizedMaxwell(jnp.ones((), dtype), c, tau), relays])
+
+    def _masses(self) -> Float[Array, "cells cells"]:
+        """mu ~ softplus(W_d tanh(... tanh(W_1 x + b_1)) + b_d) at the centre of each cell, x in [-1, 1]^2;
+        times its area, 1 for a cell and 1/2 for the half cells on the diagonal."""
+        cells, dtype, at = len(self.rises), self.network.dtype, 0
+        centre = (np.arange(cells) + 0.5) * 2 / cells - 1
+        value = jnp.asarray(np.stack(np.meshgrid(centre, centre, indexing="ij")), dtype)
+        for k, (inputs, outputs) in enumerate(_layers(self.hidden)):
+            W = self.network[at : at + inputs * outputs].reshape(outputs, inputs)
+            b = self.network[at + inputs * outputs : at + (inputs + 1) * outputs]
+            at += (inputs + 1) * outputs
+            value = jnp.tanh(value) if k else value
+            value = jnp.tensordot(W, value, 1) + b[:, None, None]
+        return jax.nn.softplus(value[0]) * jnp.asarray(np.tri(cells) - np.eye(cells) / 2, dtype)
 
     def init(self, t0: ArrayLike | None = None, u0: ArrayLike | None = None) -> PyTree:
         return self.model.init(t0, u0)
@@ -109,3 +127,8 @@ class EverettNetwork(AbstractModel[Any, Any]):
 
     def evaluate(self, prepared: PyTree) -> Float[Array, " samples"]:
         return self.model.evaluate(prepared)
+
+
+def _layers(hidden: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Inputs and outputs of every layer."""
+    return list(itertools.pairwise((2, *hidden, 1)))

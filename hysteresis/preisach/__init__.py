@@ -16,13 +16,10 @@ from ._initial import Initial as Initial
 from ._memory import MemoryTree as MemoryTree
 from ._memory import memory_tree as memory_tree
 from ._moving import MovingPreisach as MovingPreisach
-from ._network import NetworkDensity as NetworkDensity
 from ._output_dependent import OutputDependentPreisach as OutputDependentPreisach
 from ._preisach import Preisach as Preisach
 from ._preisach import PreisachInput as PreisachInput
 from ._preisach import PreisachState as PreisachState
-from ._ridge import KrasnoselskiiPokrovskii as KrasnoselskiiPokrovskii
-from ._ridge import RidgeDensity as RidgeDensity
 from ._saturation import saturated_outputs as saturated_outputs
 from ._stack import OpenLoops as OpenLoops
 from ._sum import SumDensity as SumDensity

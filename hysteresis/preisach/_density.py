@@ -56,10 +56,15 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
         """E(high, low): half the output's range."""
 
 
-class AbstractCellDensity(AbstractDensity[GridPairs, Table]):
-    """A density made of the cells of an n x n grid on the triangle, both thresholds cut alike.
+class AbstractGridDensity(AbstractDensity[GridPairs, EverettTable]):
+    """A density that is constant on each cell of an n x n grid on the triangle: E is exact, by look-up.
 
-    - `nodes`: the n+1 inputs between which the cells lie; None for cells of one width.
+    The formula knows inputs by cell and fraction alone, so it holds for cells of any widths: the map
+    from input to cell and fraction is increasing, the same for both thresholds, and affine on every
+    cell. It takes the triangle to a triangle, cells to squares, half cells to half squares, and
+    leaves what is uniform on each of them uniform.
+
+    - `nodes`: the n+1 inputs between which the cells lie, for both thresholds; None for cells of one width.
     """
 
     nodes: eqx.AbstractVar[tuple[float, ...] | None]
@@ -115,16 +120,6 @@ class AbstractCellDensity(AbstractDensity[GridPairs, Table]):
     def pair(self, a: Any, b: Any) -> GridPairs:
         (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)
         return GridPairs(cell, cell_b, cell * (self.cells + 1) + cell_b, fraction, fraction_b)
-
-
-class AbstractGridDensity(AbstractCellDensity[EverettTable]):
-    """A density that is constant on each cell of a grid: E is exact, by table look-up.
-
-    The formula knows inputs by cell and fraction alone, so it holds for cells of any widths: the map
-    from input to cell and fraction is increasing, the same for both thresholds, and affine on every
-    cell. It takes the triangle to a triangle, cells to squares, half cells to half squares, and
-    leaves what is uniform on each of them uniform.
-    """
 
     @abc.abstractmethod
     def masses(self) -> Float[Array, "cells cells"] | Float[np.ndarray, "cells cells"]:

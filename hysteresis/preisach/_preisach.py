@@ -14,7 +14,7 @@ from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
-from ._density import AbstractCellDensity, AbstractDensity, AbstractGridDensity
+from ._density import AbstractDensity, AbstractGridDensity
 from ._everett import bilinear, everett_terms, materialise, read, tabulate_once
 from ._initial import Initial, check_initial, staircase, word_or_inputs
 from ._levels import anchor_levels
@@ -156,7 +156,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         if self.reversible is None or not is_concrete(self.reversible):
             return
         grid = self.density
-        if isinstance(grid, AbstractCellDensity) and len(self.reversible) != grid.cells:
+        if isinstance(grid, AbstractGridDensity) and len(self.reversible) != grid.cells:
             raise InputError(
                 "length-mismatch",
                 f"{len(self.reversible)} increments for {grid.cells} cells.",
@@ -375,7 +375,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """Cell of the reversible part and fraction of it, below 0 or above 1 beyond the range."""
         if self.reversible is None:
             return None, None
-        if isinstance(self.density, AbstractCellDensity):
+        if isinstance(self.density, AbstractGridDensity):
             return self.density.locate(u)
         n = self.reversible.shape[-1]
         position = (u - self.density.low) * (n / (self.density.high - self.density.low))

@@ -8,10 +8,11 @@ import pytest
 
 from compensate import BracketedCompensator, Estimate, Status, invert
 from hysteresis import Burgers, InputError, Preisach
-from hysteresis.preisach import GaussianDensity, GridDensity, RidgeDensity
+from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, weights
 
 ROWS = 20
+WIDE = GaussianDensity(LOW, HIGH, 1.0, 0.4, 0.4, (LOW + HIGH) / 2, 0.4)
 
 
 def both_ways(model, compensator, t, u) -> tuple[np.ndarray, Estimate, np.ndarray]:
@@ -64,7 +65,7 @@ def test_a_density_that_vanishes_is_flat_where_it_does():
 
 
 def test_out_of_reach_and_invalid_samples():
-    model = Preisach(RidgeDensity(LOW, HIGH, weights(np.random.default_rng(3))), np.full(7, 0.2))
+    model = Preisach(WIDE, np.full(7, 0.2))
     compensator = invert(model)
     assert isinstance(compensator, BracketedCompensator)
     middle, top, bottom = np.asarray(model.simulate(None, [0.4, HIGH, LOW]))
@@ -77,7 +78,7 @@ def test_out_of_reach_and_invalid_samples():
 
 
 def test_the_state_may_be_carried():
-    model = Preisach(RidgeDensity(LOW, HIGH, weights(np.random.default_rng(4))))
+    model = Preisach(WIDE)
     compensator, u = invert(model), drawn()[0]
     y = model.simulate(None, u)
     step, state = eqx.filter_jit(compensator.step), compensator.init()
@@ -91,6 +92,7 @@ def test_the_state_may_be_carried():
 
 
 def test_leading_models_need_a_grid():
-    density = RidgeDensity(LOW, HIGH, np.ones((3, 3)))
-    with pytest.raises(InputError, match=r"leading model with a RidgeDensity.*\[not-invertible\]"):
-        invert(Preisach(density, np.full(3, 100.0), leading=True))
+    with pytest.raises(
+        InputError, match=r"leading model with a GaussianDensity.*\[not-invertible\]"
+    ):
+        invert(Preisach(WIDE, np.full(3, 100.0), leading=True))

@@ -20,11 +20,8 @@ from hysteresis.preisach import (
     FactorisedDensity,
     GaussianDensity,
     GridDensity,
-    KrasnoselskiiPokrovskii,
     LogNormalDensity,
     LorentzianDensity,
-    NetworkDensity,
-    RidgeDensity,
     SumDensity,
     quantile_nodes,
 )
@@ -130,9 +127,8 @@ UNIFORM = {
     "warped": FactorisedDensity(
         0.0, 1.0, np.diff(UNIFORM_NODES), np.diff(UNIFORM_NODES), nodes=UNIFORM_NODES
     ),
-    "network": NetworkDensity(0.0, 1.0, 0.5, np.zeros(13), hidden=(3,), nodes=UNIFORM_NODES, resolution=5),
-}  # fmt: skip
-UNIFORM["sum"] = SumDensity((UNIFORM["factorised"], UNIFORM["network"]))
+}
+UNIFORM["sum"] = SumDensity(UNIFORM.values())
 
 
 @pytest.mark.parametrize("name", UNIFORM)
@@ -216,25 +212,6 @@ def test_a_path_over_warped_nodes_is_a_sum_of_relays():
     np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * w.sum())
 
 
-@settings(max_examples=30)
-@given(seed=seeds, u=histories(LOW, HIGH))
-def test_ridges_are_kernels_of_krasnoselskii_and_pokrovskii(seed: int, u: np.ndarray):
-    w = np.tril(np.random.default_rng(seed).random((CELLS, CELLS)))
-    cell = (HIGH - LOW) / CELLS
-    p = LOW + cell * np.arange(CELLS)
-    kernel, before, wanted = -np.ones((CELLS, CELLS)), LOW, []
-    for x in u:
-        r = np.clip(-1 + 2 * (x - p) / cell, -1, 1)
-        if x > before:
-            kernel = np.maximum(kernel, r[:, None])
-        else:
-            kernel = np.minimum(kernel, r[None, :])
-        before = x
-        wanted.append((w * kernel).sum())
-    got = simulate(KrasnoselskiiPokrovskii(LOW, HIGH, w), jnp.asarray(u))
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * w.sum())
-
-
 @every
 @settings(max_examples=20)
 @given(seed=seeds, u=histories(LOW, HIGH, INPUTS))
@@ -243,7 +220,7 @@ def test_where_an_input_lies_is_the_same_on_the_host_and_back(name: str, seed: i
     on_host, traced = density.pair(u, u[::-1]), density.pair(jnp.asarray(u), jnp.asarray(u[::-1]))
     for one, other in zip(*map(jax.tree.leaves, (on_host, traced)), strict=True):
         np.testing.assert_array_equal(one, other)
-    if isinstance(density, AbstractGridDensity | RidgeDensity):
+    if isinstance(density, AbstractGridDensity):
         # An input and the node beside it, each rounded.
         back = density.at(*density.locate(u))
         np.testing.assert_allclose(back, u, rtol=0, atol=8 * EPS * (HIGH - LOW))
@@ -266,13 +243,6 @@ def test_quantile_nodes_lie_where_the_inputs_are():
     assert width[-1] > 1.0
 
 
-def test_random_networks_follow_their_key():
-    one, other = (NetworkDensity.random(0, 1, 2.0, jax.random.key(k)) for k in (0, 1))
-    again = NetworkDensity.random(0, 1, 2.0, jax.random.key(0))
-    np.testing.assert_array_equal(one.network, again.network)
-    assert np.ptp(np.asarray(one.network) - np.asarray(other.network)) > 0
-
-
 def refused(code: str, *words: str):
     return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
 
@@ -289,10 +259,6 @@ def test_densities_that_are_refused():
         FactorisedDensity(0.0, 1.0, np.ones(3), np.ones(2))
     with refused("parameter-out-of-bounds", "falling"):
         FactorisedDensity(0.0, 1.0, np.ones(2), np.array([1.0, -1.0]))
-    with refused("parameter-out-of-bounds"):
-        RidgeDensity(0.0, 1.0, -w)
-    with refused("length-mismatch", r"\(7,\), not \(13,\)", "random"):
-        NetworkDensity(0.0, 1.0, 1.0, np.zeros(7), hidden=(3,))
     with refused("parameter-out-of-bounds", "bias_width is 0"):
         GaussianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.0)
     with refused("parameter-out-of-bounds", "order"):
