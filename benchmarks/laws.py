@@ -121,7 +121,7 @@ def derivatives(quick: bool) -> list[Row]:
             tree = problem.model().tree()
         except InputError:
             continue
-        if tree["kind"] in ("moving", "oscillator"):
+        if tree["kind"] == "oscillator":
             continue
         own = numbers_of(tree)
         u = _walk(problem.low, problem.high)[:rows]

@@ -33,11 +33,9 @@ from hysteresis import InputError as InputError
 from hysteresis import LinearSponge as LinearSponge
 from hysteresis import ModulatedStops as ModulatedStops
 from hysteresis import MonotoneCurve as MonotoneCurve
-from hysteresis import MovingPreisach as MovingPreisach
 from hysteresis import NonlinearMaxwell as NonlinearMaxwell
 from hysteresis import Note as Note
 from hysteresis import Oscillator as Oscillator
-from hysteresis import OutputDependentPreisach as OutputDependentPreisach
 from hysteresis import PrandtlIshlinskii as PrandtlIshlinskii
 from hysteresis import Preisach as Preisach
 from hysteresis import Record as Record

@@ -62,8 +62,6 @@ from .models._viscoelastic import AbstractViscoelastic as AbstractViscoelastic
 from .models._viscoelastic import ViscoelasticState as ViscoelasticState
 from .numerics._recurrence import linear_recurrence as linear_recurrence
 from .numerics._squared_exponential import Kernel as Kernel
-from .preisach import MovingPreisach as MovingPreisach
-from .preisach import OutputDependentPreisach as OutputDependentPreisach
 from .preisach import Preisach as Preisach
 from .records._csv import parse_condition as parse_condition
 from .records._csv import read_csv as read_csv

@@ -25,9 +25,7 @@ from hysteresis import (
     GeneralizedPlays,
     LinearSponge,
     MonotoneCurve,
-    MovingPreisach,
     Oscillator,
-    OutputDependentPreisach,
     PrandtlIshlinskii,
     Preisach,
     StandardLinearSolid,
@@ -241,37 +239,6 @@ def _play_known(model: AbstractModel) -> Known:
         for d, s in zip(np.asarray(model.bends), np.asarray(model.bend_slopes), strict=True):
             y += s * (np.maximum(x - d, 0) if d >= 0 else np.minimum(x - d, 0))
     return 0.25 * np.arange(len(y)), u[:, 0], y
-
-
-def _moving(feedback: float):
-    """The feedback in parts of the strongest one, that which makes a branch vertical."""
-
-    def make(rng: np.random.Generator) -> MovingPreisach:
-        density = GridDensity(LOW, HIGH, weights(rng))
-        inner = Preisach(density, rng.uniform(0.1, 0.5, CELLS), rng.normal())
-        return MovingPreisach(inner, feedback / MovingPreisach(inner, 0.0).steepest_slopes()[1])
-
-    return make
-
-
-def _moving_known(model: AbstractModel) -> Known:
-    """The inner model's answer; the input is what the output leaves of it."""
-    assert isinstance(model, MovingPreisach)
-    t, h, y = _preisach_known(model.inner)
-    return t, h - float(model.feedback) * y, y
-
-
-def _output_dependent(rng: np.random.Generator) -> OutputDependentPreisach:
-    inner = Preisach(GridDensity(LOW, HIGH, weights(rng)), rng.uniform(0.1, 0.5, CELLS))
-    return OutputDependentPreisach(inner, rng.uniform(0.5, 2.0, 5), rng.normal())
-
-
-def _output_dependent_known(model: AbstractModel) -> Known:
-    """The inner model's answer, through a polygon."""
-    assert isinstance(model, OutputDependentPreisach)
-    t, u, P = _preisach_known(model.inner)
-    g = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.increments)))
-    return t, u, np.interp(P, np.linspace(P[0], P[CELLS], len(g)), g)
 
 
 def _preisach_known_from_the_middle(model: AbstractModel) -> Known:
@@ -576,13 +543,6 @@ PROBLEMS: tuple[Problem, ...] = (
         for name, make in compositions.MAKERS.items()
     ),
     Problem(
-        "moving", _moving(0.5), -0.6, 1.55, frozenset[Tag]({"grid", "lagging"}), _moving_known
-    ),
-    Problem(
-        "output-dependent", _output_dependent, LOW, HIGH, frozenset[Tag]({"grid", "lagging"}),
-        _output_dependent_known,
-    ),
-    Problem(
         "play-leading-bent", _play(True, True), -3.0, 3.0, frozenset[Tag]({"leading"}), _play_known
     ),
     Problem(
@@ -650,7 +610,7 @@ def variants_thorough(problems: Iterable[Problem]) -> list[Any]:
 
 
 KINDS = frozenset({
-    "sponge-threshold", "preisach-up", "burgers-leading-constant", "play-rates-bent", "series", "moving",
+    "sponge-threshold", "preisach-up", "burgers-leading-constant", "play-rates-bent", "series",
     "bouc-wen",
 })  # fmt: skip
 """One problem of each way to keep a state."""

@@ -151,7 +151,6 @@ def _records() -> dict[str, tuple[Callable[[], Record], str]]:
         "foam": "FoamCurve",
         "kelvin-voigt": "GeneralizedKelvinVoigt",
         "maxwell": "GeneralizedMaxwell",
-        "moving": "GaussianPreisach",
         "play-rates-bent": "PrandtlIshlinskii",
         "preisach-negative": "Preisach",
         "standard-solid": "StandardLinearSolid",

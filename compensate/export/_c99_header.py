@@ -224,17 +224,13 @@ class _Header:
                 name: [f"    return {prefix}_weighted(&s->n{k}, {self._call(i, name)});"]
                 for name in ("look", "move")
             }
+        found = self._call(i, "find", f"{prefix}_back({place}, value)")
         kept = f"    s->n{k}.status = s->n{i.number}.status;"
-        if part.tree["kind"] == "scaled":
-            found = self._call(i, "find", f"{prefix}_back({place}, value)")
-            bodies = {
-                name: [f"    return {prefix}_onward({place}, {self._call(i, name)});"]
-                for name in ("look", "move")
-            }
-            return bodies | {"find": [f"    value = {found};", kept, "    return value;"]}
-        seen = f"    {self.real} seen = {self._call(i, 'find')};"
-        last = f"    return {prefix}_less_feedback({place}, seen, value, s->n{k}.status);"
-        return {"find": [seen, kept, last]}
+        bodies = {
+            name: [f"    return {prefix}_onward({place}, {self._call(i, name)});"]
+            for name in ("look", "move")
+        }
+        return bodies | {"find": [f"    value = {found};", kept, "    return value;"]}
 
     def _sum(self, part: _Part) -> str:
         k, home, done = part.number, self.elements["sum"], {}

@@ -346,7 +346,7 @@ class Program:
 
     @property
     def predicts(self) -> bool:
-        """Whether the header has the model itself too: its feedback has none."""
+        """Whether the header has the model itself too; of an oscillator it has not."""
         return all(node["kind"] not in ONE_WAY for node in _nodes(self._trees[np.float64]))
 
     def write_runtime(self, path: str | Path) -> Exported:

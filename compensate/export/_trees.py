@@ -9,7 +9,7 @@ from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
 from ..inverses import inverse_of
 
-ONE_WAY = ("moving", "oscillator")
+ONE_WAY = ("oscillator",)
 """Kinds of elements that run from reading to estimate only."""
 
 

@@ -12,9 +12,7 @@ from hysteresis import (
     InputError,
     LinearSponge,
     MonotoneCurve,
-    MovingPreisach,
     Oscillator,
-    OutputDependentPreisach,
     Preisach,
     TimeDrift,
     is_concrete,
@@ -122,25 +120,6 @@ def _check_slopes(model: Preisach) -> None:
             cause="a signed density, or a reversible part too flat for a leading model.",
             fix="fit the model with its slopes constrained, which identify.fit does.",
         )
-
-
-@inverse_of.register
-def _(model: MovingPreisach) -> AbstractCompensator:
-    inverse_of(model.inner)
-    return LawCompensator(model)
-
-
-@inverse_of.register
-def _(model: OutputDependentPreisach) -> AbstractCompensator:
-    if is_concrete(model.increments) and not np.all(np.asarray(model.increments) > 0):
-        raise InputError(
-            "not-invertible",
-            "the output stands still over part of the relays' range.",
-            cause="an increment is 0.",
-            fix="join that cell with its neighbour: fewer increments, all positive.",
-        )
-    inverse_of(model.inner)
-    return LawCompensator(model)
 
 
 @inverse_of.register

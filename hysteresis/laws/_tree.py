@@ -16,7 +16,7 @@ Tree = dict[str, Any]
 KINDS = (
     "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
     "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
-    "maxwell", "moving", "occupancy", "oscillator", "plays", "polynomial", "preisach", "scaled",
+    "maxwell", "occupancy", "oscillator", "plays", "polynomial", "preisach", "scaled",
     "series", "share", "softening", "stops", "sum", "time_drift",
 )  # fmt: skip
 
@@ -90,7 +90,7 @@ def node_of(
         if takes is not None:
             takes.append(partial(element.take, p, s))
         return _share(element, s, inner)
-    made = {"scaled": _scaled, "sum": _sum, "moving": _moving, "adaptive": _adaptive}
+    made = {"scaled": _scaled, "sum": _sum, "adaptive": _adaptive}
     if kind in made:
         return made[kind](element, p, s, inner)
     look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
@@ -198,15 +198,6 @@ def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
         return u
 
     return Node(partial(look, None), move, find, lambda: s.status)
-
-
-def _moving(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
-    (part,) = inner
-
-    def find(dt: float, y: float) -> float:
-        return element.less_feedback(p, part.find(dt, y), y, part.status())
-
-    return Node(part.look, part.move, find, part.status)
 
 
 def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:

@@ -15,11 +15,8 @@ from ._factorised import FactorisedDensity as FactorisedDensity
 from ._initial import Initial as Initial
 from ._memory import MemoryTree as MemoryTree
 from ._memory import memory_tree as memory_tree
-from ._moving import MovingPreisach as MovingPreisach
-from ._output_dependent import OutputDependentPreisach as OutputDependentPreisach
 from ._preisach import Preisach as Preisach
 from ._preisach import PreisachInput as PreisachInput
 from ._preisach import PreisachState as PreisachState
-from ._saturation import saturated_outputs as saturated_outputs
 from ._stack import OpenLoops as OpenLoops
 from ._sum import SumDensity as SumDensity

@@ -126,13 +126,7 @@ def held_at_first(tree: Tree) -> Any:
     if tree["kind"] == "sum" or not tree.get("parts"):
         state = tree["state"]
         return state.get("value", state.get("u", 0.0))
-    first = held_at_first(tree["parts"][0])
-    if tree["kind"] == "moving":
-        inner = tree["parts"][0]
-        first -= tree["parameters"]["feedback"] * (
-            inner["parameters"]["offset"] + inner["state"]["z"]
-        )
-    return first
+    return held_at_first(tree["parts"][0])
 
 
 def _joined(values: list[Any], xp: Any) -> Any:

@@ -138,10 +138,6 @@ class Text:
             if name == "find":
                 return [f"return {self.call(part, name, self.law(node, 'back', 'x'))}"]
             return [f"return {self.law(node, WRAPPED[kind], self.call(part, name))}"]
-        if kind == "moving":
-            (part,) = inner
-            back = self.law(node, "less_feedback", "h", "x", f"{self.status(part)}(m, n)")
-            return [f"h = {self.call(part, name)}", f"return {back}"]
         time = ["dt"] if law(kind).takes_time(name) else []
         return [f"return {self.law(node, name, *time, 'x')}"]
 

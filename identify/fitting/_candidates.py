@@ -40,11 +40,10 @@ SEARCHES: dict[str, type[Candidate]] = {
 }
 """Names that are no models: ways to find one."""
 
-PART, CURVE, WHOLE, MOVING, INSIDE, MASSES, TRAINED = (
+PART, CURVE, WHOLE, INSIDE, MASSES, TRAINED = (
     "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
     "it is a curve without memory, whose knots or degree nothing names.",
     "it is made of other models, and the name does not say which.",
-    "it stands around a Preisach model that is fitted first.",
     "it acts on a moving mass, and is fitted with it.",
     "several masses need as many measured motions.",
     "it is trained on records of a soft sensor (hysid microchannel train).",
@@ -63,10 +62,6 @@ INSTEAD = {
     ),
     **dict.fromkeys(("Sum", "Series", "Scaled"), (WHOLE, COMPOSITION, "")),
     "Conditioned": (WHOLE, COMPOSITION, ", and name the column of the condition"),
-    **dict.fromkeys(
-        ("MovingPreisach", "OutputDependentPreisach"),
-        (MOVING, "GaussianPreisach", ", and put it inside"),
-    ),
     "BoucWenForce": (INSIDE, "Oscillator(BoucWen)", ""),
     "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),
     "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),

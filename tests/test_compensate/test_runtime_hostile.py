@@ -20,7 +20,7 @@ from tests.thorough import rest_thorough
 HUGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200)
 CLOCKS = (np.nan, np.inf, -np.inf, 1e308, 1e150, -1.0, 0.0, 1e12)
 FEW = 60
-EXACT = [p for p in EXPORTED if not {"rates"} & p.tags and p.name != "moving"]
+EXACT = [p for p in EXPORTED if not {"rates"} & p.tags]
 
 
 def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:

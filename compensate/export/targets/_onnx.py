@@ -191,17 +191,10 @@ class _Step:
                 lambda dt, y: one.find(dt, plain("back", y)),
                 one.status,
             )
-        if kind != "moving":
-            raise InputError(
-                "not-exportable", f"The target onnx has no element {kind!r}.",
-                fix="Export a compensator that does not recalibrate itself.",
-            )  # fmt: skip
-
-        def less_feedback(dt: Value, y: Value) -> Value:
-            seen = one.find(dt, y)
-            return plain("less_feedback", seen, y, one.status())
-
-        return _Node(one.look, one.move, less_feedback, one.status)
+        raise InputError(
+            "not-exportable", f"The target onnx has no element {kind!r}.",
+            fix="Export a compensator that does not recalibrate itself.",
+        )  # fmt: skip
 
     def _plain(self, part: Part, name: str, *given: Value) -> Value:
         """A function that takes either the parameters or the state, not both."""

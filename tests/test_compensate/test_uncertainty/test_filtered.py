@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
+from compensate.uncertainty import _filtered
 from hysteresis import (
     AbstractModel,
     Burgers,
     InputError,
     LinearSponge,
-    MovingPreisach,
     Preisach,
 )
 from hysteresis.preisach import GridDensity
@@ -162,14 +162,14 @@ def test_compiled_it_is_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_model_without_laws_is_filtered_step_by_step():
-    """A moving model, whose laws go from readings to inputs only, is its inner one without feedback."""
+def test_a_model_without_laws_is_filtered_step_by_step(monkeypatch: pytest.MonkeyPatch):
+    """The same model twice; the second time its laws are not taken."""
     t, y, sigma = noisy(GRID, walk(0.05, SAMPLES, 2))
     y[3] = np.nan
-    each = [
-        FilteredCompensator(model, 0.05, sigma).simulate(t, y)
-        for model in (GRID, MovingPreisach(GRID, 0.0))
-    ]
+    each = []
+    for missing in (False, True):
+        monkeypatch.setattr(_filtered, "goes_back_only", lambda tree, missing=missing: missing)
+        each.append(FilteredCompensator(GRID, 0.05, sigma).simulate(t, y))
     np.testing.assert_allclose(each[1].value, each[0].value, rtol=0, atol=1e-9)
     np.testing.assert_allclose(each[1].deviation, each[0].deviation, rtol=1e-6)
     np.testing.assert_array_equal(each[1].status, each[0].status)
