@@ -10,7 +10,6 @@ from ._console import (
     Progress,
     Seed,
     log,
-    one_of,
     print_result,
     start_jax,
     warnings,
@@ -33,12 +32,6 @@ def sample(
         int | None,
         typer.Option(help="Walkers per ensemble (default: from the number of parameters)."),
     ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            callback=one_of("emcee", "nuts"), help="Sampler: emcee, or nuts (needs hysid[nuts])."
-        ),
-    ] = "emcee",
     resume: Annotated[bool, typer.Option("--resume", help="Resume from the saved chains.")] = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -50,15 +43,12 @@ def sample(
     chosen = {"steps": steps, "walkers": walkers, "ensembles": ensembles, "seed": seed}
     try:
         with Progress("sampling") as progress:
-            found = _sample.sample(
-                folder, **chosen, method=method, resume=resume, progress=progress
-            )
+            found = _sample.sample(folder, **chosen, resume=resume, progress=progress)
     except KeyboardInterrupt:
-        if method == "emcee":
-            from hysteresis._escape import shell_word  # JAX is loaded now
+        from hysteresis._escape import shell_word  # JAX is loaded now
 
-            given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
-            log(f"To resume: hysid sample {shell_word(str(folder))} --resume {' '.join(given)}")
+        given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
+        log(f"To resume: hysid sample {shell_word(str(folder))} --resume {' '.join(given)}")
         raise
     lines = [f"{'parameter':24}{'mean':>12}{'sd':>12}{'5 %':>12}{'95 %':>12}{'R-hat':>8}{'ESS':>8}"]
     lines += [

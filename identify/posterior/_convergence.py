@@ -26,29 +26,6 @@ def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
     return max(_rhat_of(_normal_scores(split)), _rhat_of(_normal_scores(folded)))
 
 
-def bulk_ess(chains: Float[np.ndarray, "chains draws"]) -> float:
-    """Effective number of draws of ordinary chains, one point at a time, by rank-normalised split chains.
-
-    Not for an ensemble's walkers one after the other: those are not a chain.
-
-    Source: as `rhat`; Geyer's initial monotone sequence ends the sum over lags.
-    """
-    z = _normal_scores(_split(chains))
-    n = z.shape[1]
-    covariance = autocovariance(z.T).mean(axis=1) / n
-    within = covariance[0] * n / (n - 1)
-    whole = within * (n - 1) / n + z.mean(axis=1).var(ddof=1)
-    if not whole > 0:
-        return float("nan")
-    rho = 1 - (within - covariance * n / (n - 1)) / whole
-    rho[0] = 1.0
-    pairs = rho[: n - n % 2].reshape(-1, 2).sum(axis=1)
-    ends = np.flatnonzero(pairs <= 0)
-    pairs = np.minimum.accumulate(pairs[: ends[0] if len(ends) else None])
-    tau = max(2 * pairs.sum() - 1, 1 / np.log10(z.size))
-    return float(z.size / tau)
-
-
 def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
     """Whether draws of one number lie about more than one place.
 

@@ -1,4 +1,4 @@
-"""`sample`: draws from the posterior of a fit, by the sampler that suits it."""
+"""`sample`: draws from the posterior of a fit, by ensembles of emcee."""
 
 import time
 from collections.abc import Callable
@@ -58,7 +58,6 @@ def sample(
     seed: int = 0,
     *,
     walkers: int | None = None,
-    method: str = "emcee",
     checkpoint: str | Path | None = None,
     resume: bool = False,
     every: float = 10.0,
@@ -75,9 +74,6 @@ def sample(
     deviation of a factor of e and more, keep the value of the fit, and the notes name them; of several that
     the data know together only as many as it takes. A prior of the user's keeps a parameter from that.
 
-    `method="nuts"`, the extra `hysid[nuts]`: the No-U-Turn sampler, for many parameters; `ensembles`
-    chains, a thousand `steps` of each by default. Not for weights.
-
     Oscillators around Bouc-Wen's force: emcee on the motion's output error, see `MotionTarget`.
 
     Weights of a grid or a composition: the same ensembles for the size of the noise, its correlation from
@@ -92,9 +88,9 @@ def sample(
 
     - `walkers`: of each ensemble, even, at least twice the parameters; by default four times them, and no
       less than 16.
-    - `checkpoint`: an HDF5 file that keeps the chains of emcee, written every so many seconds (`every`)
+    - `checkpoint`: an HDF5 file that keeps the chains, written every so many seconds (`every`)
       and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
-      nothing had been interrupted. NUTS keeps none.
+      nothing had been interrupted.
     - `progress(done, total, text)` is called now and then.
 
     After Ctrl-C the draws so far are the result, and the notes say so; before 20 steps there is none.
@@ -110,7 +106,7 @@ def sample(
         >>> drawn.draws.shape[:2]
         (4, 20)
     """
-    _check(steps, ensembles, seed, most, method)
+    _check(steps, ensembles, seed, most)
     detail = fit.detail
     if isinstance(detail, DiscreteSpectrum):
         raise InputError(
@@ -136,13 +132,6 @@ def sample(
     tell = progress or (lambda done, total, text: None)
     file = None if checkpoint is None else Path(checkpoint)
     if isinstance(detail, GridWeights | Composition):
-        if method != "emcee":
-            raise InputError(
-                "bad-option",
-                f"{method} does not sample {fit.name}.",
-                cause="its weights are drawn given three parameters, which emcee samples.",
-                fix='leave out the method, or give method="emcee".',
-            )
         length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
         kept = Checkpoint(file, _weights_identity(fit, detail, length), resume, every)
         return sample_weights(fit, detail.linear, length, kept, tell)
@@ -152,20 +141,6 @@ def sample(
         aim = motion_target(fit)
     else:
         aim, held = known_target(fit, ensembles, walkers, seed)
-    if method == "nuts" and isinstance(aim, MotionTarget):
-        raise InputError(
-            "bad-option",
-            "nuts does not sample oscillators.",
-            cause="their motion is run by a compiled loop, of which JAX knows no gradient.",
-            fix="take emcee.",
-        )
-    if method == "nuts" and isinstance(aim, Target):
-        from ._nuts import sample_nuts
-
-        notes = ("NUTS keeps no checkpoint.",) if checkpoint is not None else ()
-        notes = (*_held_in_words(fit, held), *notes)
-        chains = sample_nuts(aim, steps or 1000, ensembles, seed, tell, notes)
-        return _posterior(aim, chains, seed, begin)
     walkers = walkers_for(walkers, len(aim.names))
     kept = Checkpoint(file, _identity(fit, aim, seed, ensembles, walkers), resume, every)
     if isinstance(aim, MotionTarget):
@@ -245,7 +220,7 @@ def _log_probability(
     return jax.vmap(jax.tree.unflatten(structure, leaves).log_probability)(points)
 
 
-def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str) -> None:
+def _check(steps: int | None, ensembles: int, seed: int, most: int) -> None:
     longest = most if steps is None else steps
     if ensembles < 2 or longest < LEAST:
         raise InputError(
@@ -255,8 +230,6 @@ def _check(steps: int | None, ensembles: int, seed: int, most: int, method: str)
         )
     if seed < 0:
         raise InputError("bad-option", f"the seed is {seed}.", fix="take a whole number from 0 on.")
-    if method not in ("emcee", "nuts"):
-        raise InputError("bad-option", f"there is no sampler {method!r}.", fix="emcee or nuts.")
 
 
 def walkers_for(walkers: int | None, parameters: int) -> int:

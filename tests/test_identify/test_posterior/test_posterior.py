@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import sys
 from dataclasses import replace
 
 import arviz
@@ -126,7 +125,6 @@ def test_chains_are_only_gone_on_from_where_all_is_the_same(
         ({"walkers": 4}, "bad-option"),
         ({"walkers": 17}, "bad-option"),
         ({"seed": -1}, "bad-option"),
-        ({"method": "gibbs"}, "bad-option"),
     ],
 )
 def test_bad_settings_are_refused(line_fit, options, code) -> None:
@@ -158,28 +156,6 @@ def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
     with pytest.raises(InputError) as error:
         sample(replace(line_fit, settings=fixed))
     assert error.value.code == "nothing-free"
-
-
-@pytest.mark.thorough
-def test_nuts_draws_from_the_same_posterior(line_fit, line_posterior, tmp_path) -> None:
-    one = line_posterior
-    other = sample(line_fit, 400, seed=1, method="nuts", checkpoint=tmp_path / "chains.h5")
-    assert other.draws.shape == (4, 400, 3)
-    assert other.notes[0] == "NUTS keeps no checkpoint."
-    assert other.method == "NUTS, 4 chains, 400 steps"
-    assert set(other.statistics) == {"acceptance_rate", "diverging", "n_steps"}
-    for a, b in zip(one.summaries, other.summaries, strict=True):
-        # Four standard errors of the mean, and of the deviation sd / sqrt(2 ess).
-        error = 4 * a.sd * np.sqrt(1 / a.ess + 1 / b.ess)
-        assert a.mean == pytest.approx(b.mean, abs=error)
-        assert a.sd == pytest.approx(b.sd, abs=error)
-        assert b.rhat < 1.02
-
-
-def test_without_blackjax_the_extra_is_named(line_fit, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "blackjax", None)
-    with pytest.raises(InputError, match=r"hysid\[nuts\]"):
-        sample(line_fit, method="nuts")
 
 
 def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) -> None:
